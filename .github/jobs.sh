@@ -6,6 +6,7 @@
 #   bash .github/jobs.sh docs        the site, in build/site
 #   bash .github/jobs.sh package     sdist and wheel, in dist
 #   bash .github/jobs.sh paper       the article, in build/paper.pdf
+#   bash .github/jobs.sh placeholders   fails while something that only people can say is not filled in
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -42,6 +43,10 @@ package() {
 
 paper() {
   python paper/build.py build/paper.pdf
+}
+
+placeholders() {
+  python docs/release.py left
 }
 
 "$@"

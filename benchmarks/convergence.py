@@ -1,7 +1,7 @@
 """Stress in the bonds against the long step, for the explicit and the quasi-static scheme: to what does it converge.
 
 python benchmarks/convergence.py             print the table
-python benchmarks/convergence.py --write     also put it into docs/explanation/numerics.md, and draw its figure
+python benchmarks/convergence.py --write     also put it into docs/evidence/stress-and-step.md, and draw its figure
 
 The built-in A68a without its shoal and without breaks, while the current loads the finger (19 to 21 December). All runs
 are compared, hour by hour and bond by bond, with the quasi-static scheme at its shortest long step. Its ice bears another stress
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-PAGE, FIGURE = DOCS / "explanation" / "numerics.md", DOCS / "figures" / "stress-and-long-step.png"
+PAGE, FIGURE = DOCS / "evidence" / "stress-and-step.md", DOCS / "figures" / "stress-and-long-step.png"
 HOURS = range(248, 285)
 """Hours since the start at which stresses are compared; the finger is loaded from 255 on."""
 

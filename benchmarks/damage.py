@@ -1,7 +1,7 @@
 """What damage does to the built-in A68a: break-ups by strength and time scale, what wears the bonds.
 
 python benchmarks/damage.py             print table and figures
-python benchmarks/damage.py --write     also put them into docs/explanation/damage.md
+python benchmarks/damage.py --write     also put them into docs/evidence/damage.md
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from riftberg.experiments.a68a import DAYS, story_model
 from riftberg.runs.model import Model
 from riftberg.state import Floats
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "damage.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "damage.md"
 STRENGTHS = (11.0, 13.0, 14.0, 16.0, 18.0, 21.0)
 """Normal strengths, kPa."""
 

@@ -28,7 +28,7 @@ from riftberg.runs.model import Model
 from riftberg.runs.tracks import DailyTrack
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-PAGE = DOCS / "explanation" / "differences-from-the-reference.md"
+PAGE = DOCS / "evidence" / "effects.md"
 BEGIN, END = "<!-- effects: begin -->", "<!-- effects: end -->"
 SMALL = 50.0
 """Fragments below this area (km2) are counted, not listed."""

@@ -1,7 +1,7 @@
 """The tip of the built-in A68a on a bed of sediment: when it breaks, in tension or bending, after which run-up.
 
 python benchmarks/grounded_tip.py             print the table
-python benchmarks/grounded_tip.py --write     also put it into docs/explanation/ground.md
+python benchmarks/grounded_tip.py --write     also put it into docs/evidence/ground.md
 
 Strength of the ice in tension, flexural strength and friction of the bed are varied one beside the others.
 """
@@ -25,7 +25,7 @@ from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
 from riftberg.stepping.fracture.criteria import FLEXURAL
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "ground.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "ground.md"
 DAYS = 9.0
 """To 18 December 13:00: the tip touches on 16 December."""
 

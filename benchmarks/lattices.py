@@ -5,7 +5,7 @@ python benchmarks/lattices.py                      print the table
 The strength is that of the ice, whatever the lattice.
 
 python benchmarks/lattices.py --strength 10 12     for other strengths (kPa)
-python benchmarks/lattices.py --write              also put it into docs/explanation/a68a-story.md
+python benchmarks/lattices.py --write              also put it into docs/evidence/a68a.md
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from riftberg.errors import RunError
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import DAYS, story_model
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "a68a-story.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "a68a.md"
 STRENGTH = 11.0
 """Of the ice, kPa: with it tip and finger break off within the days on which they did, on all of the lattices."""
 

@@ -1,4 +1,4 @@
-"""What A68a loses in three months by each melt law, against what was seen: the table of the how-to page.
+"""What A68a loses in three months by each melt law, against what was seen: the table in docs/evidence/melt.md.
 
 ``python benchmarks/melt_a68a.py``; a minute or two. The lattice is coarse (radius 6 km); with that of `a68a-melt` the first
 three rows differ by 1 Gt at most. The berg is carried along its track with the water and melted every six hours; how it

@@ -1,7 +1,7 @@
 """How far the stress in rectangular bergs rings with explicit long steps, beside the quasi-static scheme.
 
 python benchmarks/ringing.py             print the table
-python benchmarks/ringing.py --write     also put it into docs/explanation/numerics.md
+python benchmarks/ringing.py --write     also put it into docs/evidence/stress-and-step.md
 
 A day at the rim of an eddy, default parameters, nothing breaks; the first six hours are left out.
 """
@@ -18,7 +18,7 @@ from story import put, table
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.state import Floats
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "numerics.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "stress-and-step.md"
 BERGS = (("60 km", "12 km", 5e6), ("60 km", "30 km", 5e6), ("30 km", "12 km", 5e6), ("30 km", "30 km", 5e6),
          ("60 km", "12 km", 5e7))  # fmt: skip
 """Length, width, and Young's modulus (Pa)."""

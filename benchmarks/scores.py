@@ -1,7 +1,7 @@
 """A68a against observations: place, heading, area, overlap and pieces by day, and the berg made from the observed mask.
 
 python benchmarks/scores.py             print the tables
-python benchmarks/scores.py --write     also put them into docs/explanation/scores.md
+python benchmarks/scores.py --write     also put them into docs/evidence/scores.md
 
 Needs the data of the A68a publication and the tables made from it: a folder named in RIFTBERG_SHARED, or ../shared.
 """
@@ -37,7 +37,7 @@ from riftberg.runs.run_file import open_run
 from riftberg.state import Floats
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "explanation" / "scores.md"
+PAGE = ROOT / "docs" / "evidence" / "scores.md"
 BEGIN, END = "<!-- scores: begin -->", "<!-- scores: end -->"
 MASK = "a68_experiment_berg_2020_12_09_gridded_ll_p0625_cropped.nc"
 REFERENCE_LATITUDE, SHIFT = -55.2, (0.0, -0.1)
@@ -369,20 +369,20 @@ def text_of(data: Path) -> str:
     for name, numerics in RUNS:
         runs.append(told(name, numerics, data))
         print(f"{name}, {numerics}", file=sys.stderr, flush=True)
-    parts = ["### All runs against the daily outlines", overall(runs), *(reading(run) for run in runs)]
+    parts = ["## All runs against the daily outlines", overall(runs), *(reading(run) for run in runs)]
     for run in runs:
         if "reference" not in run.title:
             parts += [
-                f"### {run.name} by day",
+                f"## {run.name} by day",
                 by_day(run),
-                f"### {run.name}: the pieces",
+                f"## {run.name}: the pieces",
                 by_piece(run),
                 pieces_told(run),
             ]
     parts += [
-        "### Positions of BYU and NIC",
+        "## Positions of BYU and NIC",
         by_track(runs),
-        "### The berg made from the mask of 9 December",
+        "## The berg made from the mask of 9 December",
         mask_table(data),
     ]
     return "\n\n".join(parts)

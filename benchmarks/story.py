@@ -1,7 +1,7 @@
 """The story of the built-in A68a and its controls: what breaks off, when, where, aground or afloat.
 
 python benchmarks/story.py                   print the tables
-python benchmarks/story.py --write           also put them into docs/explanation/a68a-story.md
+python benchmarks/story.py --write           also put them into docs/evidence/a68a.md
 python benchmarks/story.py --explicit        only the table of the explicit scheme
 """
 
@@ -30,7 +30,7 @@ from riftberg.runs.model import Model
 from riftberg.runs.scene import element_polygons
 from riftberg.runs.tracks import Position, axis_difference, berg_position
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "a68a-story.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "a68a.md"
 KM_PER_DEGREE = 111.07
 """Of latitude, on the sphere of the publication."""
 

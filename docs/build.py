@@ -5,7 +5,7 @@
     python docs/build.py --site     the whole site in build/site, with the gallery run and the replay of A68a (some minutes)
     python docs/build.py --site --quick     the same without running the gallery, and with a replay of a few hours
     python docs/build.py --check    exit with 1 if a reference page is out of date; write nothing
-    python docs/build.py --trust F  put the tables of a test run into docs/explanation/trust.md; F holds the output of
+    python docs/build.py --trust F  put the tables of a test run into docs/evidence/validation.md; F holds the output of
                                     pytest -v -m "" tests/parity tests/verification
 
 Everything under ``docs/reference`` is written by this script: change the code, not the page.
@@ -361,8 +361,8 @@ def outdated() -> list[str]:
 
 
 def take_tables(report: str) -> None:
-    """Put the parity and the theory table of a test report into the page on trust."""
-    path = DOCS / "explanation" / "trust.md"
+    """Put the parity and the theory table of a test report into the page of evidence."""
+    path = DOCS / "evidence" / "validation.md"
     text = path.read_text("utf-8")
     for name, title in (("parity", "parity with the reference"), ("theory", "theory and model")):
         found = re.search(rf"^=+ {title} =+\n(.*?)(?=^=+ )", report, flags=re.MULTILINE | re.DOTALL)
@@ -392,6 +392,34 @@ def write_replay_page(path: Path, days: float | None) -> None:
             write_replay(run, path, title=info.title)
 
 
+def write_notebook_pages(folder: Path, *, run: bool) -> None:
+    """Write each notebook as a page, with what its cells print and draw where they are run."""
+    import base64
+
+    import nbformat
+
+    folder.mkdir(exist_ok=True)
+    for path in sorted((DOCS / "notebooks").glob("*.ipynb")):
+        notebook = nbformat.read(path, as_version=4)
+        if run:
+            from nbclient import NotebookClient
+
+            NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(folder)}}).execute()
+        parts = []
+        for cell in notebook.cells:
+            parts.append(cell.source if cell.cell_type == "markdown" else f"```python\n{cell.source}\n```")
+            for output in cell.get("outputs", []):
+                data = output.get("data", {})
+                if "image/png" in data:
+                    picture = folder / f"{path.stem}-{len(parts)}.png"
+                    picture.write_bytes(base64.b64decode(data["image/png"]))
+                    parts.append(f"![What the cell draws]({picture.name})")
+                elif text := output.get("text") or data.get("text/plain"):
+                    parts.append(f"```text\n{text.rstrip()}\n```")
+        parts.append(f"[Download this notebook](../notebooks/{path.name})")
+        (folder / f"{path.stem}.md").write_text("\n\n".join(parts) + "\n", "utf-8")
+
+
 REDIRECT = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=docs/index.html"><title>Riftberg</title>'
 """First page of the site's folder: leads to that of the documentation."""
 
@@ -417,7 +445,9 @@ def build_site(made: Path, *, quick: bool) -> int:
     replay = extra / "replay.html"
     if not quick or not replay.exists():
         write_replay_page(replay, 0.1 if quick else None)
-    shutil.rmtree(DOCS / "made-gallery", ignore_errors=True)
+    for name in ("made-gallery", "made-notebooks"):
+        shutil.rmtree(DOCS / name, ignore_errors=True)
+    write_notebook_pages(DOCS / "made-notebooks", run=not quick)
     os.environ["RIFTBERG_SITE_EXTRA"] = str(extra)
     os.environ["RIFTBERG_GALLERY"] = "0" if quick else "1"
     places = ["-c", str(DOCS / "site"), "-d", str(made / "site-doctrees")]

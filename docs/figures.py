@@ -44,6 +44,7 @@ def make_figures(folder: Path) -> Iterator[Path]:
     yield house(folder / "house.png")
     yield life(folder / "life-of-an-element.png")
     yield five_lines(folder / "five-lines.png")
+    yield own_files(folder / "own-files.png")
     yield keel_and_floor(folder / "keel-and-floor.png")
     yield from story(folder)
     yield from scores(folder)
@@ -162,6 +163,26 @@ def five_lines(path: Path) -> Path:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     lines = text.partition("## Five lines of Python")[2].partition("```python\n")[2].partition("```")[0]
     exec(lines.replace('"berg.png"', repr(str(path))), {})
+    return path
+
+
+def own_files(path: Path) -> Path:
+    """Draw what the experiment file of the README gives, with the outline and the ocean that the tutorial makes."""
+    import contextlib
+    import re
+
+    from riftberg.experiments import build
+    from riftberg.viz.map import draw_map
+
+    tutorial = (ROOT / "docs" / "tutorials" / "from-outline-to-break-up.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", tutorial, flags=re.MULTILINE | re.DOTALL)
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+        for name in ('"berg.geojson", "w"', '"ocean.nc"'):
+            exec(next(block for block in blocks if name in block), {})
+        Path("berg.yaml").write_text(readme.partition("```yaml\n")[2].partition("```")[0], "utf-8")
+        model, info = build("berg.yaml")
+        draw_map(model.run(info.days, every_hours=1.0), path, forcing=model.forcing, title=info.title, dpi=100)
     return path
 
 

@@ -27,7 +27,7 @@ PAGES = sorted(
     [*ROOT.glob("*.md"), *DOCS.rglob("*.md"), *(ROOT / "benchmarks").glob("*.md")], key=lambda path: path.as_posix()
 )
 NAMES = [path.relative_to(ROOT).as_posix() for path in PAGES]
-QUIRKS = DOCS / "explanation" / "differences-from-the-reference.md"
+QUIRKS = DOCS / "evidence" / "quirks.md"
 
 
 def script() -> ModuleType:
@@ -87,6 +87,40 @@ def test_every_page_has_a_line_on_the_first_page(folder: str) -> None:
         assert f"<!-- {name}: begin -->" in (DOCS / f"{folder}s.md").read_text("utf-8")
         between = first.partition(f"<!-- {name}: begin -->")[2].partition(f"<!-- {name}: end -->")[0]
         assert all(f"({folder}/{path.name})" in between for path in (DOCS / folder).glob("*.md"))
+
+
+@pytest.mark.parametrize(("folder", "contents"), [("howto", "howtos.md"), ("explanation", "explanations.md")])
+def test_sidebar_first_page_and_pages_have_one_order_and_one_title(folder: str, contents: str) -> None:
+    lines = re.findall(rf"^- \[(.+)\]\({folder}/(.+)\.md\)", (DOCS / "index.md").read_text("utf-8"), flags=re.MULTILINE)
+    sidebar = re.findall(rf"^{folder}/(.+)$", (DOCS / contents).read_text("utf-8"), flags=re.MULTILINE)
+    assert [name for _, name in lines] == sidebar
+    titles = [
+        (DOCS / folder / f"{name}.md").read_text("utf-8").partition("# ")[2].partition("\n")[0] for name in sidebar
+    ]
+    assert [title for title, _ in lines] == titles
+
+
+@pytest.mark.parametrize("word", ["ensemble", "restart", "grounding", "melt", "GLORYS", "OpenDrift", "calving", "BMI"])
+def test_a_task_is_found_on_the_first_page_by_the_word_that_a_user_types(word: str) -> None:
+    lines = re.findall(r"^- \[.*$", (DOCS / "index.md").read_text("utf-8"), flags=re.MULTILINE)
+    assert any(word.lower() in line.lower() for line in lines)
+
+
+def test_the_documentation_keeps_to_its_number_of_words() -> None:
+    assert loaded("docs/words.py").over(loaded("docs/words.py").pages()) == []
+
+
+def test_the_changelog_has_short_lines_and_few_of_them() -> None:
+    releases = re.split(r"^(?=## )", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.MULTILINE)[1:]
+    for text in releases:
+        lines = text.strip().splitlines()
+        assert len(lines) <= 80, lines[0]
+        assert [line for line in lines if len(line) > 120] == []
+
+
+def test_words_are_counted_without_formulas_and_comments() -> None:
+    words = loaded("docs/words.py").words
+    assert words("A berg of $x = 3 y$ km,\n\n$$\na + b\n$$\n\n<!-- no word --> `run it` | 3 |") == 9
 
 
 def test_messages_on_the_page_of_troubleshooting_are_those_of_the_program() -> None:
@@ -273,6 +307,15 @@ def test_example_of_the_gallery_runs(name: str, tmp_path: Path, request: pytest.
     own = {"RIFTBERG_DATA": str(request.getfixturevalue("shared") / "data" / "a68a")} if name == "oras5.py" else {}
     subprocess.run([sys.executable, str(DOCS / "gallery" / name)], cwd=tmp_path, check=True, env={**os.environ, **own})
     assert list(tmp_path.glob("*.png"))
+
+
+def test_notebooks_become_pages(tmp_path: Path) -> None:
+    script().write_notebook_pages(tmp_path, run=False)
+    pages = sorted(path.stem for path in tmp_path.glob("*.md"))
+    assert pages == sorted(path.stem for path in (DOCS / "notebooks").glob("*.ipynb"))
+    text = (tmp_path / "a-berg-in-an-eddy.md").read_text("utf-8")
+    assert text.startswith("# A berg in an eddy")
+    assert "```python\ndraw_map(run)\n```" in text
 
 
 @pytest.mark.slow

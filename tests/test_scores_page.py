@@ -1,4 +1,4 @@
-"""The script that writes docs/explanation/scores.md: its figures, and the observations it takes."""
+"""The script that writes docs/evidence/scores.md: its figures, and the observations it takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of docs/explanation/a68a-story.md are what benchmarks/story.py gets now."""
+"""The tables of docs/evidence/a68a.md are what benchmarks/story.py gets now."""
 
 from __future__ import annotations
 

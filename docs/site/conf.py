@@ -21,8 +21,8 @@ copyright = author  # noqa: A001
 
 root_doc = "docs/index"
 include_patterns = [
-    "docs/*.md", "docs/tutorials/*.md", "docs/howto/*.md", "docs/explanation/*.md", "docs/reference/*.md",
-    "CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/README.md", "docs/made-gallery/*.rst", "docs/made-gallery/**/*.rst",
+    "docs/*.md", "docs/tutorials/*.md", "docs/howto/*.md", "docs/explanation/*.md", "docs/reference/*.md", "docs/evidence/*.md",
+    "CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/README.md", "docs/made-notebooks/*.md", "docs/made-gallery/*.rst", "docs/made-gallery/**/*.rst",
 ]  # fmt: skip
 exclude_patterns = [".venv", ".git", "src", "tests", "build", "**/sg_execution_times.rst",
                     "sg_execution_times.rst"]  # fmt: skip

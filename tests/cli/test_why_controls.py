@@ -55,7 +55,7 @@ def test_the_shoal_takes_the_tip_and_the_shear_the_finger(breakups: list[dict[st
 
 
 def test_with_half_the_long_step_both_break_off_as_they_did(breakups: list[dict[str, Any]]) -> None:
-    """In equilibrium the long step changes neither piece, see the row "long step of 900 s" in docs/explanation/a68a-story.md.
+    """In equilibrium the long step changes neither piece, see the row "long step of 900 s" in docs/evidence/a68a.md.
 
     With explicit stepping half the long step took another finger, 783 km2 instead of 504, because the stress rang.
     """

@@ -204,7 +204,7 @@ def test_finer_lattices_tell_the_same_story(radius: float) -> None:
 
 @pytest.mark.slow
 def test_hexagons_tell_the_same_story() -> None:
-    """Dates and finger as observed; the tip, larger than observed, within 5 to 95 % of twenty lattices (a68a-story.md)."""
+    """Dates and finger as observed; the tip, larger than observed, within 5 to 95 % of twenty lattices (evidence/a68a.md)."""
     assert_tip_and_finger(run(story_model(Options(), packing="hexagonal"), 14.0), tip=(234.0, 389.0))
 
 
