@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 import yaml
 
-from riftberg.coupling.exchange import Exchange, ocean_grid
+from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.fields import GIVEN
 from riftberg.coupling.yac import YacComponent, ocean_beside, read_coupling
 from riftberg.errors import InputError
@@ -42,10 +43,9 @@ TO_BERGS = (
     "sea_ice_thickness", "eastward_sea_ice_velocity", "northward_sea_ice_velocity",
     "land_ice_specific_mass_flux_due_to_calving",
 )  # fmt: skip
-CONSERVATIVE = [
-    {"conservative": {"order": 1, "partial_coverage": True, "normalisation": "destarea"}},
-    {"fixed": {"user_value": 0.0}},
-]
+CONSERVATIVE = {"conservative": {"order": 1, "partial_coverage": True, "normalisation": "destarea"}}
+INTERPOLATION = {"riftberg": [CONSERVATIVE], "ocean": [CONSERVATIVE, {"fixed": {"user_value": 0.0}}]}
+"""By target; the ocean reaches beyond the grid of the exchange."""
 WATER, HEAT, EAST, NORTH = (
     list(GIVEN).index(name)
     for name in (
@@ -66,7 +66,7 @@ def coupling_file(
     def coupled_field(source: str, target: str, name: str, lag: int) -> dict[str, Any]:
         return {
             "src_component": source, "src_grid": f"{source}_grid", "tgt_component": target, "tgt_grid": f"{target}_grid",
-            "field": name, "coupling_period": period or step, "time_reduction": "none", "interpolation": CONSERVATIVE,
+            "field": name, "coupling_period": period or step, "time_reduction": "none", "interpolation": INTERPOLATION[target],
             "src_lag": lag,
         }  # fmt: skip
 
@@ -123,7 +123,7 @@ def fails(folder: Path, **said: Any) -> str:
     (folder / "s.json").write_text(json.dumps({**settings, "output": "ocean.npz", **said}))
     ran = mpirun(folder, [str(OCEAN), "s.json"], ranks=(2,))
     assert ran.returncode != 0
-    assert not (folder / "ocean.npz").exists()
+    assert not (folder / "ocean.bergs.npz").exists()
     return ran.stdout + ran.stderr
 
 
@@ -207,21 +207,26 @@ def test_a_partner_that_never_comes_ends_the_wait_in_the_coupler(tmp_path: Path)
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ({"silent": "sea_surface_temperature"}, "waited 30 s for sea_surface_temperature from ocean at 2020-12-09 00:00:00"),
-        ({"silent": "northward_wind"}, "waited 30 s for northward_wind from ocean at 2020-12-09 00:00:00"),
-        ({"fault": "hangs"}, "waited 30 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
+        ({"silent": "sea_surface_temperature"}, "waited 60 s for sea_surface_temperature from ocean at 2020-12-09 00:00:00"),
+        ({"silent": "northward_wind"}, "waited 60 s for northward_wind from ocean at 2020-12-09 00:00:00"),
+        ({"fault": "hangs"}, "waited 60 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
         ({"fault": "killed"}, "signal 9 (Killed)"),
-        ({"fault": "leaves"}, "waited 30 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
+        ({"without": ["sea_surface_temperature"], "uncoupled": True}, "no sea_surface_temperature, but bergs melt"),
+        ({"fault": "leaves"}, "waited 60 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
         ({"calendar": "YEAR_OF_365_DAYS"}, 'inconsistent calendar definition'),
         ({"calendar": "YEAR_OF_360_DAYS"}, 'inconsistent calendar definition'),
         ({"units": {"sea_ice_thickness": "kg"}}, "sea_ice_thickness: units are not those of 'm'"),
         ({"units": {"iceberg_area_fraction": "m2"}}, "iceberg_area_fraction: units are not those of '1'"),
         ({"box": [-39, -35, -59, -54]}, "no value for 48 cells of sea, such as (1, 1)"),
-        ({"without": ["sea_surface_temperature"]}, "no sea_surface_temperature, but bergs melt"),
+        ({"without": ["sea_surface_temperature"]}, "source (not defined)"),
     ],
 )  # fmt: skip
 def test_a_fault_of_the_ocean_ends_all_ranks(said: dict[str, Any], message: str, tmp_path: Path) -> None:
-    coupling_file(tmp_path, wait=30)
+    path = coupling_file(tmp_path, wait=60)
+    if said.get("uncoupled"):
+        coupling = yaml.safe_load(path.read_text())
+        coupling["coupling"] = [field for field in coupling["coupling"] if field["field"] not in said["without"]]
+        path.write_text(yaml.safe_dump(coupling, sort_keys=False))
     printed = fails(tmp_path, **said)
     assert message in printed
     assert printed.count("Error: ") <= 1
@@ -299,6 +304,34 @@ def test_currents_by_depth_are_averaged_over_the_draft(tmp_path: Path) -> None:
 
 @coupled
 @pytest.mark.slow
+def test_files_and_lines_of_the_page_couple_an_ocean(tmp_path: Path) -> None:
+    """With fewer hours, and the toy ocean in place of one's own; then on from there."""
+    page = (Path(__file__).parents[2] / "docs" / "howto" / "coupling-by-yac.md").read_text("utf-8")
+    coupling, experiment = re.findall(r"^```yaml\n(.*?)^```", page, flags=re.MULTILINE | re.DOTALL)
+    assert len(coupling.splitlines()) <= 30
+    (tmp_path / "bergs.yaml").write_text(experiment)
+    ocean = {
+        "coupling": "coupling.yaml",
+        "step": 3600,
+        "box": [-46, -29, -61, -49],
+        "columns": 34,
+        "rows": 40,
+        "bergs": False,
+    }
+    lines = re.findall(r"^\$ mpirun -n 1 riftberg (.*) : -n 64 ./ocean$", page, flags=re.MULTILINE)
+    for number, (line, (start, end)) in enumerate(zip(lines, (("00", "02"), ("02", "03")), strict=True)):
+        text = re.sub(r"start_date: .*", f"start_date: 2020-12-09T{start}:00:00", coupling)
+        (tmp_path / "coupling.yaml").write_text(re.sub(r"end_date: .*", f"end_date: 2020-12-09T{end}:00:00", text))
+        further = {"resume": "0.npz"} if number else {}
+        (tmp_path / "s.json").write_text(json.dumps({**ocean, **further, "output": f"{number}.npz"}))
+        ran = mpirun(tmp_path, ["-m", "riftberg", *line.split(), "--no-map"], [str(OCEAN), "s.json"])
+        assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert load_state(tmp_path / "bergs-2" / "end.restart.nc").time == 3 * 3600.0
+    assert kept_by(tmp_path, "1.npz")["1.totals"][0, WATER] > 0.0  # with a lag of 0, what was given before the restart
+
+
+@coupled
+@pytest.mark.slow
 def test_a_longer_coupling_period_keeps_what_came_last(tmp_path: Path) -> None:
     coupling_file(tmp_path, period=7200)
     taken = run_both(tmp_path)["bergs.taken"]
@@ -333,7 +366,7 @@ def test_coupling_files_that_cannot_be_are_refused(change: dict[str, Any], messa
 
 
 @pytest.mark.parametrize(
-    ("times", "section", "options", "message"),
+    ("times", "section", "message"),
     [
         (
             ("2020-12-10", "2020-12-11"),
@@ -341,21 +374,20 @@ def test_coupling_files_that_cannot_be_are_refused(change: dict[str, Any], messa
             {},
             "the coupling starts at 2020-12-10 00:00:00, the bergs stand at 2020-12-09",
         ),
-        (("2020-12-09", "2020-12-08"), {}, {}, "-24 steps of 3600 s"),
-        (("2020-12-09", "2020-12-09T01:30:00"), {}, {}, "1.5 steps of 3600 s"),
-        (("2020-12-09", "2020-12-10"), {}, {"staggering": "B"}, "staggering B"),
-        (("2020-12-09", "2020-12-10"), {"grid": None}, {}, "no grid of longitude and latitude"),
+        (("2020-12-09", "2020-12-08"), {}, "-24 steps of 3600 s"),
+        (("2020-12-09", "2020-12-09T01:30:00"), {}, "1.5 steps of 3600 s"),
+        (("2020-12-09", "2020-12-10"), {"grid": None}, "no grid of longitude and latitude"),
     ],
 )
 def test_what_does_not_fit_is_refused_before_the_coupler_begins(
-    times: tuple[str, str], section: dict[str, Any], options: dict[str, Any], message: str, tmp_path: Path
+    times: tuple[str, str], section: dict[str, Any], message: str, tmp_path: Path
 ) -> None:
     coupling = read_coupling(coupling_file(tmp_path, *times, **section))
     (tmp_path / "e.yaml").write_text(EXPERIMENT)
 
     def begin() -> None:
         model, _ = build(str(tmp_path / "e.yaml"), Options(ocean=lambda f, p: ocean_beside(f, coupling, p)))
-        YacComponent(Exchange(model, 3600.0, **{"staggering": "A", **options}), coupling)
+        YacComponent(model, coupling)
 
     with pytest.raises(InputError, match=message):
         begin()
@@ -371,7 +403,7 @@ def test_a_grid_in_metres_is_refused(tmp_path: Path) -> None:
     berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(5e4, 4e4), latlon=False)
     model = Model(berg, OceanForcing(grid, grid.fields()), parameters, "2020-12-09")
     with pytest.raises(InputError, match="no rows of longitude and latitude"):
-        YacComponent(Exchange(model, 3600.0, staggering="A"), read_coupling(coupling_file(tmp_path)))
+        YacComponent(model, read_coupling(coupling_file(tmp_path)))
 
 
 def test_floor_and_land_come_from_the_experiment(tmp_path: Path) -> None:

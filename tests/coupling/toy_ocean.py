@@ -172,7 +172,6 @@ class Ocean:
 
 def run_bergs(said: dict) -> None:
     """Run the bergs by the interface in Python; keep what they gave by step."""
-    from riftberg.coupling.exchange import Exchange
     from riftberg.coupling.yac import YacComponent, ending_all_ranks, ocean_beside, read_coupling
     from riftberg.experiments import Options, build
     from riftberg.runs.model import Model
@@ -182,8 +181,7 @@ def run_bergs(said: dict) -> None:
         model, _ = build(said["experiment"], Options(ocean=lambda f, p: ocean_beside(f, coupling, p)))
         if said.get("resume_bergs"):
             model = Model.resume(said["resume_bergs"], model.forcing)
-        exchange = Exchange(model, said["step"], staggering="A")
-        component = YacComponent(exchange, coupling)
+        component = YacComponent(model, coupling)
         given, taken = [], []
 
         class Recorder:
@@ -197,8 +195,7 @@ def run_bergs(said: dict) -> None:
 
         component.run([Recorder()])
         model.save(Path(said["output"]).with_suffix(".restart.nc"))
-        g = exchange.grid
-        b = exchange.balance()
+        g, b = component.exchange.grid, component.exchange.balance()
         np.savez(
             Path(said["output"]).with_suffix(".bergs.npz"), given=np.array(given), taken=np.array(taken),
             names=list(component.taken), area=g.arrays.area[g.domain], lon=model.elements.lon, lat=model.elements.lat,

@@ -45,7 +45,6 @@ def couple(
 ) -> None:  # fmt: skip
     """Run an experiment beside an ocean model, through the coupler YAC; ends with a restart file for the next run."""
     from riftberg.cli.run import RESULTS, RunOptions, Session, _built
-    from riftberg.coupling.exchange import Exchange
     from riftberg.coupling.fields import OceanForcing
     from riftberg.coupling.yac import YacComponent, ending_all_ranks, ocean_beside, read_coupling
 
@@ -60,14 +59,13 @@ def couple(
             raise InputError(f"{experiment} has its own ocean", where="couple", remedy="Name an experiment file (YAML)")
         folder = output_folder(output, info.name)
         check_folder(folder, (*RESULTS, RESTART))
-        exchange = Exchange(model, coupling.settings.step, staggering="A")
-        if 3600.0 * wanted.hours(info) < exchange.ocean_step * (1.0 - 1e-9):
+        if 3600.0 * wanted.hours(info) < (coupling.settings.step or 0.0) * (1.0 - 1e-9):
             raise InputError(f"a record every {wanted.hours(info):g} h", where="--every",
-                             remedy=f"Give the step of the exchange or more: {exchange.ocean_step / 3600.0:g} h")  # fmt: skip
-        component = YacComponent(exchange, coupling)
+                             remedy=f"Give the step of the exchange or more: {coupling.settings.step} s")  # fmt: skip
+        component = YacComponent(model, coupling)
         session = Session(model, info, folder, wanted, placed=output is not None, step=component.step)
         session.run_and_report((model.time + (coupling.end - coupling.start).total_seconds()) / 86400.0)
-        for line in exchange.balance().describe().splitlines():
+        for line in component.exchange.balance().describe().splitlines():
             tell(line)
         tell(f"Go on with: --resume {model.save(folder / RESTART)}")
         component.close()

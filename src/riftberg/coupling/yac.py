@@ -25,7 +25,7 @@ from riftberg.config.values import Section, UnfitError, explained, key, moment
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing
 from riftberg.errors import InputError, RiftbergError
-from riftberg.model import Recorder
+from riftberg.model import BareModel, Recorder
 from riftberg.ocean.analytic import DEEP
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
@@ -35,14 +35,8 @@ from riftberg.state import Floats
 from riftberg.system.input_files import MOST_YAML, check_file, needed, reading, value_shown
 from riftberg.system.process import say
 
-BY_DEPTH: Final = ("eastward_sea_water_velocity", "northward_sea_water_velocity")
-"""Fields that an ocean may hand over by depth."""
-
 LAST_GIVEN: Final = "yac_given"
 """Name under which a restart keeps what the bergs gave last."""
-
-EXIT_ERROR: Final = 2
-"""Exit code of all ranks after an error."""
 
 
 class YacGrid(Section):
@@ -126,8 +120,6 @@ def ocean_beside(forcing: Forcing, coupling: Coupling, parameters: Parameters) -
     return OceanForcing(grid, grid.fields(depth=depth))
 
 
-# --------------------------------------------------------------------------------------------- errors, and waits that end
-
 _WATCHER: Final = """
 import os, select, signal, sys
 limit, text = None, ""
@@ -184,10 +176,7 @@ def ending_all_ranks() -> Iterator[None]:
             say(f"Error: {error}")
         else:
             traceback.print_exc()
-        mpi.COMM_WORLD.Abort(EXIT_ERROR)
-
-
-# ------------------------------------------------------------------------------------------------------------- component
+        mpi.COMM_WORLD.Abort(2)
 
 
 class _Port(NamedTuple):
@@ -203,20 +192,23 @@ class _Port(NamedTuple):
 class YacComponent:
     """Bergs as a component of YAC; to be used inside of `ending_all_ranks`.
 
-    Its fields are those of `riftberg.coupling.fields.TAKEN` and `GIVEN`, with names and units as metadata; of these it
-    exchanges what the coupling file names. Units of a partner that states them in its own metadata (``units: K``) are
-    converted.
+    Its fields are those of `riftberg.coupling.fields.TAKEN` and `GIVEN`, with names and units as metadata; it exchanges those
+    that the coupling file names. Units that a partner states in its own metadata (``units: K``) are converted.
 
     Parameters
     ----------
-    exchange : Exchange
-        On rows of longitude and latitude, with ``staggering="A"``. The areas of its cells become those of the coupler, for a
-        sphere of the same radius.
+    model : BareModel
+        On rows of longitude and latitude (`OceanForcing`). Areas of their cells become those of the coupler, times its radius
+        squared.
     coupling : Coupling
         See `read_coupling`.
+    **options
+        Of `riftberg.coupling.exchange.Exchange`: ``calving``, ``settling_time``.
 
     Attributes
     ----------
+    exchange : Exchange
+        The exchange behind it, with its ledger.
     taken : dict of str to (array, str)
         What came last from the ocean, by name, and its units.
 
@@ -224,14 +216,11 @@ class YacComponent:
     ------
     InputError
         If dates, lags or units do not fit, or nothing is coupled.
-
-    Examples
-    --------
-    See docs/howto/coupling-by-yac.md.
     """
 
-    def __init__(self, exchange: Exchange, coupling: Coupling) -> None:
-        self.exchange, self.coupling = exchange, coupling
+    def __init__(self, model: BareModel, coupling: Coupling, **options: Any) -> None:
+        self.exchange = Exchange(model, coupling.settings.step, staggering="A", **options)
+        self.coupling = coupling
         self.taken: dict[str, tuple[Floats, str]] = {}
         self._own = coupling.settings.component, f"{coupling.settings.component}_grid"
         lon, lat = self._checked()
@@ -280,8 +269,6 @@ class YacComponent:
         self._coupler.cleanup()
         self._watch.close()
 
-    # ------------------------------------------------------------------------------------------------------- definitions
-
     def _checked(self) -> tuple[Floats, Floats]:
         """Return the edges of columns and rows, degrees; refuse an exchange that does not fit the coupling."""
         exchange, (path, start, end, _) = self.exchange, self.coupling
@@ -291,8 +278,6 @@ class YacComponent:
         if not g.latlon or np.ptp(lon, axis=0).any() or np.ptp(lat, axis=1).any() or (g.cos_angle != 1.0).any():
             raise InputError("no rows of longitude and latitude", where="YacComponent, grid of the exchange",
                              remedy="Exchange on these; the ocean may have any grid")  # fmt: skip
-        if (exchange.staggering, exchange.wind_staggering) != ("A", "A"):
-            raise InputError(f"staggering {exchange.staggering}", where="YacComponent", remedy="Give the Exchange 'A'")
         if abs((start - exchange.model.date).total_seconds()) > 1e-3:
             raise InputError(
                 f"the coupling starts at {start}, the bergs stand at {exchange.model.date}", where=f"{path}, start_date",
@@ -318,7 +303,7 @@ class YacComponent:
         step, layers = str(round(1000.0 * self.exchange.ocean_step)), max(len(self.coupling.settings.levels) - 1, 1)
         fields = {}
         for name, quantity in {**TAKEN, **GIVEN}.items():
-            points, size = at_sea if name in TAKEN else everywhere, layers if name in BY_DEPTH else 1
+            points, size = at_sea if name in TAKEN else everywhere, layers if name.endswith("sea_water_velocity") else 1
             fields[name] = yac.Field.create(name, self._component, points, size, step, yac.TimeUnit.MILLISECOND)
             said = {"standard_name": name} if quantity.standard else {}
             text = yaml.safe_dump({**said, "units": quantity.units, "long_name": quantity.meaning})
@@ -355,8 +340,6 @@ class YacComponent:
                 remedy="Give 0, and the ocean gets what bergs gave in the step before; or 1, and it waits for this step's",
             )  # fmt: skip
         return lag
-
-    # ---------------------------------------------------------------------------------------------------------- exchange
 
     def _get(self, port: _Port) -> None:
         """Take what comes of a field; where nothing is due, what came last stays."""
