@@ -371,7 +371,6 @@ def test_coupling_files_that_cannot_be_are_refused(change: dict[str, Any], messa
         (
             ("2020-12-10", "2020-12-11"),
             {},
-            {},
             "the coupling starts at 2020-12-10 00:00:00, the bergs stand at 2020-12-09",
         ),
         (("2020-12-09", "2020-12-08"), {}, "-24 steps of 3600 s"),

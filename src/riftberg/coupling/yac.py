@@ -14,14 +14,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
 import yaml
-from pydantic import ValidationError, model_validator
+from pydantic import model_validator
 
-from riftberg.config.values import Section, UnfitError, explained, key, moment
+from riftberg.config.values import Section, UnfitError, key, moment
+from riftberg.coupling.box import Box, section
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing
 from riftberg.errors import InputError, RiftbergError
@@ -35,27 +36,14 @@ from riftberg.state import Floats
 from riftberg.system.input_files import MOST_YAML, check_file, needed, reading, value_shown
 from riftberg.system.process import say
 
-LAST_GIVEN: Final = "yac_given"
-"""Name under which a restart keeps what the bergs gave last."""
-
-
-class YacGrid(Section):
-    """Section ``grid``: cells of longitude and latitude on which bergs and ocean exchange."""
-
-    west: float = key(..., "degree", "western edge", ge=-360, le=360)
-    east: float = key(..., "degree", "eastern edge", ge=-360, le=720)
-    south: float = key(..., "degree", "southern edge", ge=-90, le=90)
-    north: float = key(..., "degree", "northern edge", ge=-90, le=90)
-    columns: int = key(..., "", "cells from west to east", ge=1, le=10_000)
-    rows: int = key(..., "", "cells from south to north", ge=1, le=10_000)
-    edge: Literal["open", "closed"] = key("open", "", "open: bergs leave over it; closed: a coast")
+LAST_GIVEN: Final = "yac_given"  # Name under which a restart keeps what the bergs gave last
 
 
 class YacSettings(Section):
     """Section ``riftberg`` of a coupling file, which YAC itself passes over."""
 
     component: str = key("riftberg", "", "name of the component; its grid is called the same with _grid", min_length=1)
-    grid: YacGrid | None = None
+    grid: Box | None = None
     step: float | None = key(None, "s", "step of the exchange, whole long steps; one by default", gt=0)
     wait: float = key(600.0, "s", "how long to wait for the ocean", gt=0, le=1e6)
     levels: list[float] = key([], "m", "edges of the layers of currents by depth, from 0 downwards")
@@ -92,11 +80,7 @@ def read_coupling(path: str | Path) -> Coupling:
             remedy="Write calendar: proleptic-gregorian, for all components: bergs have real dates",
         )  # fmt: skip
     start, end = (moment(said[name], where=f"{path}, {name}") for name in ("start_date", "end_date"))
-    try:
-        settings = YacSettings.model_validate(said.get("riftberg", {}))
-    except ValidationError as error:
-        raise explained(error, YacSettings, name=f"{path}, riftberg") from error
-    return Coupling(path, start, end, settings)
+    return Coupling(path, start, end, section(YacSettings, said.get("riftberg", {}), where=f"{path}, riftberg"))
 
 
 def ocean_beside(forcing: Forcing, coupling: Coupling, parameters: Parameters) -> OceanForcing:
@@ -107,16 +91,13 @@ def ocean_beside(forcing: Forcing, coupling: Coupling, parameters: Parameters) -
             "no grid of longitude and latitude", where=f"{coupling.path}, riftberg.grid",
             remedy="Write grid: {west: -40, east: -36, south: -58, north: -55, columns: 16, rows: 12}, and bergs in degrees",
         )  # fmt: skip
-    lon, lat = np.meshgrid(
-        np.linspace(box.west, box.east, box.columns + 1), np.linspace(box.south, box.north, box.rows + 1)
-    )
     options: Any = {"edge": box.edge, "radius_for_metrics": parameters.earth.radius}
-    cells = ocean_grid(lon, lat, **options)
+    cells = ocean_grid(*box.corners(), **options)
     depth = forcing.depth(cells.arrays.lon_centre[cells.domain], cells.arrays.lat_centre[cells.domain])
     if np.isnan(depth).all():  # it knows no floor at all, and so no land
         return OceanForcing(cells, cells.fields())
     depth = np.clip(np.nan_to_num(depth), 0.0, DEEP)
-    grid = ocean_grid(lon, lat, mask=depth > 0.0, **options)
+    grid = ocean_grid(*box.corners(), mask=depth > 0.0, **options)
     return OceanForcing(grid, grid.fields(depth=depth))
 
 
@@ -347,9 +328,9 @@ class YacComponent:
         g, where = grid.arrays, f"{self.coupling.path}, {port.name}"
         with self._watch.waiting(f"{port.name} from {port.partners} at {date}"):
             got, _ = port.field.get(np.full((size, g.nj * g.ni), np.nan))
-        if got is None and port.name not in self.taken:
-            raise InputError(f"no value at {date}, the first step", where=where, remedy="Leave tgt_lag out")
         if got is None:
+            if port.name not in self.taken:
+                raise InputError(f"no value at {date}, the first step", where=where, remedy="Leave tgt_lag out")
             return
         layers = port.factor * np.reshape(got, (size, g.nj, g.ni)) + port.offset
         lacking = np.isnan(layers).any(axis=0) & (g.mask[grid.domain] >= 0.5)
