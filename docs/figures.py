@@ -46,8 +46,17 @@ def make_figures(folder: Path) -> Iterator[Path]:
     yield five_lines(folder / "five-lines.png")
     yield own_files(folder / "own-files.png")
     yield keel_and_floor(folder / "keel-and-floor.png")
+    yield coarse_oceans(folder / "coarse-oceans.png")
     yield from story(folder)
     yield from scores(folder)
+
+
+def coarse_oceans(path: Path) -> Path:
+    """Draw the tracks and distances of the example of that name."""
+    sys.path.append(str(ROOT / "docs" / "examples"))
+    from coarse_oceans import draw
+
+    return draw(path)
 
 
 def house(path: Path) -> Path:

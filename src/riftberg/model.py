@@ -546,12 +546,14 @@ class BareModel(RunState):
         return count
 
     def advance(
-        self, days: float | str | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = ()
-    ) -> None:
+        self, days: float | str | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = (),
+        step: Callable[[], object] | None = None,
+    ) -> None:  # fmt: skip
         """Run for some days, calling the recorders; see `run`.
 
         Ctrl-C and requests to terminate take effect between two steps, after the recorders have finished. A recorder may
-        have a method ``interrupted(model)``, which is called then.
+        have a method ``interrupted(model)``, which is called then. ``step`` takes the model on in place of its own `step`, by
+        one long step or several, as an exchange with an ocean does.
         """
         check_recorders(recorders)
         count = self.check(days, steps=steps)
@@ -562,7 +564,7 @@ class BareModel(RunState):
                 _LOG.warning(text)
         with held() as hold:
             try:
-                self._record_steps(count, recorders, hold)
+                self._record_steps(count, recorders, hold, step or self.step)
                 # A signal that came after the last step comes into force here, when all recorders have their record.
                 hold.check()
             except (KeyboardInterrupt, SystemExit):
@@ -570,7 +572,7 @@ class BareModel(RunState):
                     getattr(recorder, "interrupted", _nothing)(self)
                 raise
 
-    def _record_steps(self, count: int, recorders: Sequence[Recorder], hold: Hold) -> None:
+    def _record_steps(self, count: int, recorders: Sequence[Recorder], hold: Hold, step: Callable[[], object]) -> None:
         """Take steps until they are done or a signal waits."""
         started: list[Recorder] = []
         failed: BaseException | None = None
@@ -580,10 +582,11 @@ class BareModel(RunState):
             for recorder in recorders:
                 recorder.start(self)
                 started.append(recorder)
-            for _ in range(count):
+            end = self.step_number + count
+            while self.step_number < end:
                 if hold.requested:
                     return
-                self.step()
+                step()
                 known = self._log_breakups(known)
                 for recorder in recorders:
                     recorder.record(self)

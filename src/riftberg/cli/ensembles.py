@@ -22,7 +22,9 @@ from riftberg.cli.options import (
     EveryPosition,
     ExperimentToRun,
     Hour,
+    Join,
     Members,
+    PartOfMany,
     PlanName,
     PositionError,
     Quiet,
@@ -75,13 +77,8 @@ def sweep(
         Path | None,
         typer.Option("--design", metavar="FILE.csv", help="Plan of another tool: names in the first line, then a member a line."),
     ] = None,
-    part: Annotated[
-        str | None,
-        typer.Option("--part", metavar="K/N", help="Run one part of N, as in job arrays; bring them together by --join."),
-    ] = None,
-    join: Annotated[
-        Path | None, typer.Option("--join", metavar="FOLDER", help="Make one result of the parts in a folder.")
-    ] = None,
+    part: PartOfMany = None,
+    join: Join = None,
     members: Members = None,
     plan: PlanName = None,
     every: EveryPosition = None,
@@ -96,27 +93,15 @@ def sweep(
     shared: EnsembleOptions,
 ) -> None:  # fmt: skip
     """Run an ensemble: an experiment for every combination of parameter values, collected in one result."""
-    from riftberg.ensembles.sweep import draws_of, join_parts, planned
+    from riftberg.ensembles.sweep import draws_of, planned
     from riftberg.ensembles.vary import Draws, read_design
 
     with allow_large(shared.large):
         positive(every, "--every", "hours", most=1e6)
         announce_compilation(shared.quiet)
         if join is not None:
-            if options_given(context, *KEPT, "experiment", "resume", "part", "members"):
-                raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
-            missing = join_parts(join)
-            store = resumed(join)
-            if missing:
-                parts = ", ".join(map(str, missing[:10])) + (", ..." if len(missing) > 10 else "")
-                say(f"Missing: part{'s' if len(missing) > 1 else ''} {parts}; {len(store.waiting())} members wait")
-            store.own = []
-            _run(store, replace(shared, workers=0), draw=map_)
+            _run(joined(context, join, "sweep"), replace(shared, workers=0), draw=map_)
             return
-        if shared.resume is not None and part is not None:
-            raise InputError(
-                "a part goes on by itself", where="--resume", remedy="Name the folder of the part, without --part"
-            )
 
         def make(experiment: str) -> Plan:
             draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
@@ -128,18 +113,23 @@ def sweep(
             what = (vary or []) if design is None else read_design(design)
             return planned(experiment, what, shared.checked(), every, cells, draws, design=design is not None)
 
-        store = opened(context, "sweep", experiment, make, SWEEP_FILES, shared, members, _part(part))
+        store = opened(context, "sweep", experiment, make, SWEEP_FILES, shared, members, part)
         _run(store, shared, draw=map_)
 
 
 def opened(
     context: typer.Context, command: str, experiment: str | None, make: Callable[[str], Plan], results: Sequence[str],
-    shared: EnsembleOptions, members: int | None, part: tuple[int, int] | None = None,
+    shared: EnsembleOptions, members: int | None, part: str | None = None,
 ) -> Store:  # fmt: skip
     """Return an ensemble at its start, checked, or one that goes on in its folder (see `resumed`)."""
     from riftberg.ensembles.sweep import Store
 
+    of_many = _part(part)
     if shared.resume is not None:
+        if part is not None:
+            raise InputError(
+                "a part goes on by itself", where="--resume", remedy="Name the folder of the part, without --part"
+            )
         if changed := options_given(context, *KEPT):
             raise InputError(
                 "a sweep that goes on stays what it is, in its folder", where="--resume",
@@ -153,7 +143,22 @@ def opened(
     plan = make(experiment)
     folder = output_folder(shared.output, f"{Path(experiment).stem}-{command}", "sweep.json")
     check_folder(folder, results)
-    return Store(folder, plan, resume=False, part=part)
+    return Store(folder, plan, resume=False, part=of_many)
+
+
+def joined(context: typer.Context, folder: Path, kind: str) -> Store:
+    """Return the parts of a sweep or forecast in a folder as one that has nothing left to run; say what is missing."""
+    from riftberg.ensembles.sweep import join_parts
+
+    if options_given(context, *KEPT, "experiment", "resume", "part", "members"):
+        raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
+    missing = join_parts(folder)
+    store = resumed(folder, kind=kind)
+    if missing:
+        parts = ", ".join(map(str, missing[:10])) + (", ..." if len(missing) > 10 else "")
+        say(f"Missing: part{'s' if len(missing) > 1 else ''} {parts}; {len(store.waiting())} members wait")
+    store.own = []
+    return store
 
 
 def _part(text: str | None) -> tuple[int, int] | None:
@@ -287,6 +292,8 @@ def forecast(
     default_errors: DefaultErrors = True,
     every: EveryPosition = None,
     plan: PlanName = None,
+    part: PartOfMany = None,
+    join: Join = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw forecast.png.")] = True,
     *,
     shared: EnsembleOptions,
@@ -303,7 +310,10 @@ def forecast(
     with allow_large(shared.large):
         positive(every, "--every", "hours", most=1e6)
         announce_compilation(shared.quiet)
-        store = opened(context, "forecast", experiment, make, FORECAST_FILES, shared, members)
+        if join is not None:
+            store, shared = joined(context, join, "forecast"), replace(shared, workers=0)
+        else:
+            store = opened(context, "forecast", experiment, make, FORECAST_FILES, shared, members, part)
         if not shared.quiet:
             say(errors_line(store.plan.varied))
             if map_:
@@ -316,7 +326,8 @@ def forecast(
         if (store.folder / WEIGHTS).exists() and not store.weights():
             say("Weights of earlier sightings do not hold for members that were added: use riftberg update once more")
         files = list(FORECAST_FILES[:-1])
-        if not (result["status"] == 0).any():
+        some_done = bool((result["status"] == 0).any())
+        if store.own and not some_done:
             message = next((str(text) for text in result["message"].values if text), "")
             raise RunError(f"no member came to its end{': ' if message else ''}{message}")
         if map_ and "presence" in result:
@@ -324,7 +335,7 @@ def forecast(
 
             draw_forecast(result, store.folder / "forecast.png", notes=notes(result))
             files.append("forecast.png")
-        for line in told(result):
+        for line in told(result) if some_done else ():
             tell(line)
         tell(f"Written to {store.folder}: {', '.join(files)}")
 

@@ -32,6 +32,7 @@ SUMMARIES: Final = {
     "calibrate": "Find inputs that agree with observed positions, headings and break-up, and say how well they are known.",
     "hazard": "Write limits of ice, positions with error radius and probabilities of a forecast as GeoJSON, KML, netCDF and CSV.",
     "product-errors": "Estimate the error of the current by the differences of two products: size, length, time.",
+    "couple": "Run an experiment beside an ocean model, through the coupler YAC; ends with a restart file for the next run.",
     "experiments": "List the built-in experiments.",
     "kid": "Run a KID or iKID case from its namelist; write trajectory, restart and bond files.",
     "plot": "Draw maps at chosen dates with observed outlines, stress and damage of the bonds, and the history of the fragments.",

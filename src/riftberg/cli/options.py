@@ -82,6 +82,13 @@ Members = Annotated[
 PlanName = Annotated[
     str | None, typer.Option("--plan", help="How they are drawn: sobol, random or latin-hypercube.  [default: sobol]")
 ]
+PartOfMany = Annotated[
+    str | None,
+    typer.Option("--part", metavar="K/N", help="Run one part of N, as in job arrays; bring them together by --join."),
+]
+Join = Annotated[
+    Path | None, typer.Option("--join", metavar="FOLDER", help="Make one result of the parts in a folder.")
+]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all that is drawn.  [default: 1]")]
 ExperimentToRun = Annotated[
     str | None, typer.Argument(help="A built-in experiment or a YAML file; not needed with --resume.")

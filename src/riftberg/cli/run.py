@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
@@ -365,6 +365,7 @@ class Session:
     wanted: RunOptions
     placed: bool = False  # The folder was given
     goes_on: bool = False  # The run in the folder goes on
+    step: Callable[[], object] | None = None  # Takes the model on, where that is not its own step
     gridded: list[Path] = field(default_factory=list)
     track: DailyTrack | None = None
     stopwatch: Stopwatch | None = None
@@ -462,7 +463,7 @@ class Session:
 
     def _advance(self, days: float, recorders: list[Recorder]) -> None:
         try:
-            self.model.advance(days, recorders=recorders)
+            self.model.advance(days, recorders=recorders, step=self.step)
         except (KeyboardInterrupt, SystemExit) as error:
             say(f"Interrupted at {self._date()}. {self._saved('interrupted')}")
             self.report(draw=False)

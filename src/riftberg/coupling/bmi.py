@@ -15,7 +15,8 @@ from bmipy import Bmi
 from numpy.typing import NDArray
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.config.values import number
+from riftberg.config.values import key, number
+from riftberg.coupling.box import Box, section
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
 from riftberg.errors import InputError
@@ -26,10 +27,13 @@ from riftberg.system.input_files import MOST_YAML, check_file, reading
 SECTIONS: Final = ("grid", "berg", "parameters", "ocean", "days")
 """What a configuration file may hold."""
 
-MOST_CELLS: Final = 10_000
-"""Columns or rows of a grid at most."""
 
-_GRID: Final = ("west", "east", "south", "north", "columns", "rows")
+class Basin(Box):
+    """Section ``grid``: cells, and the depth of their water."""
+
+    depth: float = key(4000.0, "m", "depth of the sea floor", gt=0)
+
+
 NAMES: Final = {
     "sea_surface_water_flow__x_component_of_velocity": "eastward_sea_water_velocity",
     "sea_surface_water_flow__y_component_of_velocity": "northward_sea_water_velocity",
@@ -97,16 +101,13 @@ class BmiRiftberg(Bmi):
             If the file is missing, or says something that cannot be.
         """
         said = _read(Path(config_file))
-        box = _box(said["grid"], config_file)
-        columns, rows = int(box["columns"]), int(box["rows"])
-        lon, lat = np.meshgrid(
-            np.linspace(box["west"], box["east"], columns + 1), np.linspace(box["south"], box["north"], rows + 1)
-        )
-        grid = ocean_grid(lon, lat, edge=said["grid"].get("edge", "open"))
+        box: Basin = said["grid"]
+        lon, lat = box.corners()
+        grid = ocean_grid(lon, lat, edge=box.edge)
         self._spacing = (float(lat[1, 0] - lat[0, 0]), float(lon[0, 1] - lon[0, 0]))
-        self._origin = (float(box["south"]) + 0.5 * self._spacing[0], float(box["west"]) + 0.5 * self._spacing[1])
-        self._shape = rows, columns
-        forcing = OceanForcing(grid, grid.fields(depth=box["depth"]))
+        self._origin = (box.south + 0.5 * self._spacing[0], box.west + 0.5 * self._spacing[1])
+        self._shape = box.rows, box.columns
+        forcing = OceanForcing(grid, grid.fields(depth=box.depth))
         known = {"length": "2 km", "width": "2 km", "thickness": "200 m", "lon": 0.0, "lat": 0.0}
         asked = {**known, **said.get("berg", {})}
         if unknown := [name for name in asked if name not in known]:
@@ -120,7 +121,7 @@ class BmiRiftberg(Bmi):
         if not 0.0 < self._end < math.inf:
             raise InputError(f"days = {said['days']}", where=config_file, remedy="Give a finite number above 0")
         self._values = {name: np.zeros(self._shape) for name in NAMES.values()}
-        self._values["sea_floor_depth_below_geoid"][:] = box["depth"]
+        self._values["sea_floor_depth_below_geoid"][:] = box.depth
         # No warmth of the sea is usual: until it is given it is not handed over, and bergs that melt are refused.
         self._lacking = {"sea_surface_temperature"}
         self._values["sea_surface_temperature"][:] = np.nan
@@ -327,37 +328,16 @@ def _read(path: Path) -> dict[str, Any]:
     check_file(path, most=MOST_YAML, remedy="Name a YAML file")
     with reading(path, "cannot be read", "Write it as YAML"):
         said = yaml.safe_load(path.read_text("utf-8"))
-    if not isinstance(said, dict) or not isinstance(said.get("grid"), dict):
-        raise InputError("no section 'grid'", where=str(path), remedy=f"Give {', '.join(_GRID)} under grid")
+    if not isinstance(said, dict) or "grid" not in said:
+        raise InputError(
+            "no section 'grid'", where=str(path), remedy=f"Give {', '.join(Basin.model_fields)} under grid"
+        )
     for name in said:
         if name not in SECTIONS:
             raise InputError(f"unknown section {name!r}", where=str(path), remedy=f"Sections are {', '.join(SECTIONS)}")
-    missing = [name for name in _GRID if not isinstance(said["grid"].get(name), int | float)]
-    if missing:
-        raise InputError(
-            f"no number for grid.{missing[0]}", where=str(path), remedy=f"Give {', '.join(_GRID)} under grid"
-        )
     for name in ("berg", "parameters", "ocean"):
         if not isinstance(said.get(name, {}), dict):
             raise InputError(
                 f"section {name!r} is no list of names and values", where=str(path), remedy="See the how-to page"
             )
-    return said
-
-
-def _box(said: dict[str, Any], path: str) -> dict[str, float]:
-    """Return the numbers of the grid, once they make one."""
-    box = {
-        name: number(said.get(name, 4000.0), unit, where=f"{path}, grid.{name}")
-        for name, unit in zip((*_GRID, "depth"), ("degree",) * 4 + ("1", "1", "m"), strict=True)
-    }
-    if not 0.0 < box["depth"] < math.inf:
-        raise InputError(f"a sea {box['depth']:g} m deep", where=f"{path}, grid.depth", remedy="Give a depth above 0")
-    whole = all(1 <= box[name] <= MOST_CELLS and box[name] == int(box[name]) for name in ("columns", "rows"))
-    if not (whole and box["west"] < box["east"] and -90.0 <= box["south"] < box["north"] <= 90.0):
-        raise InputError(
-            f"no grid from {box['west']:g} to {box['east']:g} and {box['south']:g} to {box['north']:g} degrees of "
-            f"{box['columns']:g} columns and {box['rows']:g} rows", where=path,
-            remedy="Give west below east, south below north, and whole numbers of columns and rows",
-        )  # fmt: skip
-    return box
+    return {**said, "grid": section(Basin, said["grid"], where=f"{path}, grid")}

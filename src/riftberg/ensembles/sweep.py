@@ -27,6 +27,7 @@ from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import (
     CELLS,
     CONTROL,
+    CONTROL_RUN,
     STOP,
     UNDO,
     Job,
@@ -624,9 +625,10 @@ def join_parts(folder: Path) -> list[int]:
     if (folder / PLAN).exists() and read_plan(folder) != first[1]:
         refuse("holds another sweep than its parts", "Move the parts to a folder of their own")
     for part in parts:
-        for file in sorted([*(part / MEMBERS).glob("*.json"), *(part / CELLS).glob("*.nc")]):
-            (folder / file.parent.name).mkdir(exist_ok=True)
-            with replacing(folder / file.parent.name / file.name) as copy:
+        for file in sorted([*(part / MEMBERS).glob("*.json"), *(part / CELLS).glob("*.nc"), *part.glob(CONTROL_RUN)]):
+            place = folder / file.relative_to(part)
+            place.parent.mkdir(exist_ok=True)
+            with replacing(place) as copy:
                 shutil.copyfile(file, copy)
     write_text(folder / PLAN, json.dumps(first[1], indent=1) + "\n")
     there = {int(name.split("-")[1]) for name in plans}

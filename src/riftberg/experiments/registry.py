@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 from riftberg.errors import InputError, nearest
 
 if TYPE_CHECKING:
+    from riftberg.ocean.forcing import Forcing
     from riftberg.parameters import Parameters
     from riftberg.runs.model import Model
 
@@ -37,6 +38,8 @@ class Options:
     grid: float | None = None
     # Files or patterns in place of those of the experiment, as ``forcing.files`` takes them
     files: tuple[Any, ...] = ()
+    # What makes the forcing of an ocean model out of that of an experiment file, whose sea floor stays
+    ocean: Callable[[Forcing, Parameters], Forcing] | None = field(default=None, compare=False)
     notices: list[str] = field(default_factory=list, compare=False)  # What `apply` had to leave out
 
     @property

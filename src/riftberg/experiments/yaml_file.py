@@ -355,6 +355,8 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     check_span(experiment.start, days, where="--days" if options.days else str(path))
     forcing = build_forcing(experiment, folder, days, options, berg, parameters)
     notices += getattr(forcing, "notices", ())
+    if options.ocean is not None:
+        forcing = options.ocean(forcing, parameters)
     made, loses = lost_in_lattice(berg)
     info = Info(
         experiment.name,
