@@ -249,7 +249,6 @@ class Failing(Steady):
             elements.uo[:] = np.nan
 
 
-@pytest.mark.quick(1)
 @pytest.mark.parametrize("scheme", ["mts", "quasi_static"])
 def test_a_failure_in_a_run_saves_the_state_and_says_how_to_go_on(tmp_path: Path, scheme: str) -> None:
     """The water at the end of a step belongs to the state: one with none could not be gone on with."""
@@ -289,6 +288,7 @@ def test_any_failure_within_a_step_leaves_the_state_before_it(error: BaseExcepti
     assert model.fragments.rows == before[2]
 
 
+@pytest.mark.slow
 def test_a_failure_on_the_command_line_can_be_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def sample(self: Steady, elements: Any, time: float) -> None:
         whole(self, elements, time)

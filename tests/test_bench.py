@@ -94,6 +94,7 @@ def test_the_other_scheme_stands_beside_unless_one_is_asked_for(capsys: pytest.C
     assert told == {"": ["quasi_static", "mts"], "mts": ["mts"]}
 
 
+@pytest.mark.slow
 def test_sizes_are_timed_with_the_settings(capsys: pytest.CaptureFixture[str]) -> None:
     rows = measured("--scaling", "20", "--set", "stepping.time_step=900", "--days", "0.02", capsys=capsys)
     assert [row["time_step"] for row in rows] == [900.0]

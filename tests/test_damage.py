@@ -52,7 +52,7 @@ def life(model: Model) -> float:
     return float(np.nanmin(model.bonds.break_time))
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("r", "m"), [(0.5, 2.0), (0.5, 1.0), (0.8, 3.0)])
 def test_the_life_of_a_bond_tends_to_the_closed_form_as_the_step_shrinks(r: float, m: float) -> None:
     """``t_f = tau (1 - r^(m + 1)) / ((m + 1) r^m)``; it comes out late, as steps from the slow side do."""
@@ -215,6 +215,7 @@ def test_numerics_of_the_reference_and_runs_of_kid_know_no_damage() -> None:
         reference_numerics(A68A_2022.changed(damage={"enabled": True}))
 
 
+@pytest.mark.slow
 def test_it_is_set_on_the_command_line(tmp_path: Path) -> None:
     settings = ["damage.enabled=true", "damage.time_scale=6 hours", "damage.threshold=0.2", "damage.exponent=3"]
     words = [word for setting in settings for word in ("--set", setting)]

@@ -226,6 +226,7 @@ def test_the_sea_floor_stops_a_berg_whatever_the_bonds_and_sub_steps(law: str, e
     assert np.abs(floor).max() > 1e3
 
 
+@pytest.mark.slow
 def test_why_tells_of_a_collision(tmp_path: Path) -> None:
     """Thirty explanations of bergs that were hit told of ringing."""
     beam = Iceberg.rectangle(18e3, 3e3, thickness=200.0, latlon=False).with_rifts(

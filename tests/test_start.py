@@ -202,6 +202,7 @@ def test_a_kernel_that_kernels_call_is_a_part_of_their_code(tmp_path: Path) -> N
     assert len(list(tmp_path.rglob("*.code"))) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_named_tuples_of_a_call_are_taken_apart_by_name(tmp_path: Path) -> None:
     """Nested ones too, by the class that is given; the code of another order of fields is another one."""

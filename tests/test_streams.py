@@ -37,7 +37,7 @@ WAYS = {
 }
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("way", WAYS)
 def test_a_run_goes_on_where_nobody_listens(tmp_path: Path, way: str) -> None:
     """It ended without a word at its first line of progress; with a closed stream a file of results took its number."""

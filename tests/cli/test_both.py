@@ -169,6 +169,7 @@ def test_the_published_run_in_one_command(source: Shelf, files: Path, monkeypatc
     assert len(source.requests) == asked
 
 
+@pytest.mark.slow
 def test_fetching_goes_where_the_data_are_named(source: Shelf, tmp_path: Path) -> None:
     there = tmp_path / "elsewhere"
     refused = call("run", "a68a-paper", "--data", str(there))

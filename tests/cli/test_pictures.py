@@ -98,6 +98,7 @@ def test_replay_writes_one_page(folder: Path) -> None:
     assert "replay.html (0." in result.output
 
 
+@pytest.mark.slow
 def test_score_prints_a_table_and_writes_files(folder: Path, tmp_path: Path) -> None:
     result = call("score", folder, folder / "seen.geojson", "-o", tmp_path)
     assert result.exit_code == 0, result.output

@@ -214,6 +214,7 @@ def test_a_yaml_experiment_runs_for_real(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "map.png").stat().st_size > 20_000
 
 
+@pytest.mark.slow
 def test_resumed_run_ends_like_the_run_that_never_stopped(tmp_path: Path) -> None:
     (tmp_path / "slab.yaml").write_text(
         "start: 2020-12-09\ndays: 0.25\n"

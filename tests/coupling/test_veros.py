@@ -51,6 +51,7 @@ def closed(bergs, heat_within: float):
     return closure
 
 
+@pytest.mark.slow
 def test_what_the_bergs_lose_arrives_in_the_ocean(after_hours) -> None:
     closure = closed(after_hours[1], heat_within=1e-13)
     assert closure.water > 1e9

@@ -141,6 +141,7 @@ def test_runs_and_members_of_a_sweep_are_compared_alike(runs: Path, tmp_path: Pa
         assert found["distance"].values[-1] == pytest.approx(1e3 * run["distance_km"][-1], abs=2.0)
 
 
+@pytest.mark.slow
 def test_observations_stand_beside_runs_of_their_dates_alone(runs: Path, tmp_path: Path) -> None:
     (tmp_path / "seen.csv").write_text("name,date,lat,lon\nX1,2020-12-09 06:00,-55.0,-39.0\nX1,2020-12-20,-56,-39\n")
     (tmp_path / "late.csv").write_text("name,date,lat,lon\nX1,2020-12-20,-56,-39\n")

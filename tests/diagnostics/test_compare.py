@@ -131,6 +131,7 @@ def test_small_and_many_pieces_are_counted(folder: Path) -> None:
     assert rows["further break-ups"] == ["2"]
 
 
+@pytest.mark.slow
 def test_places_are_west_of_greenwich_or_in_kilometres(tmp_path: Path) -> None:
     """Grids of the reference count longitudes to 360."""
     told = read_compared(make_run(tmp_path / "east", lon=321.0), "east", [])

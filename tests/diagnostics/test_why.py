@@ -134,6 +134,7 @@ def test_bending_is_that_of_a_free_beam(run: xr.Dataset, monkeypatch: pytest.Mon
     assert load.nominal == pytest.approx(6.0 * 3e9 * arm / (200.0 * 9e3**2), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_history_of_the_first_bonds(run: xr.Dataset) -> None:
     (breakup,) = why.explain(run).breakups
     assert len(breakup.first_bonds) == 3
@@ -149,6 +150,7 @@ def test_history_of_the_first_bonds(run: xr.Dataset) -> None:
     assert breakup.peak == pytest.approx(1000.0 + 23 * 36.0 + 482.0)
 
 
+@pytest.mark.slow
 def test_ringing_between_records_is_told(run: xr.Dataset) -> None:
     text, *_ = why.words(why.explain(run))
     assert (
@@ -182,6 +184,7 @@ def test_files_without_peaks_are_explained_by_their_records(run: xr.Dataset) -> 
     assert "Its tensile stress was 1.0 kPa 24 h before" in why.words(why.explain(run.drop_vars("peak_stress")))[0]
 
 
+@pytest.mark.slow
 def test_a_worn_bond_is_told_by_the_strength_that_was_left(run: xr.Dataset) -> None:
     """And a stress that is small for a whole bond is not small for one with a tenth of its strength."""
     worn = np.full((run.sizes["bond"], run.sizes["time"]), 0.9)
@@ -191,6 +194,7 @@ def test_a_worn_bond_is_told_by_the_strength_that_was_left(run: xr.Dataset) -> N
     assert not breakup.sudden
 
 
+@pytest.mark.slow
 def test_a_weak_bond_that_reaches_its_own_strength_did_not_break_suddenly(run: xr.Dataset) -> None:
     """Bug: its stress was held against the strength of the ice, so weak bergs always broke "suddenly"."""
     weak = run.assign(strength=("bond", np.full(run.sizes["bond"], 0.1)))
@@ -333,6 +337,7 @@ def test_coriolis_and_slope_are_weighed_together(run: xr.Dataset, monkeypatch: p
     assert "as in a sheared current" in text
 
 
+@pytest.mark.slow
 def test_a_break_soon_after_the_start_is_told_as_one(run: xr.Dataset) -> None:
     reasons = why.explain(run)
     assert reasons.breakups[0].hours_since_start == 24.0

@@ -47,6 +47,7 @@ def filled(folder: Path, members: int, days: int = 4) -> Store:
     return store
 
 
+@pytest.mark.slow
 def test_blocks_make_the_same_file_as_one_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for size in (2, 100):
         monkeypatch.setattr(module, "BLOCK", size)

@@ -159,6 +159,7 @@ def test_nothing_uncertain_is_the_model_itself() -> None:
     assert with_errors(model, {"speed": 1.0, STRENGTH: 5.0}) is model
 
 
+@pytest.mark.slow
 def test_a_member_is_the_same_alone_and_among_others(tmp_path: Path) -> None:
     vary = {"speed": "~normal(0.2, 0.05)", "current_error.speed": ["0.1 m/s"], "start.north": "~normal(0 km, 3 km)"}
     options: dict[str, Any] = {"days": "6 h", "every_hours": 2, "workers": 0, "seed": 5}

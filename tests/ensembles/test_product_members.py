@@ -53,6 +53,7 @@ def current_of(file: Path, *settings: str) -> float:
     return float(model.elements.uo[0])
 
 
+@pytest.mark.slow
 def test_a_run_reads_the_member_that_is_named(file: Path) -> None:
     assert [current_of(file, f"forcing.member={k}") for k in range(3)] == pytest.approx([0.1, 0.2, 0.3])
     with pytest.raises(ForcingError, match=r"3 members of an ensemble .*member: 0 .*riftberg forecast"):

@@ -45,6 +45,7 @@ def test_members_take_the_starts_in_turn_with_the_errors_of_each(tmp_path: Path)
             assert np.std([m[axis] * m["start.error"] for m in some]) == pytest.approx(spread, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_lagged_member_starts_earlier_and_is_told_by_the_dates_of_the_forecast(file: Path, tmp_path: Path) -> None:
     path = starts(tmp_path, "date,lon,lat\n2020-12-09 12:00,-39,-55\n2020-12-09 03:00,-39.1,-55.1\n")
     result = forecast(file, {"starts": path}, members=2, default_errors=False, workers=0, every_hours=6)

@@ -456,6 +456,7 @@ def on_cells(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return found
 
 
+@pytest.mark.slow
 def test_parts_of_a_population_sum_up_to_the_whole(on_cells: xr.Dataset, tmp_path: Path) -> None:
     """The fresh water of each part, over its cells, is that of its bergs, by month and process."""
     assert on_cells.sizes["member"] == 2

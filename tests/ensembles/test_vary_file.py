@@ -33,6 +33,7 @@ def tracks(result):
     return result["lon"].values[:, 0], result["lat"].values[:, 0]
 
 
+@pytest.mark.slow
 def test_berg_placement_and_forcing_of_a_file_are_varied(file: str, tmp_path: Path) -> None:
     vary = ("berg.placement=[-39, -55],[-38, -55]", "forcing.eddy.speed=0.2..0.4:2")
     result = sweep(file, vary, every_hours=1, workers=0)

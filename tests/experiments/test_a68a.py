@@ -247,7 +247,7 @@ def geostrophic_level(ocean: StoryOcean, lon: float, lat: float, time: float) ->
     return 2.0 * EARTH_ROTATION * math.sin(LATITUDE * DEGREE) * psi / GRAVITY
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("time", [0.0, 7.7 * DAY, 12.0 * DAY])
 @pytest.mark.parametrize("gradient_wind", [False, True])
 def test_currents_are_free_of_divergence_and_in_balance_with_the_sea_surface(time: float, gradient_wind: bool) -> None:
@@ -357,6 +357,7 @@ def test_the_controls_change_only_their_part() -> None:
     )
 
 
+@pytest.mark.slow
 def test_real_currents_carry_the_berg_towards_the_shoal(shared: Path) -> None:
     """Monthly means: the berg drifts east and south, whole until it reaches the artificial shoal."""
     model, info = build("a68a-oras5", Options(data=shared / "data" / "a68a"))

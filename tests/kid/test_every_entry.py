@@ -90,7 +90,7 @@ def test_every_honoured_entry_has_a_trial() -> None:
     assert set(CHECKS) <= names
 
 
-@pytest.mark.quick(14)
+@pytest.mark.quick(9)
 @pytest.mark.parametrize(("group", "entry", "scheme"), cases(HONOURED))
 def test_an_honoured_entry_acts_or_is_told_to_be_idle(group: str, entry: Entry, scheme: str) -> None:
     trial = TRIALS[group][entry.name]

@@ -73,6 +73,7 @@ def test_a_berg_has_gone_all_the_way_round_a_channel(speed: float, kind: str) ->
         assert 0.0 <= model.elements.lon.min() <= model.elements.lon.max() <= LENGTH
 
 
+@pytest.mark.slow
 def test_runs_that_differ_by_a_turn_of_the_channel_are_that_far_apart() -> None:
     """A berg at rest and one that comes back to the same place."""
     runs = []

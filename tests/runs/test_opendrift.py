@@ -187,6 +187,7 @@ def run(file: Path, tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
+@pytest.mark.slow
 def test_compare_and_score_take_a_trajectory_as_the_other_run(run: Path, file: Path) -> None:
     result = CliRunner().invoke(app, ["compare", str(run), f"{file}#7", "--json"])
     assert result.exit_code == 0, result.output

@@ -118,6 +118,7 @@ def test_last_state_is_kept_even_off_schedule(tmp_path: Path) -> None:
     assert hours.values.tolist() == [0.0, 1.0, 2.0, 2.5]
 
 
+@pytest.mark.slow
 def test_readable_after_every_record_while_another_program_keeps_it_open(tmp_path: Path) -> None:
     model, writer = FakeModel(), RunWriter(tmp_path / "run.nc", every_hours=1, flush_seconds=0)
     writer.start(model)

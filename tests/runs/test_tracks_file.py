@@ -174,6 +174,7 @@ def test_each_table_has_a_picture_by_one_call(path: Path, tmp_path: Path, kind: 
         assert len(table.plot().axes) >= 1
 
 
+@pytest.mark.slow
 def test_a_berg_that_a_bed_of_sediment_carries_is_aground(tmp_path: Path) -> None:
     """Every reader of a run called it afloat: the bed carries a tip of it, over water deeper than its draft."""
     model = FakeModel(parameters=Parameters(grounding={"law": "seabed"}))

@@ -356,6 +356,7 @@ def test_tips_go_on_from_a_restart_bit_for_bit(tmp_path) -> None:
         np.testing.assert_array_equal(getattr(run.bonds, name), getattr(again.bonds, name))
 
 
+@pytest.mark.slow
 def test_a_tip_keeps_its_place_in_ice_that_drifts_and_turns() -> None:
     plate = cracked_plate("hexagonal", 15.0, 30.0)
     there, was = [tip.place for tip in plate.paths().standing()], plate.now.xy.mean(axis=0)

@@ -226,6 +226,7 @@ def same(*arrays: np.ndarray) -> tuple[np.ndarray, ...]:
 SEEDS = [pytest.param(n, marks=[pytest.mark.slow] if n > 0 else []) for n in range(40)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_an_ocean_further_east(seed: int, tmp_path: Path) -> None:
     """The same around the Earth, over the date line too."""

@@ -167,6 +167,7 @@ def flat(depth: float) -> Any:
     return Forcing.uniform((0.0, 0.0), depth=depth, **PLANE)
 
 
+@pytest.mark.slow
 def test_currents_up_to_friction_are_held() -> None:
     for current, held in ((0.67, True), (0.70, False)):
         model = berg_model(floor=flat(DRAFT - 1e-3), speed=0.0, current=current, dt=3600.0, sediment="rock")

@@ -111,6 +111,7 @@ def test_order_in_the_long_step(agrees, what, forcing, latitude, scheme, groups,
     agrees(f"order in the long step, {scheme}, {what}", asked, got, abs=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scheme", "most"), [("quasi_static", 55.0), ("mts", 25.0), ("verlet", 130.0), ("runge_kutta", 20.0)]
 )

@@ -222,6 +222,7 @@ def test_bad_input_is_refused_before_the_first_member(change: dict[str, Any], sa
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_the_command_writes_table_and_pictures_and_goes_on(tmp_path: Path) -> None:
     seen = tmp_path / "seen.csv"

@@ -174,6 +174,31 @@ def test_members_that_fit_far_better_than_their_parents_have_weights(tmp_path: P
 
 
 @pytest.mark.compiled
+def test_the_command_weights_a_forecast(tmp_path: Path) -> None:
+    out, seen = tmp_path / "f", tmp_path / "seen.csv"
+    seen.write_text("date,lon,lat\n2020-12-09T16:00,-39.2,-55.0\n")
+    words = [
+        "forecast",
+        str(small_berg(tmp_path)),
+        "--members",
+        "2",
+        "-o",
+        str(out),
+        "--no-map",
+        "-q",
+        "--workers",
+        "0",
+    ]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    said = CliRunner().invoke(app, ["update", str(out), str(seen), "--error", "5", "--no-resample"])
+    assert said.exit_code == 0, said.output
+    weight = open_sweep(out)["weight"].values
+    assert weight.sum() == pytest.approx(2.0)
+    assert np.ptp(weight) > 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
 def test_the_command_weights_a_forecast_and_draws_anew(tmp_path: Path) -> None:
     out, seen = tmp_path / "f", tmp_path / "seen.csv"
     seen.write_text("date,lon,lat\n2020-12-09T16:00,-39.2,-55.0\n")

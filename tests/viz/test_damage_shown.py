@@ -120,6 +120,7 @@ def test_plot_draws_damage_where_it_is_on(folder: Path, plain: Path, tmp_path: P
     assert (result.exit_code, "no damage" in result.output) == (2, True)
 
 
+@pytest.mark.slow
 def test_the_replay_has_the_largest_damage_of_each_element_and_what_is_left(run: xr.Dataset, plain: Path) -> None:
     data = ReplayContent(run, title="", observed={}).data()
     shown = unpack(data["elements"]["damage"])

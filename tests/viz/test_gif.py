@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 
@@ -55,6 +56,7 @@ def test_water_keeps_its_shades_beside_the_exact_colours() -> None:
     assert len(np.unique(np.asarray(shown).reshape(-1, 3), axis=0)) <= COLOURS
 
 
+@pytest.mark.slow
 def test_a_fragment_has_its_colour_from_its_birth_on(tmp_path: Path) -> None:
     FakeModel().advance(2, recorders=[RunWriter(tmp_path / "run.nc", every_hours=6)])
     with open_run(tmp_path) as run:

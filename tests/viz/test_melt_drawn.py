@@ -36,6 +36,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return melting(tmp_path_factory.mktemp("melt") / "run.nc")
 
 
+@pytest.mark.slow
 def test_colours_are_the_thickness_lost(run: xr.Dataset) -> None:
     ax, _, _ = draw_melt(run).axes
     (ice,) = [c for c in ax.collections if isinstance(c, PolyCollection) and c.get_array() is not None]

@@ -231,6 +231,7 @@ def test_keys_zoom_and_settings_work_in_a_browser(page: Path) -> None:
         assert errors(browser) == []
 
 
+@pytest.mark.slow
 def test_the_page_draws_every_shape_and_place(tmp_path: Path) -> None:
     """Hexagons, metres, no water: no browser error either."""
     from riftberg.parameters import A68A_2022

@@ -114,6 +114,7 @@ def figures_of(monkeypatch: pytest.MonkeyPatch, module: Any) -> list[Figure]:
 # ---- places ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_metres_are_not_folded_by_the_period_of_degrees(tmp_path: Path) -> None:
     """Bug: with the default period x was folded modulo 360 m; a beam along x stood upright in the picture."""
     assert Parameters(earth={"latlon": False}).earth.period == 0.0
@@ -130,6 +131,7 @@ def test_metres_are_not_folded_by_the_period_of_degrees(tmp_path: Path) -> None:
         assert across == pytest.approx(2 * SIDE, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_no_line_crosses_the_seam_of_a_channel(tmp_path: Path) -> None:
     """Bug: each time the berg came round, its track ran back through the whole channel, and so did its elements."""
     run = finished(Channel(), tmp_path, 8.0)
@@ -313,6 +315,7 @@ def test_a_break_near_the_end_has_its_date(tmp_path: Path) -> None:
     assert any("breaks 10 Dec 13:00" in title for title in titles), titles
 
 
+@pytest.mark.slow
 def test_what_is_hatched_is_explained_wherever_it_is_drawn(
     run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
