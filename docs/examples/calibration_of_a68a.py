@@ -81,7 +81,8 @@ if __name__ == "__main__":
     given = parser.parse_args()
     began, folder = (
         time.process_time(),
-        given.folder / ("errors" if given.errors else "sharp" if given.sharp else "finger" if given.finger else "fitted"),
+        given.folder
+        / ("errors" if given.errors else "sharp" if given.sharp else "finger" if given.finger else "fitted"),
     )
     seen = Observations(
         "outlines", [outline for outline in read_observed(given.observed).outlines if outline.when < LAST]

@@ -197,9 +197,9 @@ def test_units_that_cannot_be_turned_end_all_ranks(tmp_path: Path) -> None:
 @coupled
 def test_a_partner_that_never_comes_ends_the_wait_in_the_coupler(tmp_path: Path) -> None:
     """The coupler holds Python's lock there: no thread of Python would come to its turn."""
-    coupling_file(tmp_path, wait=4)
+    coupling_file(tmp_path, wait=2)
     printed = fails(tmp_path, fault="never defines")
-    assert printed.count("Error: waited 4 s for ") == 1
+    assert printed.count("Error: waited 2 s for ") == 1
 
 
 @coupled

@@ -44,7 +44,7 @@ def couple(
     quiet: Quiet = False,
 ) -> None:  # fmt: skip
     """Run an experiment beside an ocean model, through the coupler YAC; ends with a restart file for the next run."""
-    from riftberg.cli.run import RESULTS, RunOptions, Session, _built
+    from riftberg.cli.run import RESULTS, RunOptions, Session, built
     from riftberg.coupling.fields import OceanForcing
     from riftberg.coupling.yac import YacComponent, ending_all_ranks, ocean_beside, read_coupling
 
@@ -54,7 +54,7 @@ def couple(
         options = replace(options, ocean=lambda forcing, parameters: ocean_beside(forcing, coupling, parameters))
         words = ["riftberg", *context.find_root().obj]
         wanted = RunOptions(output, every, False, map_, quiet, None, None, 0.0, words, experiment, data, settings or [])
-        model, info, _ = _built(experiment, options, resume, wanted)
+        model, info, _ = built(experiment, options, resume, wanted)
         if not isinstance(model.forcing, OceanForcing):
             raise InputError(f"{experiment} has its own ocean", where="couple", remedy="Name an experiment file (YAML)")
         folder = output_folder(output, info.name)

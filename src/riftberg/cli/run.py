@@ -219,7 +219,7 @@ def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path
             where="--output",
             remedy="Leave --output out, or name a file to resume",
         )
-    model, info, parameters = _built(experiment, options, resume, wanted)
+    model, info, parameters = built(experiment, options, resume, wanted)
     info = wanted.added_to(info)
     _print_notices(info, model, options, wanted)
     # A state knows the parameters that were set for it, and takes no others.
@@ -324,7 +324,7 @@ def _beside(folder: Path) -> Path:
     return free
 
 
-def _built(
+def built(
     experiment: str, options: Options, resume: Path | None, wanted: RunOptions
 ) -> tuple[Model, Info, Parameters]:
     """Return the model at its start or where it goes on, and the parameters of the experiment."""
