@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.cli.main import app
-from riftberg.config.usual_ranges import LAWS, USUAL, without_effect
+from riftberg.config.usual_ranges import LAWS, USUAL, of_length, without_effect
 from riftberg.experiments import Options, build
 from riftberg.ocean import formulas
 from riftberg.ocean.grid import Grid
@@ -214,6 +214,32 @@ def test_run_and_doctor_tell_the_same_once(tmp_path: Path) -> None:
         "records every 0.75 h are no whole number of long steps (0.5 h)",
     ):
         assert run.stderr.count(words) == asked.output.count(words) == 1
+
+
+@pytest.mark.parametrize(
+    ("days", "step", "end"),
+    [
+        (0.1, 1800.0, "after 5 of them, at 0.104167 days"),
+        (1.0, 50e3, "after 2 of them, at 1.15741 days"),
+        (0.1, 864.0, ""),
+    ],
+)
+def test_an_end_between_two_steps_is_said(days: float, step: float, end: str) -> None:
+    said = of_length(days, Parameters(stepping={"time_step": step}))
+    assert [end in text for text in said] == [True] * bool(end)
+
+
+def test_run_doctor_and_python_say_once_where_a_run_ends(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "end.yaml"
+    path.write_text(EXPERIMENT.replace("days: 0.25", "days: 0.05"))
+    run = CliRunner().invoke(app, ["run", str(path), "-q", "--no-map", "-o", str(tmp_path / "out")])
+    asked = CliRunner().invoke(app, ["doctor", "--for", str(path)])
+    words = "0.05 days are no whole number of time steps of 1800 s: the run ends after 2 of them, at 0.0416667 days"
+    assert run.stderr.count(words) == asked.output.replace("\n", " ").count(words) == 1
+    caplog.clear()
+    with caplog.at_level(logging.WARNING, "riftberg"):
+        Model(berg(), Steady(current=(0.2, 0.0))).run(days=0.05)
+    assert sum(words in record.message for record in caplog.records) == 1
 
 
 def other_value(name: str) -> Any:

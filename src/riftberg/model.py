@@ -17,7 +17,7 @@ from riftberg.bergs.bonded import card, portrait
 from riftberg.bergs.bonding import Metric, count_bonds, refuse_overlap
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.config.units import place_text
-from riftberg.config.usual_ranges import unusual
+from riftberg.config.usual_ranges import of_length, unusual
 from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
 from riftberg.life.motion import MotionLedger
@@ -557,6 +557,9 @@ class BareModel(RunState):
         """
         check_recorders(recorders)
         count = self.check(days, steps=steps)
+        if days is not None:
+            for text in of_length(number(days, "day", where="days"), self.parameters):
+                _LOG.warning(text)
         if self.step_number == 0:
             # The state before the first step is part of the record.
             self._first_visit()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from riftberg.ensembles.sweep import _check_members
-from riftberg.ensembles.vary import Draws, members_of, varied_of
+from riftberg.ensembles.vary import Draws, members_of, order_line, varied_of
 from riftberg.errors import InputError
 from riftberg.experiments import build
 
@@ -124,3 +124,13 @@ def test_members_are_plain_values_however_they_are_kept() -> None:
     assert members[1:3] == list(members)[1:3]
     with pytest.raises(IndexError):
         members[4]
+
+
+def test_members_that_follow_an_order_are_said_to() -> None:
+    assert order_line(["start.turn"]) == ""
+    words = order_line(["start.turn", "fracture.normal_strength"])
+    assert "(start.turn, fracture.normal_strength): another order gives other members" in words
+    one, other = (members_of(varied_of(vary), Draws(4)) for vary in (
+        ["start.turn~normal(0, 5)", "start.size~normal(1, 0.1)"], ["start.size~normal(1, 0.1)", "start.turn~normal(0, 5)"]
+    ))  # fmt: skip
+    assert [member["start.turn"] for member in one] != [member["start.turn"] for member in other]

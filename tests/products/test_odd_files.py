@@ -23,6 +23,7 @@ from riftberg.ocean.datasets import DatasetForcing
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
+from riftberg.products import open_product
 from riftberg.products.registry import in_memory, open_all
 from riftberg.state import Elements, new_elements
 
@@ -722,6 +723,14 @@ def test_dates_of_model_calendars(tmp_path: Path, calendar: str) -> None:
     told = {"units": "days since 2020-01-01", "calendar": calendar}
     ds = plain(names=("uo", "vo")).drop_vars("time")
     arrives(written(tmp_path, ds.assign_coords(time=("time", day + 0.5 * np.arange(4), told))), ("uo", "vo"))
+
+
+@pytest.mark.parametrize(("calendar", "said"), [("julian", True), ("noleap", True), ("standard", False)])
+def test_dates_of_another_calendar_are_said_to_be_taken_as_written(tmp_path: Path, calendar: str, said: bool) -> None:
+    ds = plain(names=("uo", "vo")).drop_vars("time")
+    told = {"units": "days since 2020-01-01", "calendar": calendar}
+    opened = open_product(written(tmp_path, ds.assign_coords(time=("time", 349 + 0.5 * np.arange(4), told))))
+    assert (f"the calendar {calendar}, and are taken as they are written" in opened.attrs.get("doubt", "")) == said
 
 
 @pytest.mark.parametrize("units", ["days since 0000-01-01 00:00:00", "days since -4713-01-01 12:00:00"])

@@ -210,11 +210,15 @@ def resumed(folder: Path, experiment: str | None = None, members: int | None = N
 
 def _run(store: Store, shared: EnsembleOptions, *, draw: bool) -> None:
     """Run the members that are not done, and write and print the result."""
+    from riftberg.ensembles.vary import order_line
+
     if not shared.quiet:
         plan = store.plan
         varied = ", ".join(v.told() for v in plan.varied)
         done = f", {len(store.done)} are done" if store.done else ""
         say(f"{len(plan.members)} members ({varied}), {duration_text(plan.days)} each{done}")
+        if note := order_line([v.name for v in plan.varied]):
+            say(note)
     with results_folder(store.folder, SWEEP_FILES):
         result = run_members(store, "sweep", shared)
     files = ["sweep.nc", "sweep.json", *(["cells/"] if store.plan.cells is not None else [])]
@@ -302,6 +306,7 @@ def forecast(
     from riftberg.ensembles.forecast import errors_line, forecast_plan
     from riftberg.ensembles.probability import notes, told
     from riftberg.ensembles.sweep import WEIGHTS, draws_of
+    from riftberg.ensembles.vary import order_line
 
     def make(experiment: str) -> Plan:
         draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
@@ -316,6 +321,8 @@ def forecast(
             store = opened(context, "forecast", experiment, make, FORECAST_FILES, shared, members, part)
         if not shared.quiet:
             say(errors_line(store.plan.varied))
+            if note := order_line([text.partition("~")[0].partition("=")[0] for text in vary or ()]):
+                say(note)
             if map_:
                 store.look = partial(first_picture, path=store.folder / "forecast.png")
             for v in store.plan.varied:

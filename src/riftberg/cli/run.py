@@ -278,14 +278,15 @@ def _print_notices(info: Info, model: Model, options: Options, wanted: RunOption
 
 def notices_of(info: Info, model: Model, options: Options, hours: float) -> list[str]:
     """Return what should be known before a run, a sentence each; of a test case no usual ranges but of what was changed."""
-    from riftberg.config.usual_ranges import of_records
+    from riftberg.config.usual_ranges import of_length, of_records
 
     changed = {f"{group}.{name}" for group, values in options.changes.items() for name in values}
     unusual = getattr(model, "unusual", {})
     as_meant = {text for name, text in unusual.items() if info.test_case and name not in changed}
-    days = info.days if options.days is None else options.days
+    left = (info.days if options.days is None else options.days) - model.time / 86400.0
     unmeant = [text for text in getattr(model, "notices", ()) if text not in as_meant]
-    return [*info.notices, *unmeant, *of_records(hours, days - model.time / 86400.0, model.parameters)]
+    of_end = of_length(left, model.parameters)
+    return [*info.notices, *unmeant, *of_end, *of_records(hours, left, model.parameters)]
 
 
 def check_start(model: Model, days: float, every_hours: float) -> None:

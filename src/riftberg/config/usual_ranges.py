@@ -198,6 +198,19 @@ def of_records(hours: float, days: float, parameters: Any) -> list[str]:
     return said
 
 
+def of_length(days: float, parameters: Any) -> list[str]:
+    """Return where a run of some days ends if these are no whole number of time steps, a sentence."""
+    step = parameters.stepping.time_step
+    steps = 86400.0 * days / step
+    count = round(steps)
+    if count < 1 or abs(steps - count) <= 1e-6 * steps:
+        return []
+    return [
+        f"{days:g} days are no whole number of time steps of {step:g} s: the run ends after {count} of them, at "
+        f"{count * step / 86400.0:.6g} days"
+    ]
+
+
 _DEPTHS: Final = ("water", "plain", "middle")
 """What the classes of forcing call the depth that they are given."""
 

@@ -67,6 +67,13 @@ class Varied:
         return f"{self.name} ({self.distribution.described(self.unit)})"
 
 
+def order_line(names: Sequence[str]) -> str:
+    """Return that members follow the order in which inputs are varied, where there are several; else nothing."""
+    if len(names) < 2:
+        return ""
+    return f"Members follow the order of --vary ({', '.join(names)}): another order gives other members"
+
+
 def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) -> tuple[Varied, ...]:
     """Read what is to be varied."""
     pairs = vary.items() if isinstance(vary, Mapping) else [_split(text) for text in _texts(vary)]

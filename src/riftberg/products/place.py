@@ -495,6 +495,9 @@ def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
     """
     time, values = ds["time"], ds["time"].values
     if time.dtype == object:
+        calendar = str(getattr(np.ravel(values)[0], "calendar", "standard")) if time.size else "standard"
+        if calendar not in ("standard", "gregorian", "proleptic_gregorian"):
+            ds = noted(ds, doubt=f"its dates are those of the calendar {calendar}, and are taken as they are written")
         stamps = [_by_label(date, where) for date in np.atleast_1d(values)]
         values = np.array(stamps, dtype="datetime64[us]").reshape(time.shape)
     values = nanoseconds(values, where=where, kind=ForcingError, remedy=_OTHER_YEARS)
