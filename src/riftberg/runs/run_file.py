@@ -187,12 +187,10 @@ class RunWriter:
                 self._take_up_file(model)
             else:
                 self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
-                # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
-                with replacing(self.path) as part, open_netcdf(part, "w") as file:
-                    self._define(file, model)
-                self._made = True
             self._take_up(model)
-            self._flush(model)
+            # A new file takes the place of an old one with its first record, not before.
+            self._flush(model, new=not self.goes_on)
+            self._made = not self.goes_on
         except BaseException:
             self._taken.give_back()
             raise
@@ -332,12 +330,15 @@ class RunWriter:
                 self._tracks.append(berg_rows(old["time"][block], layout.latest | columns, model.parameters))
         self._lay_out_anew(model)
 
-    def _flush(self, model: BareModel, *, last: bool = False) -> None:
+    def _flush(self, model: BareModel, *, new: bool = False, last: bool = False) -> None:
         before = clock.monotonic()
         try:
-            if self._layout.outgrown:
+            if self._layout.outgrown and not new:
                 self._lay_out_anew(model)
-            with replacing(self.path, copy=True) as copy, open_netcdf(copy, "a") as file:
+            # Never an old file emptied: HDF5 refuses to write what this process still has open for reading.
+            with replacing(self.path, copy=not new) as copy, open_netcdf(copy, "w" if new else "a") as file:
+                if new:
+                    self._define(file, model)
                 file.set_auto_mask(False)
                 self._write(file, model)
                 if last and self._tracks and self._add_tracks:  # a berg lies in one piece, and cannot be appended to
