@@ -282,6 +282,13 @@ class Exchange:
             go_back()
             raise
 
+    def show(self, given: Mapping[str, Any] | xr.Dataset) -> None:
+        """Hand fields over without a step: bergs at their start, and a record of it, meet this ocean and not one at rest."""
+        arrays = self._arrays(given)
+        self.forcing.put(
+            self._fields({name: a for name, a in arrays.items() if name in {*Fields._fields, "taux", "tauy"}})
+        )
+
     def _checkpoint(self) -> Callable[[], None]:
         """Return what brings back bergs, stores and budget as they are now."""
         go_back = self.model.checkpoint()

@@ -224,6 +224,9 @@ class YacComponent:
         self._outward = {
             lag: [port for port in ports if port.name in GIVEN and self._lag(port) == lag] for lag in (0, 1)
         }
+        self._meet()  # before the first record, and before bergs at their start look around
+        self.exchange.show(self.taken)
+        self._met = True
 
     def run(self, recorders: Sequence[Recorder] = ()) -> None:
         """Run to the end date of the coupling, calling the recorders after each exchange."""
@@ -232,16 +235,23 @@ class YacComponent:
 
     def step(self) -> xr.Dataset:
         """Take one step with the ocean; return what it gets (see `riftberg.coupling.exchange.Exchange.step`)."""
-        # Dates decide: without a lag the ocean gets at a date what bergs gave in the step before, and both run at once; with a
-        # lag of one step, whose date is the end of this step, it waits for what they give in it.
-        arrays, kept = self.exchange.grid.arrays, self.exchange.model.remembered
-        self._put(0, kept.get(LAST_GIVEN, np.zeros((len(GIVEN), arrays.nj, arrays.ni))))
-        for port in self._inward:
-            self._get(port)
-        given = self.exchange.step(self.taken)
+        if not self._met:
+            self._meet()
+        self._met = False
+        given, kept = self.exchange.step(self.taken), self.exchange.model.remembered
         kept[LAST_GIVEN] = np.stack([given[quantity.short].values for quantity in GIVEN.values()])
         self._put(1, kept[LAST_GIVEN])
         return given
+
+    def _meet(self) -> None:
+        """Exchange what has the date at which a step begins."""
+        # Dates decide: without a lag the ocean gets at a date what bergs gave in the step before, and both run at once; with a
+        # lag of one step, whose date is the end of this step, it waits for what they give in it.
+        arrays = self.exchange.grid.arrays
+        zero = np.zeros((len(GIVEN), arrays.nj, arrays.ni))
+        self._put(0, self.exchange.model.remembered.get(LAST_GIVEN, zero))
+        for port in self._inward:
+            self._get(port)
 
     def close(self) -> None:
         """Leave the coupler."""
