@@ -22,8 +22,7 @@ from riftberg.cli.options import (
 )
 from riftberg.errors import InputError
 
-RESTART = "end.restart.nc"
-"""Restart file at the end of a coupled run."""
+RESTART = "end.restart.nc"  # Written at the end of a coupled run
 
 
 @reported

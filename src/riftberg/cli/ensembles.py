@@ -332,7 +332,7 @@ def forecast(
             result = run_members(store, "forecast", shared)
         if (store.folder / WEIGHTS).exists() and not store.weights():
             say("Weights of earlier sightings do not hold for members that were added: use riftberg update once more")
-        files = list(FORECAST_FILES[:-1])
+        files = [name for name in FORECAST_FILES[:-1] if (store.folder / name).exists()]
         some_done = bool((result["status"] == 0).any())
         if store.own and not some_done:
             message = next((str(text) for text in result["message"].values if text), "")

@@ -325,9 +325,7 @@ def _beside(folder: Path) -> Path:
     return free
 
 
-def built(
-    experiment: str, options: Options, resume: Path | None, wanted: RunOptions
-) -> tuple[Model, Info, Parameters]:
+def built(experiment: str, options: Options, resume: Path | None, wanted: RunOptions) -> tuple[Model, Info, Parameters]:
     """Return the model at its start or where it goes on, and the parameters of the experiment."""
     from riftberg.ensembles.uncertain import with_errors
     from riftberg.experiments import build

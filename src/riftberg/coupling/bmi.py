@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.config.values import key, number
-from riftberg.coupling.box import Box, section
-from riftberg.coupling.exchange import Exchange, ocean_grid
+from riftberg.coupling.exchange import Box, Exchange, read_section
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
@@ -102,9 +101,8 @@ class BmiRiftberg(Bmi):
         """
         said = _read(Path(config_file))
         box: Basin = said["grid"]
-        lon, lat = box.corners()
-        grid = ocean_grid(lon, lat, edge=box.edge)
-        self._spacing = (float(lat[1, 0] - lat[0, 0]), float(lon[0, 1] - lon[0, 0]))
+        grid = box.cells()
+        self._spacing = (box.north - box.south) / box.rows, (box.east - box.west) / box.columns
         self._origin = (box.south + 0.5 * self._spacing[0], box.west + 0.5 * self._spacing[1])
         self._shape = box.rows, box.columns
         forcing = OceanForcing(grid, grid.fields(depth=box.depth))
@@ -340,4 +338,4 @@ def _read(path: Path) -> dict[str, Any]:
             raise InputError(
                 f"section {name!r} is no list of names and values", where=str(path), remedy="See the how-to page"
             )
-    return {**said, "grid": section(Basin, said["grid"], where=f"{path}, grid")}
+    return {**said, "grid": read_section(Basin, said["grid"], where=f"{path}, grid")}

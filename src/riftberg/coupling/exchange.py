@@ -6,14 +6,15 @@ import logging
 import math
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import xarray as xr
+from pydantic import ValidationError
 from scipy.spatial import cKDTree
 
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.config.values import number
+from riftberg.config.values import Section, explained, key, number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
 from riftberg.coupling.shelf import IceShelf, Shares, shares_of
@@ -91,6 +92,7 @@ STORES: Final = "exchange_"
 """Beginning of the names under which a restart keeps stores and ledger of the exchange."""
 
 Edge = Literal["open", "closed"]
+Kind = TypeVar("Kind", bound=Section)
 
 FITS: Final = 1e-9
 """How closely the steps of ocean and bergs must fit, as part of a step."""
@@ -279,6 +281,13 @@ class Exchange:
         except BaseException:
             go_back()
             raise
+
+    def show(self, given: Mapping[str, Any] | xr.Dataset) -> None:
+        """Hand fields over without a step: bergs at their start, and a record of it, meet this ocean and not one at rest."""
+        arrays = self._arrays(given)
+        self.forcing.put(
+            self._fields({name: a for name, a in arrays.items() if name in {*Fields._fields, "taux", "tauy"}})
+        )
 
     def _checkpoint(self) -> Callable[[], None]:
         """Return what brings back bergs, stores and budget as they are now."""
@@ -678,3 +687,36 @@ def ocean_grid(
             raise InputError("areas of cells that are not positive numbers on the grid", where="ocean_grid")
         grid.arrays.area[:] = grid.extended(areas)
     return grid
+
+
+class Box(Section):
+    """Cells of longitude and latitude in a box, as files of couplings give it in their section ``grid``."""
+
+    west: float = key(..., "degree", "western edge", ge=-360, le=360)
+    east: float = key(..., "degree", "eastern edge", ge=-360, le=720)
+    south: float = key(..., "degree", "southern edge", ge=-90, le=90)
+    north: float = key(..., "degree", "northern edge", ge=-90, le=90)
+    columns: int = key(..., "", "cells from west to east", ge=1, le=10_000)
+    rows: int = key(..., "", "cells from south to north", ge=1, le=10_000)
+    edge: Edge = key("open", "", "open: bergs leave over it; closed: a coast")
+
+    def cells(self, **options: Any) -> Grid:
+        """Return its grid; options are those of `ocean_grid`."""
+        if not (self.west < self.east and self.south < self.north):
+            raise InputError(
+                f"no cells from {self.west:g} to {self.east:g} and {self.south:g} to {self.north:g} degrees", where="grid",
+                remedy="Give west below east and south below north",
+            )  # fmt: skip
+        lon, lat = (
+            np.linspace(self.west, self.east, self.columns + 1),
+            np.linspace(self.south, self.north, self.rows + 1),
+        )
+        return ocean_grid(*np.meshgrid(lon, lat), edge=self.edge, **options)
+
+
+def read_section(kind: type[Kind], values: Any, *, where: str) -> Kind:
+    """Return a section of a file; refuse values that cannot be, each by its key."""
+    try:
+        return kind.model_validate(values)
+    except ValidationError as error:
+        raise explained(error, kind, name=where) from error

@@ -22,8 +22,7 @@ import yaml
 from pydantic import model_validator
 
 from riftberg.config.values import Section, UnfitError, key, moment
-from riftberg.coupling.box import Box, section
-from riftberg.coupling.exchange import Exchange, ocean_grid
+from riftberg.coupling.exchange import Box, Exchange, read_section
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing
 from riftberg.errors import InputError, RiftbergError
 from riftberg.model import BareModel, Recorder
@@ -80,7 +79,7 @@ def read_coupling(path: str | Path) -> Coupling:
             remedy="Write calendar: proleptic-gregorian, for all components: bergs have real dates",
         )  # fmt: skip
     start, end = (moment(said[name], where=f"{path}, {name}") for name in ("start_date", "end_date"))
-    return Coupling(path, start, end, section(YacSettings, said.get("riftberg", {}), where=f"{path}, riftberg"))
+    return Coupling(path, start, end, read_section(YacSettings, said.get("riftberg", {}), where=f"{path}, riftberg"))
 
 
 def ocean_beside(forcing: Forcing, coupling: Coupling, parameters: Parameters) -> OceanForcing:
@@ -91,13 +90,12 @@ def ocean_beside(forcing: Forcing, coupling: Coupling, parameters: Parameters) -
             "no grid of longitude and latitude", where=f"{coupling.path}, riftberg.grid",
             remedy="Write grid: {west: -40, east: -36, south: -58, north: -55, columns: 16, rows: 12}, and bergs in degrees",
         )  # fmt: skip
-    options: Any = {"edge": box.edge, "radius_for_metrics": parameters.earth.radius}
-    cells = ocean_grid(*box.corners(), **options)
+    cells = box.cells(radius_for_metrics=parameters.earth.radius)
     depth = forcing.depth(cells.arrays.lon_centre[cells.domain], cells.arrays.lat_centre[cells.domain])
     if np.isnan(depth).all():  # it knows no floor at all, and so no land
         return OceanForcing(cells, cells.fields())
     depth = np.clip(np.nan_to_num(depth), 0.0, DEEP)
-    grid = ocean_grid(*box.corners(), mask=depth > 0.0, **options)
+    grid = box.cells(radius_for_metrics=parameters.earth.radius, mask=depth > 0.0)
     return OceanForcing(grid, grid.fields(depth=depth))
 
 
@@ -155,7 +153,7 @@ def ending_all_ranks() -> Iterator[None]:
             raise
         if isinstance(error, RiftbergError):
             say(f"Error: {error}")
-        else:
+        elif not hasattr(error, "exit_code"):  # of a command, which has said why
             traceback.print_exc()
         mpi.COMM_WORLD.Abort(2)
 
@@ -226,6 +224,9 @@ class YacComponent:
         self._outward = {
             lag: [port for port in ports if port.name in GIVEN and self._lag(port) == lag] for lag in (0, 1)
         }
+        self._meet()  # before the first record, and before bergs at their start look around
+        self.exchange.show(self.taken)
+        self._met = True
 
     def run(self, recorders: Sequence[Recorder] = ()) -> None:
         """Run to the end date of the coupling, calling the recorders after each exchange."""
@@ -234,16 +235,23 @@ class YacComponent:
 
     def step(self) -> xr.Dataset:
         """Take one step with the ocean; return what it gets (see `riftberg.coupling.exchange.Exchange.step`)."""
-        # Dates decide: without a lag the ocean gets at a date what bergs gave in the step before, and both run at once; with a
-        # lag of one step, whose date is the end of this step, it waits for what they give in it.
-        arrays, kept = self.exchange.grid.arrays, self.exchange.model.remembered
-        self._put(0, kept.get(LAST_GIVEN, np.zeros((len(GIVEN), arrays.nj, arrays.ni))))
-        for port in self._inward:
-            self._get(port)
-        given = self.exchange.step(self.taken)
+        if not self._met:
+            self._meet()
+        self._met = False
+        given, kept = self.exchange.step(self.taken), self.exchange.model.remembered
         kept[LAST_GIVEN] = np.stack([given[quantity.short].values for quantity in GIVEN.values()])
         self._put(1, kept[LAST_GIVEN])
         return given
+
+    def _meet(self) -> None:
+        """Exchange what has the date at which a step begins."""
+        # Dates decide: without a lag the ocean gets at a date what bergs gave in the step before, and both run at once; with a
+        # lag of one step, whose date is the end of this step, it waits for what they give in it.
+        arrays = self.exchange.grid.arrays
+        zero = np.zeros((len(GIVEN), arrays.nj, arrays.ni))
+        self._put(0, self.exchange.model.remembered.get(LAST_GIVEN, zero))
+        for port in self._inward:
+            self._get(port)
 
     def close(self) -> None:
         """Leave the coupler."""
