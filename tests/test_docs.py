@@ -24,7 +24,12 @@ from scripts import loaded
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(
-    [*ROOT.glob("*.md"), *DOCS.rglob("*.md"), *(ROOT / "benchmarks").glob("*.md")], key=lambda path: path.as_posix()
+    [
+        *ROOT.glob("*.md"),
+        *(path for path in DOCS.rglob("*.md") if path.parent.name != "made-notebooks"),  # made with the site
+        *(ROOT / "benchmarks").glob("*.md"),
+    ],
+    key=lambda path: path.as_posix(),
 )
 NAMES = [path.relative_to(ROOT).as_posix() for path in PAGES]
 QUIRKS = DOCS / "evidence" / "quirks.md"
