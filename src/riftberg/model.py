@@ -20,6 +20,7 @@ from riftberg.config.units import place_text
 from riftberg.config.usual_ranges import of_length, unusual
 from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
+from riftberg.life.coming import COMING, bear, coming, coming_text, parted_by_date
 from riftberg.life.motion import MotionLedger
 from riftberg.life.process import LifeProcess, check_water, lives
 from riftberg.ocean.floor_notices import floor_notices
@@ -138,10 +139,12 @@ class BareModel(RunState):
         # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
         packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)
-        sized = _with_constant_size(packed, elements, bonds)
-        self._begin(
-            Population(elements, bonds), forcing, sized, began, bergs=berg.bergs, outlines=berg.outlines, laws=laws
+        there, named, later = (
+            parted_by_date(elements, berg.dates, began, berg.bergs) if berg.dates else (elements, berg.bergs, {})
         )
+        sized = _with_constant_size(packed, there, bonds)
+        self._begin(Population(there, bonds), forcing, sized, began, bergs=named, outlines=berg.outlines, laws=laws)
+        self.remembered = later
         # Runs with the reference's quirks must run as they stand, and bergs that do not act on each other may overlap.
         if not asked.compatibility.zero_start and asked.stepping.interactions:
             earth = asked.earth
@@ -363,7 +366,7 @@ class BareModel(RunState):
             self._first_visit()
         self._follow_changes()
         # A scheme alone changes neither rows nor sizes, so half of the copies are spared.
-        stepped_only = self.life is None and not self.after_step
+        stepped_only = self.life is None and not self.after_step and COMING not in self.remembered
         self._saved = saved = self.population.saved(stepped_only=stepped_only, into=self._saved)
         before = self._before(saved)
         try:
@@ -394,9 +397,10 @@ class BareModel(RunState):
                 # Melt and calving act on what the step has moved, and the processes of the user on what they left.
                 self.life.act(self)
                 self.motion.changed(self, "life", self.remembered)
+            bear(self)
             for process in self.after_step:
                 process(self)
-            if self.life is not None or self.after_step:  # a scheme changes neither rows nor sizes
+            if not stepped_only:  # a scheme changes neither rows nor sizes
                 self._follow_changes()
         except BaseException:  # whatever it was, an interrupt too: the state must stay one that can be saved
             self._go_back(*before)
@@ -517,7 +521,14 @@ class BareModel(RunState):
         """Raise `ForcingError` unless the forcing covers the berg for some steps from now."""
         if self.forcing.grid is not None and self.step_number == 0:
             self.forcing.grid.locate(self.elements)
-        self.forcing.check(self.elements, self.time, self.time + steps * self.parameters.stepping.time_step)
+        end = self.time + steps * self.parameters.stepping.time_step
+        self.forcing.check(self.elements, self.time, end)
+        times, later = coming(self.remembered)
+        if (born := times <= end).any():
+            late = later.taken(np.flatnonzero(born))
+            if self.forcing.grid is not None:
+                self.forcing.grid.locate(late)
+            self.forcing.check(late, self.time, end)
 
     def _first_visit(self) -> None:
         """Place the elements on the grid, number the bergs and take the first environment."""
@@ -687,6 +698,7 @@ class BareModel(RunState):
             f"Model at {self.date:%Y-%m-%d %H:%M}, step {self.step_number} of {p.stepping.time_step:g} s "
             f"({self.substeps} sub-steps, scheme {p.stepping.scheme})",
             f"  {self.elements.mass.size} elements, {self.bonds.first.size} bonds, {self.bonds_broken} broken",
+            *([f"  {text}"] if (text := coming_text(self.remembered, self.start)) else []),
         ]
 
 

@@ -38,8 +38,8 @@ def test_elements_go_round_with_their_body() -> None:
 def forcing(count: int, **changes: Any) -> ElementForcing:
     zero = np.zeros(count)
     made = ElementForcing(
-        np.zeros((count, len(MEDIA), len(Medium._fields))), zero, zero + 1e9, zero + 1e14, *[zero] * 7,
-        True, False,
+        np.zeros((count, len(MEDIA), len(Medium._fields))), zero, zero + 1e9, zero + 1e14, *[zero] * 5,
+        np.zeros((count, 0, 4)), zero, zero, zero, True, False,
     )  # fmt: skip
     return made._replace(**changes)
 
@@ -73,10 +73,11 @@ def test_the_jacobian_is_the_derivative_of_the_force() -> None:
     """For any levers: on the sphere all nine of an element count."""
     random = np.random.default_rng(5)
     m = np.zeros((3, 11))
-    m[:, :9] = random.normal(size=(3, 9))
+    m[:] = random.normal(size=(3, 11))
     how = forcing(
         3, coriolis=random.normal(size=3), mass=random.uniform(1.0, 2.0, 3), inertia=random.uniform(1.0, 2.0, 3),
         spin_drag=random.uniform(0.5, 1.0, 3), water_spin=random.normal(size=3) * 0.1,
+        sides=random.uniform(0.2, 1.0, (3, 2, 4)), side_drag=random.uniform(0.5, 1.0, 3),
     )  # fmt: skip
     how.media[:] = random.uniform(0.1, 0.5, how.media.shape)
     how.media[..., LIMIT] = 0.0  # a pack that yields has a corner there

@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from typer.testing import CliRunner
 
 from riftberg.cli.main import app
 from riftberg.errors import InputError
+from riftberg.ocean import files_forcing
 from riftberg.verification.suite import read_suite, tables
 
 FIRST = datetime(2025, 10, 1)
@@ -218,11 +220,40 @@ def test_the_command_writes_numbers_page_picture_and_starts(tmp_path: Path) -> N
     assert "Licence: none needed" in page
     assert json.loads((out / "suite.json").read_text())["cases"][0]["reference"] == "half"
     with (out / "cases.csv").open() as file:
-        assert len(list(csv.DictReader(file))) == 24
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 24
+    assert {row["case"] for row in rows} == {"made"}
     assert (out / "suite.png").stat().st_size > 10_000
     both = CliRunner().invoke(app, ["verify-tracks", str(folder), "--suite", str(folder)])
     assert both.exit_code != 0
     assert "TRACKS, or --suite" in both.output
+
+
+def test_files_of_a_case_are_opened_once_for_all_starts_and_entrants(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each start of each entrant opened them anew."""
+    folder = write_suite(
+        tmp_path, CASE.replace("forcing: {along: forcing.csv}", "forcing: {kind: files, files: [sea.nc]}")
+    )
+    times = np.datetime64("2025-09-30", "ns") + np.arange(0, 170, 24) * np.timedelta64(3600 * 10**9, "ns")
+    axes = {"time": times, "lat": np.linspace(-63.0, -57.0, 13), "lon": np.linspace(174.0, 186.0, 25)}
+    sea = xr.Dataset(coords={"time": times, "lat": ("lat", axes["lat"], {"units": "degrees_north"}),
+                             "lon": ("lon", axes["lon"], {"units": "degrees_east"})})  # fmt: skip
+    for name, way in (("uo", "eastward"), ("vo", "northward")):
+        values = np.full([array.size for array in axes.values()], 0.1 * (name == "uo"))
+        sea[name] = tuple(axes), values, {"standard_name": f"{way}_sea_water_velocity", "units": "m s-1"}
+    sea.to_netcdf(folder / "made" / "sea.nc")
+    opened, real = [], files_forcing.open_named
+
+    def counted(*args: Any) -> Any:
+        opened.append(args)
+        return real(*args)
+
+    monkeypatch.setattr(files_forcing, "open_named", counted)
+    result = table(folder, "staying put", "current", "riftberg", "riftberg forcing.sea_level=none")
+    assert len(opened) == 1
+    assert row(result, 1.0)["starts"] == 12
 
 
 # ---- observed bergs ---------------------------------------------------------------------------------------------------------

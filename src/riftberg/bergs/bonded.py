@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
@@ -74,6 +75,7 @@ class BondedBerg:
     density: float = 850.0
     bergs: tuple[tuple[str, int], ...] = ()
     outlines: tuple[Any, ...] = ()
+    dates: tuple[datetime, ...] = ()
 
     def __repr__(self) -> str:
         e = self.elements
@@ -326,6 +328,11 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
                 f"bergs with {what} {one}{unit} and {other}{unit}", where="Iceberg.join",
                 remedy="All bergs of a run have the same",
             )  # fmt: skip
+    if any(berg.dates for berg in parts):
+        raise BergError(
+            "a cloud whose bergs have dates stands alone", where="Iceberg.join",
+            remedy="Leave its dates out, or run it by itself",
+        )  # fmt: skip
     named = _named(parts, names)
     called = [name for name, _ in named]
     shown = ", ".join(called) if len(called) <= 6 else f"{', '.join(called[:5])} and {len(called) - 5} more"

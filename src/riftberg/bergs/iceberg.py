@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
+from itertools import pairwise
 from typing import Any, Final, Literal, Unpack
 
 import numpy as np
@@ -62,9 +64,9 @@ from riftberg.bergs.regions import (
     relax,
     turned,
 )
-from riftberg.config.values import check_place, flag, given, native, number, numbers
+from riftberg.config.values import check_place, flag, given, moment, native, number, numbers
 from riftberg.constants import DEGREE
-from riftberg.errors import BergError, placed_in
+from riftberg.errors import BergError, InputError, placed_in
 from riftberg.plane import EqualAreaPlane, near
 from riftberg.state import Floats
 from riftberg.system.input_files import check_elements, value_shown
@@ -96,6 +98,8 @@ class Iceberg(BondedBerg):
         Name and number of elements of each berg, in the order of the rows; empty for one without a name.
     outlines : tuple of shapely polygons
         Outline of the ice in the coordinates of the elements, where one is known; elastic cells fill it.
+    dates : tuple of datetime
+        Date (UTC) at which each berg of a cloud comes into being; empty for bergs that are there at the start.
 
     Examples
     --------
@@ -485,13 +489,15 @@ class Iceberg(BondedBerg):
         **options
             ``length`` and ``width`` (m) of each berg, in place of sizes that are drawn; a berg without a width is a square.
             ``overlap``: places are drawn without a look at the other bergs, each stands for one that may be there; for runs
-            with ``stepping.interactions: false``, in which bergs do not act on each other. ``gap``, ``between``, ``density``,
-            ``velocity``, ``latlon``, ``earth_radius``: as for `field`.
+            with ``stepping.interactions: false``, in which bergs do not act on each other. ``dates`` (UTC): when the bergs come
+            into being, one date for all, the first and the last, between which they come evenly, or one for each; a berg comes
+            at the end of the time step that reaches its date, and where bergs act on each other once its place is free.
+            ``gap``, ``between``, ``density``, ``velocity``, ``latlon``, ``earth_radius``: as for `field`.
 
         Raises
         ------
         BergError
-            If so many bergs have no room there.
+            If so many bergs have no room there, or dates do not rise.
 
         Examples
         --------
@@ -502,6 +508,7 @@ class Iceberg(BondedBerg):
         rest: dict[str, Any] = dict(options)
         length, width = rest.pop("length", None), rest.pop("width", None)
         overlap = flag(rest.pop("overlap", False), where="overlap", kind=BergError)
+        dates = rest.pop("dates", None)
         n = given(n, CloudOfBergs, "number", where="n", kind=BergError)
         check_elements(n, kind=BergError)
         radius = given(radius, CloudOfBergs, "radius", kind=BergError)
@@ -535,7 +542,7 @@ class Iceberg(BondedBerg):
         else:  # rectangles of any turn keep clear of each other where their corners do
             x, y = places(0.5 * np.hypot(long, wide), drawn, gap, metric, where="Iceberg.cloud")
         berg = cls._lone_bergs(x, y, long, wide, heights, rest, {}, overlap=overlap)
-        return replace(berg, report={"source": f"cloud of {n} bergs", "seed": seed})
+        return replace(berg, report={"source": f"cloud of {n} bergs", "seed": seed}, dates=dates_of_bergs(dates, n))
 
     @classmethod
     def _lone_bergs(
@@ -730,6 +737,35 @@ TRIES: Final = 2000
 """Places that are tried for a berg before the area counts as full."""
 
 SIZES: Final = ("gladstone", "tournadre")
+
+
+def dates_of_bergs(dates: Any, count: int) -> tuple[datetime, ...]:
+    """Return the date (UTC) at which each of some bergs comes: one for all, first and last, or one for each; none for None.
+
+    Examples
+    --------
+    >>> [str(date) for date in dates_of_bergs(("2020-12-09", "2020-12-11"), 3)]
+    ['2020-12-09 00:00:00', '2020-12-10 00:00:00', '2020-12-11 00:00:00']
+    """
+    if dates is None:
+        return ()
+    given_dates = list(dates) if isinstance(dates, list | tuple | np.ndarray) else [dates]
+    try:
+        known = [moment(date, where="dates") for date in given_dates]
+    except InputError as error:
+        raise BergError(str(error)) from error
+    if len(known) not in (1, 2, count):
+        raise BergError(
+            f"{len(known)} dates for {count} bergs",
+            where="dates",
+            remedy="Give one, the first and the last, or one for each",
+        )
+    if any(late < early for early, late in pairwise(known)):
+        raise BergError("dates do not rise", where="dates", remedy="Give them in their order")
+    if len(known) == count:
+        return tuple(known)
+    span = known[-1] - known[0]
+    return tuple(known[0] + span * (k / max(1, count - 1)) for k in range(count))
 
 
 def areas(count: int, sizes: Any, random: np.random.Generator, between: tuple[float, float]) -> Floats:

@@ -7,10 +7,11 @@ which each of them takes.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Annotated, Any, Literal, TypedDict
 
 import numpy as np
-from pydantic import AfterValidator, ValidationError, model_validator
+from pydantic import AfterValidator, ValidationError, field_validator, model_validator
 
 from riftberg.config.units import looks_like_quantity
 from riftberg.config.values import (
@@ -26,11 +27,12 @@ from riftberg.config.values import (
     explained,
     given,
     key,
+    moment,
     numbers,
     says_metres,
 )
 from riftberg.constants import EARTH_RADIUS_A68, RHO_SEAWATER
-from riftberg.errors import BergError
+from riftberg.errors import BergError, InputError
 from riftberg.parameters import Packing
 
 
@@ -154,6 +156,7 @@ class CloudOptions(FieldOptions, total=False):
     gap: float
     between: tuple[float, float]
     overlap: bool
+    dates: Any
 
 
 def berg_options(options: Mapping[str, Any], kind: type, thickness: Any, **own: Any) -> BergOptions:
@@ -217,7 +220,20 @@ class CloudOfBergs(Section):
     between: Pair = key((0.1e6, 10e6), "m2", "least and largest area of the power law (tournadre)")
     gap: float = key(0.0, "m", "least distance between bergs", ge=0)
     overlap: bool = key(False, "", "draw places without a look at the other bergs, for stepping.interactions: false")
+    dates: list[datetime] | None = key(
+        None,
+        "",
+        "first and last date (UTC) between which the bergs come into being evenly; one in a list for all of them",
+    )
     seed: int = key(1, "", "the same seed gives the same cloud", ge=0)
+
+    @field_validator("dates", mode="before")
+    @classmethod
+    def _as_dates(cls, dates: Any) -> Any:
+        try:
+            return [moment(one, where="") for one in dates] if isinstance(dates, list) else dates
+        except InputError as error:
+            raise UnfitError(error.what, error.remedy) from error
 
     @model_validator(mode="after")
     def _one_kind_of_size(self) -> CloudOfBergs:

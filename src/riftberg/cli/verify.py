@@ -294,7 +294,8 @@ def _verify_suite(
 
         with results_folder(output, SUITE_FILES, taken=SUITE_FILES):
             starts, numbers, page, picture = (output / name for name in SUITE_FILES)
-            write_cases([one for case in cases for one in case.cases], starts)
+            names = [case.file.name for case in cases for _ in case.cases]
+            write_cases([one for case in cases for one in case.cases], starts, names)
             write_json({"cases": result}, numbers)
             write_text(page, as_markdown(result))
             draw_suite(result, picture)

@@ -26,7 +26,7 @@ from riftberg.errors import InputError
 from riftberg.ocean import formulas
 from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.balance import SeaLevel
-from riftberg.ocean.files_schema import FileForcing
+from riftberg.ocean.files_schema import WIND_LAYER, FileForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
 SHAPES = ("outline", "mask", "shelf", "rectangle", "lattice", "points", "seed", "field")
@@ -258,6 +258,7 @@ class SeriesForcing(Section):
         "",
         "files: the slope of the table; geostrophic: that which balances the current; auto: the first, else the second",
     )
+    wind_layer: float = key(0.0, "1", WIND_LAYER, ge=0, le=0.05)
     wind: Literal["files", "none"] = key("files", "", "none leaves the wind out")
 
 
@@ -269,6 +270,7 @@ class OpenDriftForcing(Section):
     trajectory: int | None = key(None, "", "number of the trajectory in a file with several")
     hold: float = key(0.0, "h", "how long the first and last value are held", ge=0)
     sea_level: SeaLevel = key("auto", "", "geostrophic or auto: the slope that balances the current; none: no slope")
+    wind_layer: float = key(0.0, "1", WIND_LAYER, ge=0, le=0.05)
     wind: Literal["files", "none"] = key("files", "", "none leaves the wind out")
 
 

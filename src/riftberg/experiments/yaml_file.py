@@ -533,7 +533,7 @@ def _cloud_of_bergs(berg: Berg, cloud: CloudOfBergs, parameters: Parameters) -> 
     assert berg.placement is not None
     return Iceberg.cloud(
         cloud.number, berg.placement, cloud.radius, length=cloud.length, width=cloud.width, sizes=cloud.sizes,
-        between=cloud.between, gap=cloud.gap, overlap=cloud.overlap, seed=cloud.seed,
+        between=cloud.between, gap=cloud.gap, overlap=cloud.overlap, seed=cloud.seed, dates=cloud.dates,
         thickness=berg.thickness if "thickness" in berg.model_fields_set else None,
         density=parameters.ice.density, velocity=berg.velocity, latlon=parameters.earth.latlon,
         earth_radius=parameters.earth.radius,
@@ -602,7 +602,9 @@ def build_forcing(
 
 def series_forcing(forcing: SeriesForcing | OpenDriftForcing, folder: Path, start: datetime) -> Series:
     """Return the series of a table, or along a trajectory."""
-    options: dict[str, Any] = {"sea_level": forcing.sea_level, "hold": 3600.0 * forcing.hold, "start": start}
+    options: dict[str, Any] = {
+        "sea_level": forcing.sea_level, "wind_layer": forcing.wind_layer, "hold": 3600.0 * forcing.hold, "start": start,
+    }  # fmt: skip
     if forcing.wind == "none":
         options |= {"ua": None, "va": None}
     if isinstance(forcing, OpenDriftForcing):

@@ -8,11 +8,12 @@ one. So the current is averaged over 25 hours, twice, which leaves 1 % of a moti
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
+from riftberg.config.values import number as checked_number
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import FIELD_DEFAULTS
@@ -83,6 +84,47 @@ def balancing_slope(lat: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats]:
     return per_speed * v, -per_speed * u
 
 
+def wind_drift(lat: Floats, ua: Floats, va: Floats, share: float) -> tuple[Floats, Floats]:
+    """Return the current (m s-1) of the wind's own layer: a share of the wind, 45 degrees to its right in the north.
+
+    In the south to its left. No keel of 200 m feels it, and it has no slope.
+
+    Parameters
+    ----------
+    lat : array
+        Latitudes, degrees.
+    ua, va : array
+        Eastward and northward wind at 10 m, m s-1.
+    share : float
+        Speed of the layer over that of the wind.
+    """
+    turn = np.where(np.asarray(lat) < 0.0, 1.0, -1.0)
+    part = share * math.sqrt(0.5)
+    return part * (ua - turn * va), part * (va + turn * ua)
+
+
+MOST_OF_WIND: Final = 0.05
+"""Share of the wind that no drift of the sea surface exceeds."""
+
+
+def share_of_wind(given: Any) -> float:
+    """Return the share of the wind whose layer is taken out of the current."""
+    share = checked_number(given, "1", where="wind_layer", kind=ForcingError)
+    if not 0.0 <= share <= MOST_OF_WIND:
+        raise ForcingError(
+            f"{share:g} is no share of the wind", where="wind_layer", remedy=f"0 to {MOST_OF_WIND:g}, such as 0.005"
+        )
+    return share
+
+
+def layer_text(share: float) -> str:
+    """Return what is taken out of the current."""
+    return (
+        f"wind_layer: {share:g} of the wind, 45 degrees to its left in the south and to its right in the north, is taken out of "
+        "the current and of the slope that balances it"
+    )
+
+
 class Shares(NamedTuple):
     """Weights of neighbouring records in a mean; their sum is 1."""
 
@@ -147,18 +189,18 @@ class _Sums(NamedTuple):
 
 
 class MeanCurrents(ProductRecords):
-    """Currents of other records as means over 25 hours, taken twice, at some of their dates.
+    """Currents of other records, or their winds (``pair``), as means over 25 hours, taken twice, at some of their dates.
 
     Each record is read once and added to the means that hold it; means are kept, so that a further member of an ensemble reads
     none. A mean is a sum over its records in their order, wherever a run began.
     """
 
-    def __init__(self, of: ProductRecords) -> None:
-        self._of = of
+    def __init__(self, of: ProductRecords, pair: tuple[str, str] = ("uo", "vo")) -> None:
+        self._of, self._pair = of, list(pair)
         self._means: dict[int, Block] = {}
         self._open: dict[int, _Sums] = {}
         self._next = -1  # The record that is to be added next to the sums that are open
-        super().__init__(of.ds[["uo", "vo"]], of.start, keel=float(of.limits[-1]))
+        super().__init__(of.ds[self._pair], of.start, keel=float(of.limits[-1]))
         times = np.asarray(of.times)
         numbers, self._shares = shares_of_slow_current(times)
         self.dates, self.times = of.dates[numbers], [float(t) for t in times[numbers]]
@@ -175,7 +217,7 @@ class MeanCurrents(ProductRecords):
         with self._lock:
             self._of.reach(keel)
             if self._of.limits.size != self._limits.size or not self._means:
-                self.ds, self._limits = self._of.ds[["uo", "vo"]], self._of.limits
+                self.ds, self._limits = self._of.ds[self._pair], self._of.limits
                 self._means, self._open, self._next = {}, {}, -1
 
     def check(self, start: float, end: float) -> None:
@@ -237,12 +279,12 @@ class MeanCurrents(ProductRecords):
         self._means = {**{k: self._means[k] for k in spared}, number: mean}
 
 
-def mean_currents(records: ProductRecords) -> ProductRecords:
-    """Return currents as the sea surface balances them: means over 25 hours twice; of a day and longer as they are."""
+def mean_currents(records: ProductRecords, pair: tuple[str, str] = ("uo", "vo")) -> ProductRecords:
+    """Return currents (or winds) as the sea surface balances them: means over 25 hours twice; of a day and longer as they are."""
     times = np.asarray(records.times)
     if times.size < 2 or np.median(np.diff(times)) >= SECONDS_PER_DAY:
         return records
-    return MeanCurrents(records)
+    return MeanCurrents(records, pair)
 
 
 # ---- what is said of it -----------------------------------------------------------------------------------------------------

@@ -21,7 +21,16 @@ from riftberg.config.values import check_names, given, moment, number, required
 from riftberg.constants import EARTH_RADIUS_KID
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
-from riftberg.ocean.balance import MeanCurrents, SeaLevel, balancing_slope, decided, mean_currents
+from riftberg.ocean.balance import (
+    MeanCurrents,
+    SeaLevel,
+    balancing_slope,
+    decided,
+    layer_text,
+    mean_currents,
+    share_of_wind,
+    wind_drift,
+)
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
@@ -117,12 +126,12 @@ def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Pa
     return Part(mesh_of(ds), records := ProductRecords(ds, start, keel=keel), provided_by(records))
 
 
-def balance_of(part: Part) -> Part:
+def balance_of(part: Part, pair: tuple[str, str] = ("uo", "vo")) -> Part:
     """Return the part of currents as means over 25 hours twice, whose geostrophic balance the sea surface keeps."""
-    return Part(part.mesh, mean_currents(part.records), ())
+    return Part(part.mesh, mean_currents(part.records, pair), ())
 
 
-def balance_remarks(balance: Part) -> list[str]:
+def balance_remarks(balance: Part, wind_layer: float) -> list[str]:
     """Return what should be known of a slope that balances these currents: at the ends of their records, near the surface."""
     said = []
     if isinstance(balance.records, MeanCurrents):
@@ -130,7 +139,7 @@ def balance_remarks(balance: Part) -> list[str]:
             "the current is its mean over 25 hours, taken twice: in the first and last 25 hours of the records, of those that "
             "are there"
         )
-    if not balance.records.has_levels and balance.original("uo") not in WITHOUT_WIND_DRIFT:
+    if not balance.records.has_levels and balance.original("uo") not in WITHOUT_WIND_DRIFT and not wind_layer:
         said.append(
             f"{named(balance.records.ds) or balance.source} gives currents near the surface, whose wind drift has no slope: in "
             "ORAS5 this errs by 0.04 m/s, with means over the draft by 0.012 m/s"
@@ -154,6 +163,7 @@ class DatasetOptions(TypedDict, total=False):
     max_gap: Any
     hold: Any
     sea_level: SeaLevel
+    wind_layer: float
     names: Mapping[str, str] | None
 
 
@@ -179,11 +189,15 @@ class DatasetForcing(DescribedForcing):
         Whether that balance was not asked for, but is taken because no sea level is given.
     notices : sequence of str
         What should be known of it before a run.
+    wind_layer : float, optional
+        Share of the wind (at 10 m) that is taken out of currents at the surface, 45 degrees to its left in the south and to its
+        right in the north, and out of the slope that balances them: the drift of the uppermost metres, which no keel feels
+        (`riftberg.ocean.balance.wind_drift`). 0.005 is what made hindcasts of giant bergs better; 0 leaves currents as they are.
 
     Raises
     ------
     ForcingError
-        If two parts give the same field.
+        If two parts give the same field, or ``wind_layer`` is asked of currents on levels or without a wind.
     """
 
     start: datetime | None = None
@@ -200,13 +214,18 @@ class DatasetForcing(DescribedForcing):
         balance: Part | None = None,
         assumes_slope: bool = False,
         notices: Sequence[str] = (),
+        wind_layer: float = 0.0,
     ) -> None:
         wanted = "a list of parts, or take DatasetForcing.from_xarray"
         required(parts, (list, tuple), wanted, where="parts", kind=ForcingError)
         self.parts, self.grid, self.notices = tuple(parts), grid, tuple(notices)
         self._balance, self.assumes_slope = balance, assumes_slope
         self._gaps: float | None = None  # Share of the sea level that is unknown, at start and end of a run
-        self.slope_remarks = () if balance is None else tuple(balance_remarks(balance))
+        self._wind_layer = share_of_wind(wind_layer)
+        self._slow_wind = self._wind_of_layer() if self._wind_layer else None
+        self.slope_remarks = () if balance is None else tuple(balance_remarks(balance, self._wind_layer))
+        if self._wind_layer:
+            self.notices = (*self.notices, layer_text(self._wind_layer))
         self.coastal_drift = number(coastal_drift, "m s-1", where="coastal_drift", kind=ForcingError)
         self.draft = number(draft, "m", where="draft", kind=ForcingError)
         self._density: float = given(ice_density, Ice, "density", where="ice_density", kind=ForcingError)
@@ -220,6 +239,23 @@ class DatasetForcing(DescribedForcing):
                 self.notices = (*self.notices, f"sea_level: geostrophic: {'; '.join(self.slope_remarks)}")
         filled = {variable for name in provided for variable in FILLS[name]}
         self._missing = tuple(name for name in VARIABLES if name not in filled)
+
+    def _wind_of_layer(self) -> Part | None:
+        """Return the wind whose layer is taken out of the slope too; refuse currents that hold no such layer."""
+        wind, currents = self._part_with("ua"), self._part_with("uo")
+        if currents is None or wind is None or "ua" not in wind.records.names:
+            raise ForcingError(
+                "a share of the wind is taken out of the current, and there is no wind (ua, va) or no current",
+                where="wind_layer", remedy="Add data of the wind at 10 m, or leave wind_layer out",
+            )  # fmt: skip
+        if currents.records.has_levels or currents.original("uo") in WITHOUT_WIND_DRIFT:
+            raise ForcingError(
+                f"currents of {currents.source} are no currents at the surface: they hold no layer of the wind's own",
+                where="wind_layer", remedy="Leave it out: it is for products with one level within 15 m of the surface",
+            )  # fmt: skip
+        if self._balance is None or self._balance.records.has_levels:
+            return None
+        return balance_of(wind, ("ua", "va"))
 
     def without_assumed_slope(self) -> DatasetForcing:
         """Return the same forcing without a slope of the sea surface that was not asked for: a sum has another one."""
@@ -355,11 +391,21 @@ class DatasetForcing(DescribedForcing):
                 level = _values(part, "ssh", places, time, unknown=0.0)
         if "depth" not in self._missing:
             elements.depth[:] += level
+        if self._wind_layer:
+            e = elements
+            east, north = wind_drift(e.lat, e.ua, e.va, self._wind_layer)
+            e.uo[:] -= east
+            e.vo[:] -= north
         if self._balance is not None:
             # Fill the slope of the sea surface that is in geostrophic balance with a current; 0 where this is unknown.
             draft = draft_of(elements.body.thickness, self._density) if self._balance.records.has_levels else None
             places = balanced or self._balance.mesh.locate(elements.lon, elements.lat)
             u, v = (_values(self._balance, name, places, time, draft, unknown=0.0) for name in ("uo", "vo"))
+            if self._slow_wind is not None:
+                where = self._slow_wind.mesh.locate(elements.lon, elements.lat)
+                wind = (_values(self._slow_wind, name, where, time, unknown=0.0) for name in ("ua", "va"))
+                east, north = wind_drift(elements.lat, *wind, self._wind_layer)
+                u, v = u - east, v - north
             elements.slope_x[:], elements.slope_y[:] = balancing_slope(elements.lat, u, v)
 
     def _fill(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
@@ -440,10 +486,12 @@ class DatasetForcing(DescribedForcing):
         """Raise `ForcingError` unless every part covers these elements; currents may come from elsewhere."""
         row = int(elements.thickness.argmax())
         draft = draft_of(float(elements.thickness[row]), self._density)
-        for part in (*self.parts, *([self._balance] if self._balance else [])):
+        for part in (*self.parts, *(part for part in (self._balance, self._slow_wind) if part is not None)):
             part.records.reach(draft)
         if self._balance is not None and self._balance.records is not getattr(self._part_with("uo"), "records", None):
             self._balance.records.check(start, end)  # first, for it reads the currents once and more of them
+        if self._slow_wind is not None:
+            self._slow_wind.records.check(start, end)
         for part, places in self._placed(elements):
             part.records.check(start, end)
             for name in part.gives:

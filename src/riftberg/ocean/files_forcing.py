@@ -102,16 +102,23 @@ class Run(NamedTuple):
         return [(moment - self.start).total_seconds() for moment in moments]
 
 
+def opened_files(settings: FileForcing, folder: Path) -> list[xr.Dataset]:
+    """Open the files of a forcing, for `forcing_from_files`."""
+    _check_member(settings, folder)
+    return open_named(_paths(settings.entries, folder), settings.member)
+
+
 @closing_files(only_if_refused=True)
-def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> DatasetForcing:
-    """Return the forcing for a run."""
+def forcing_from_files(
+    settings: FileForcing, folder: Path, run: Run, opened: list[xr.Dataset] | None = None
+) -> DatasetForcing:
+    """Return the forcing for a run; ``opened``: its files, where several runs share them."""
     if settings.spacing is None and "every_hours" in settings.model_fields_set:
         raise ForcingError(
             "an interval without a model grid", where="forcing.every_hours",
             remedy="Give spacing too, or leave it out: each product keeps its own grid and dates",
         )  # fmt: skip
-    _check_member(settings, folder)
-    opened = open_named(_paths(settings.entries, folder), settings.member)
+    opened = opened_files(settings, folder) if opened is None else opened
     settings, chosen = _with_box(settings, opened, run)
     slope = decided(
         settings.sea_level, {str(name) for ds in opened for name in ds.data_vars}, where="forcing.sea_level",
@@ -129,6 +136,15 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
             remedy=f"They give {', '.join(fields)}; add a file of currents, or name its variables (names: {{uo: u, vo: v}})",
         )
     records.check_pairs(datasets)  # only now: records without values may have parted the components
+    if (
+        settings.wind_layer
+        and settings.currents == "draft"
+        and any("uo" in ds and "depth" in ds.dims for ds in datasets)
+    ):
+        raise ForcingError(
+            "currents that are means over the draft hold no layer of the wind's own", where="forcing.wind_layer",
+            remedy="Leave it out, or take currents: surface",
+        )  # fmt: skip
     deep = {*(("uo", "vo") if settings.currents == "draft" else ()), *(OVER_KEEL if run.melts else ())}
     currents = next(ds for ds in datasets if "uo" in ds)
     datasets = [_as_needed(ds, deep) for ds in datasets]
@@ -173,6 +189,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
         grid=None if grid is None else grid.grid,
         balance=balance,
         assumes_slope=assumed and balance is not None,
+        wind_layer=settings.wind_layer,
         notices=(*chosen, *notices, *said),
     )
 

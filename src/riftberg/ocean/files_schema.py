@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from pydantic import field_validator, model_validator
 
@@ -63,6 +63,12 @@ class NamedFiles(Section):
         return self
 
 
+WIND_LAYER: Final = (
+    "share of the wind, turned by 45 degrees, that is taken out of currents at the surface; 0.005 was measured"
+)
+"""What an experiment file says of it."""
+
+
 class FileForcing(Section):
     """Ocean, air, sea ice and sea floor from data files."""
 
@@ -101,6 +107,7 @@ class FileForcing(Section):
         "files: that of the files; geostrophic: the slope that balances the current; auto: the first if it is there, else the "
         "second, with a notice; none: no slope",
     )
+    wind_layer: float = key(0.0, "1", WIND_LAYER, ge=0, le=0.05)
     wind: Literal["files", "none"] = key("files", "", "none leaves it out: calm air, unannounced")
     member: int | None = key(
         None,

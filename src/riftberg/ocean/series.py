@@ -20,7 +20,15 @@ from riftberg.config.units import count_text, minute_text
 from riftberg.config.values import check_names, moment, native, number, numbers
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError, InputError, nearest
-from riftberg.ocean.balance import SeaLevel, balancing_slope, decided, shares_of_slow_current
+from riftberg.ocean.balance import (
+    SeaLevel,
+    balancing_slope,
+    decided,
+    layer_text,
+    share_of_wind,
+    shares_of_slow_current,
+    wind_drift,
+)
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.formulas import SUMMED, Formula
 from riftberg.products.quantities import QUANTITIES
@@ -70,6 +78,7 @@ class SeriesOptions(TypedDict, total=False):
     ssh_slope: Any
     hold: Any
     max_gap: Any
+    wind_layer: Any
     latitude: float | None
 
 
@@ -106,6 +115,8 @@ class Series(Formula):
         How long the first and last value are held (s, or text with a unit: ``"6 h"``).
     max_gap : float or str, optional
         Longest time between two values that is interpolated across, else 2.5 usual ones; means have none.
+    wind_layer : float, optional
+        Share of the wind that is taken out of the current and its slope, as for `riftberg.ocean.datasets.DatasetForcing`.
     latitude : float, optional
         Latitude (degrees) of the Coriolis parameter on an f-plane; by default that of each element.
 
@@ -135,6 +146,12 @@ class Series(Formula):
             currents_wanted="Give uo and vo",
         )  # fmt: skip
         self.assumes_slope = sea_level == "auto" and choice == "geostrophic"
+        self.wind_layer = share_of_wind(options.get("wind_layer", 0.0))
+        if self.wind_layer and "ua" not in given:
+            raise ForcingError(
+                "a share of the wind is taken out of the current, and the series has none", where="wind_layer",
+                remedy="Give ua and va, or leave wind_layer out",
+            )  # fmt: skip
         columns = {name: _column(name, value, *_believable(name), seconds.size) for name, value in given.items()}
         if choice == "files":
             for name, value in zip(SLOPES, _slope_pair(slope), strict=True):
@@ -173,7 +190,8 @@ class Series(Formula):
 
     def _add_slow_current(self, averaged: bool) -> None:
         """Keep the current that the sea surface balances: its mean over 25 hours, twice, or that of the series itself."""
-        at, slow = self._times, {name: self._values[name][0] for name in ("uo", "vo")}
+        slowed = ("uo", "vo", "ua", "va") if self.wind_layer else ("uo", "vo")
+        at, slow = self._times, {name: self._values[name][0] for name in slowed}
         own = at
         if averaged and at[-1] - at[0] > FINE:
             fine, numbers, weights = _slow_weights(float(at[0]), float(at[-1]))
@@ -221,9 +239,17 @@ class Series(Formula):
         for name in SUMMED:
             if name in at:
                 getattr(e, name)[:] += at[name]
+        place = lat if self.latitude is None else np.full(lat.shape, self.latitude)
+        if self.wind_layer:
+            drift = wind_drift(place, at["ua"], at["va"], self.wind_layer)
+            e.uo[:] -= drift[0]
+            e.vo[:] -= drift[1]
         if "slow_uo" in at:
-            place = lat if self.latitude is None else np.full(lat.shape, self.latitude)
-            slopes = balancing_slope(place, at["slow_uo"], at["slow_vo"])
+            u, v = at["slow_uo"], at["slow_vo"]
+            if self.wind_layer:
+                drift = wind_drift(place, at["slow_ua"], at["slow_va"], self.wind_layer)
+                u, v = u - drift[0], v - drift[1]
+            slopes = balancing_slope(place, u, v)
         else:
             slopes = tuple(at.get(name, 0.0) for name in SLOPES)  # type: ignore[assignment]
         e.slope_x[:] += slopes[0]
@@ -293,6 +319,8 @@ class Series(Formula):
     @property
     def slope_remarks(self) -> tuple[str, ...]:
         """What should be known of a slope that was assumed."""
+        if self.wind_layer:
+            return (layer_text(self.wind_layer),)
         return (
             "the current of a series counts as that of the whole draft; near the surface it holds wind drift, without a slope",
         )
@@ -307,6 +335,8 @@ class Series(Formula):
         ]
         if np.isfinite(self._water[0]):
             lines.append(f"depth {self._water[0]:g} m everywhere, that at the start")
+        if self.wind_layer:
+            lines.append(layer_text(self.wind_layer))
         if "slow_uo" in self._values:
             why = ", for no sea level is given" if self.assumes_slope else ""
             lines.append(

@@ -63,6 +63,17 @@ def ocean_drag(
 
 
 @kernel
+def outline_drag(draft_open: float, scale: float, on_side: float) -> float:
+    """``0.25 rho_w C_wv s_o D``, kg m-2: drag of the water on the outline of a berg, by length of it and (normal speed)^2.
+
+    C_wv is of the section across the flow: the pressure on the face that looks into it and the suction behind the one that looks
+    away are both in it. So each of these two faces bears half, and a square broadside on has ``0.5 rho_w C_wv D W u^2``.
+    ``draft_open``: draft D below the sea ice, m; ``scale``: factor s_o; ``on_side``: coefficient C_wv.
+    """
+    return 0.25 * RHO_SEAWATER * on_side * scale * draft_open
+
+
+@kernel
 def air_drag(
     mass: float,
     length: float,
@@ -127,7 +138,8 @@ def side_spin_drag(
 
     A side of length L that turns about its middle at w relative to the water meets it at ``w x``; the drag
     ``0.5 rho_w C_wv s_o D (w x)^2`` times the lever x, integrated over both halves, is ``rho_w C_wv s_o D L^4 w^2 / 64``.
-    Each pair of opposite sides counts once, as on the way of a berg. The reference has no such term.
+    Each pair of opposite sides counts once, as in `outline_drag`, which bonded elements have in its place. The reference has no
+    such term.
 
     Parameters
     ----------

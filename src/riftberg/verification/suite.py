@@ -15,7 +15,7 @@ import operator
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
@@ -107,6 +107,7 @@ class SuiteCase:
     file: CaseFile
     folder: Path
     cases: list[Case]
+    opened: dict[str, Any] = field(default_factory=dict, repr=False)  # Files of the forcing, by what names them
 
     @property
     def leads(self) -> list[float]:
@@ -237,7 +238,10 @@ def series_by_start(settings: SeriesForcing, folder: Path, starts: Sequence[Star
     """Return the series of the starts, by their keys; a column ``depth`` of the starts is their floor."""
     path = Path(in_folder(folder, settings.along))
     groups, separator = _rows_by_start(path, path.stat().st_mtime_ns if path.exists() else 0)
-    options: dict[str, Any] = {"sea_level": settings.sea_level, "hold": 3600.0 * settings.hold, "means": settings.means}
+    options: dict[str, Any] = {
+        "sea_level": settings.sea_level, "wind_layer": settings.wind_layer, "hold": 3600.0 * settings.hold,
+        "means": settings.means,
+    }  # fmt: skip
     if settings.wind == "none":
         options |= {"ua": None, "va": None}
     found = {}
@@ -432,12 +436,16 @@ def _advance(
 
 def _file_forcing(suite_case: SuiteCase, case: Case, changes: Mapping[str, Any], parameters: Parameters) -> Any:
     """Return the forcing from files for one start."""
-    from riftberg.ocean.files_forcing import Run, forcing_from_files
+    from riftberg.ocean.files_forcing import Run, forcing_from_files, opened_files
 
     start, thickness = case.start, np.array([case.start.columns["thickness"]], float)
     place = np.array([start.lon]), np.array([start.lat])
     run = Run.of(start.date, max(case.seen) + 0.1, thickness, parameters.ice.density, place=place)
-    return forcing_from_files(_changed_section(suite_case, changes), suite_case.folder, run)
+    settings = _changed_section(suite_case, changes)
+    key = settings.model_dump_json(include={"files", "member"})
+    if key not in suite_case.opened:  # once for all starts and entrants
+        suite_case.opened[key] = opened_files(settings, suite_case.folder)
+    return forcing_from_files(settings, suite_case.folder, run, suite_case.opened[key])
 
 
 def _changed_section(suite_case: SuiteCase, changes: Mapping[str, Any]) -> Any:

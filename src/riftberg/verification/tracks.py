@@ -410,20 +410,23 @@ COLUMNS: Final = ("berg", "start", "lead_days", "lon", "lat")
 """Columns of a table of forecasts, made by any program."""
 
 
-def write_cases(cases: Iterable[Case], path: Path) -> Path:
-    """Write the starts, with box and dates of the products that each needs, one row per lead time; not what was seen."""
+def write_cases(cases: Iterable[Case], path: Path, names: Sequence[str] = ()) -> Path:
+    """Write the starts, with box and dates of the products that each needs, one row per lead time; not what was seen.
+
+    ``names``: of the case of a suite that each start belongs to; a column where they are given.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(
-        ("berg", "start", "lead_days", "start_lon", "start_lat", "lon_3_days_before", "lat_3_days_before", "held_out", "tuned",
-         "west", "east", "south", "north", "first", "last")
+        (*(["case"] if names else []), "berg", "start", "lead_days", "start_lon", "start_lat", "lon_3_days_before",
+         "lat_3_days_before", "held_out", "tuned", "west", "east", "south", "north", "first", "last")
     )  # fmt: skip
-    for case in cases:
+    for k, case in enumerate(cases):
         s, box, (first, last) = case.start, case.box, case.dates
         for lead in sorted(case.seen):
             writer.writerow(
-                (s.berg, s.day, lead, s.lon, s.lat, *(s.origin if s.before else ("", "")), int(case.held_out), int(case.tuned),
-                 *(f"{side:.2f}" for side in box), f"{first:%Y-%m-%d}", f"{last:%Y-%m-%d}")
+                (*names[k : k + 1], s.berg, s.day, lead, s.lon, s.lat, *(s.origin if s.before else ("", "")),
+                 int(case.held_out), int(case.tuned), *(f"{side:.2f}" for side in box), f"{first:%Y-%m-%d}", f"{last:%Y-%m-%d}")
             )  # fmt: skip
     write_text(path, text.getvalue())
     return path

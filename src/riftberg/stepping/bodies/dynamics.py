@@ -40,6 +40,8 @@ from riftberg.compiled.kernels import kernel
 from riftberg.constants import EARTH_ROTATION
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
+from riftberg.physics.drag import ocean_drag, outline_drag
+from riftberg.physics.floating import draft_of
 from riftberg.physics.geometry import multiply, solve, times
 from riftberg.physics.sea_ice import yield_rate
 from riftberg.state import Elements, Floats, Ints, Shown
@@ -66,6 +68,7 @@ from riftberg.stepping.forces.media import (
     V,
     find_surroundings,
     grounded_part,
+    ice_depth,
 )
 from riftberg.stepping.forces.pack import corner_slope, find_fragments_in_pack, is_any, next_direction
 from riftberg.stepping.forces.sizes import Sizes, rectangle_inertia
@@ -108,6 +111,10 @@ class ElementForcing(NamedTuple):
     aground: Floats  # How far an element is aground, 0 to 1
     spin_drag: Floats  # Rotational drag of the water, rad-1
     water_spin: Floats  # Rotation of the water, rad s-1
+    # Points on the outlines of fragments, those of each element one after the other (`SIDE_NORMAL_X` ...), then zeros; shape
+    # (elements, points, 4)
+    sides: Floats
+    side_drag: Floats  # Drag of the water by length (in sides of the element) and (normal speed)^2, kg m-1
     push_x: Floats  # Given force, east, N
     push_y: Floats  # Given force, north, N
     media_act: bool  # Whether the media act at all
@@ -149,13 +156,15 @@ def longest_trial_step(forcing: ElementForcing, dt: float) -> float:
     return min(dt, INERTIAL_PART * 2.0 * math.pi / coriolis) if coriolis > 0.0 else dt
 
 
-def allocate_forcing(el: Elements, p: KernelParameters) -> ElementForcing:
-    """Return arrays for the forces on the elements at one moment."""
+def allocate_forcing(el: Elements, p: KernelParameters, sides: Floats | None = None) -> ElementForcing:
+    """Return arrays for the forces on the elements at one moment; ``sides``: those of `ElementForcing`, where there are any."""
     count, body = el.size, el.body
-    inertia, floor_rate, floor_spin_rate, aground, drag, water_spin = np.zeros((6, count))
+    inertia, floor_rate, floor_spin_rate, aground, drag, water_spin, side_drag = np.zeros((7, count))
+    if sides is None or p.forces_by_element:
+        sides = np.zeros((count, 0, 4))
     return ElementForcing(
         np.empty((count, len(MEDIA), len(Medium._fields))), np.empty(count), body.mass, inertia, floor_rate, floor_spin_rate,
-        aground, drag, water_spin, body.load_x, body.load_y, not p.only_interactions,
+        aground, drag, water_spin, sides, side_drag, body.load_x, body.load_y, not p.only_interactions,
         p.ground_on_substeps or not p.only_interactions,
     )  # fmt: skip
 
@@ -172,7 +181,18 @@ def evaluate_forcing(
     floor_rate, floor_spin_rate = forcing.floor_rate, forcing.floor_spin_rate
     find_surroundings(el, sizes, Surroundings(media, forcing.coriolis, acts, nothing[0], nothing), p)
     thickness, length, width, depth = el.body.thickness, el.body.length, el.body.width, el.environment.depth
+    bonds, ice, fraction, own_drag = (
+        el.body.bond_count, el.environment.ice_thickness, el.environment.ice_fraction, el.environment.own_water_drag
+    )  # fmt: skip
     for e in range(mass.size):
+        if forcing.sides.shape[1] > 0 and bonds[e] > 0 and own_drag[e] < 0.0:
+            # In place of the element's share of a mean over all directions.
+            draft = draft_of(thickness[e], p.rho_ice)
+            wet, area = draft - ice_depth(ice[e], min(fraction[e], 1.0), draft, p), length[e] * width[e]
+            forcing.side_drag[e] = outline_drag(wet, p.ocean_scale, p.water_side_drag) * math.sqrt(area)
+            media[e, WATER, QUADRATIC] = ocean_drag(
+                mass[e], length[e], width[e], 0.0, 0.0, 0.0, p.ocean_scale, p.water_side_drag, p.water_base_drag
+            )
         inertia[e] = rectangle_inertia(mass[e], length[e], width[e])
         aground[e] = grounded_part(thickness[e], depth[e], p)
         forcing.water_spin[e] = media[e, WATER, SPIN]
@@ -242,6 +262,50 @@ def drag_and_jacobian(row: Floats, u: float, v: float) -> tuple[float, float, fl
     )
 
 
+SIDE_NORMAL_X, SIDE_NORMAL_Y, SIDE_ARM, SIDE_LENGTH = range(4)
+"""Columns of a point on the outline of a fragment: the normal to it (along the axes of the fragment), the lever of a force along
+that about the centre of its element (m), and the length of outline that it stands for, in sides of the element."""
+
+
+@kernel
+def outline_force(
+    forcing: ElementForcing, e: int, c: float, s: float, u: float, v: float, w: float
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Force and torque (N, N, N m) of the water on the outline at an element, minus their derivatives xx, xy, yy, xw, yw, ww.
+
+    ``c``, ``s``: cosine and sine of the angle of the axis of the fragment from local east; ``u``, ``v``, ``w``: velocity (m s-1)
+    and spin (rad s-1) of the element.
+    """
+    fx = fy = torque = xx = xy = yy = xw = yw = ww = 0.0
+    if forcing.side_drag[e] == 0.0 or not forcing.media_act:
+        return fx, fy, torque, xx, xy, yy, xw, yw, ww
+    points, water = forcing.sides[e], forcing.media[e, WATER]
+    u, v, w = u - water[U], v - water[V], w - forcing.water_spin[e]
+    for i in range(points.shape[0]):
+        if points[i, SIDE_LENGTH] == 0.0:
+            break
+        x = c * points[i, SIDE_NORMAL_X] - s * points[i, SIDE_NORMAL_Y]
+        y = s * points[i, SIDE_NORMAL_X] + c * points[i, SIDE_NORMAL_Y]
+        arm = points[i, SIDE_ARM]
+        normal = x * u + y * v + arm * w
+        drag = forcing.side_drag[e] * points[i, SIDE_LENGTH] * abs(normal)
+        fx, fy, torque = fx - drag * normal * x, fy - drag * normal * y, torque - drag * normal * arm
+        xx, xy, yy = xx + 2.0 * drag * x * x, xy + 2.0 * drag * x * y, yy + 2.0 * drag * y * y
+        xw, yw, ww = xw + 2.0 * drag * x * arm, yw + 2.0 * drag * y * arm, ww + 2.0 * drag * arm * arm
+    return fx, fy, torque, xx, xy, yy, xw, yw, ww
+
+
+@kernel
+def outline_quadratic(forcing: ElementForcing, e: int) -> float:
+    """Drag of the water on the outline at an element by (speed)^2, m-1: of the half of it that lies along the flow at most."""
+    if forcing.side_drag[e] == 0.0 or not forcing.media_act:
+        return 0.0
+    length, points = 0.0, forcing.sides[e]
+    for i in range(points.shape[0]):
+        length += points[i, SIDE_LENGTH]
+    return 0.5 * forcing.side_drag[e] * length / forcing.mass[e]
+
+
 @kernel
 def element_velocity(m: Floats, q: Floats) -> tuple[float, float, float]:
     """Velocity (m s-1) and spin (rad s-1) of an element: B q, from its levers and the velocity of its fragment."""
@@ -302,6 +366,14 @@ def add_forces(
                 rate += of_medium
                 quadratic += media[e, k, QUADRATIC]
         torque, turning = spin_torque(forcing, e, w)
+        if forcing.side_drag[e] > 0.0:
+            of_sides = outline_force(forcing, e, m[9], m[10], u, v, w)
+            dx, dy, c = of_sides[0] / mass[e], of_sides[1] / mass[e], outline_quadratic(forcing, e)
+            accelerations[e, WATER, 0] += dx
+            accelerations[e, WATER, 1] += dy
+            ax, ay, torque = ax + dx, ay + dy, torque + of_sides[2]
+            rate += c * math.hypot(u - media[e, WATER, U], v - media[e, WATER, V])
+            quadratic += c
         drag_rate[e, 0], drag_rate[e, 1], drag_rate[e, 2] = rate, 0.5 * turning / forcing.inertia[e], quadratic
         fx, fy = mass[e] * ax + forcing.push_x[e], mass[e] * ay + forcing.push_y[e]
         force[e, 0], force[e, 1], force[e, 2] = fx, fy, torque
@@ -345,9 +417,11 @@ def assemble_force_and_jacobian(
     B are the levers of an element as a matrix of 3 by 3, with its rows m0 m1 m2 (u), m3 m4 m5 (v) and m6 m7 m8 (spin), and
     J is minus the derivative of its force by its velocity:
 
-        J = [ weight (jxx      jxy - f)        0 ]
-            [ weight (jxy + f  jyy    )        0 ]
-            [         0        0         turning ]
+        J = [ weight (jxx      jxy - f)        0 ]   [ oxx oxy oxw ]
+            [ weight (jxy + f  jyy    )        0 ] + [ oxy oyy oyw ]
+            [         0        0         turning ]   [ oxw oyw oww ]
+
+    with the second part by the outline (`outline_force`).
 
     The loop over the entries of both products is written out, and all is read before anything is written: the compiler
     cannot know that the arrays do not overlap, and would read the levers again for each number.
@@ -371,14 +445,18 @@ def assemble_force_and_jacobian(
                 jxx += dxx
                 jxy += dxy
                 jyy += dyy
-        torque, turning = spin_torque(forcing, e, m6 * q[0] + m7 * q[1] + m8 * q[2])
-        fx, fy, weight = mass[e] * ax + forcing.push_x[e], mass[e] * ay + forcing.push_y[e], mass[e]
+        w = m6 * q[0] + m7 * q[1] + m8 * q[2]
+        torque, turning = spin_torque(forcing, e, w)
+        ox, oy, turned, oxx, oxy, oyy, oxw, oyw, oww = outline_force(forcing, e, m[9], m[10], u, v, w)
+        fx, fy, weight = mass[e] * ax + forcing.push_x[e] + ox, mass[e] * ay + forcing.push_y[e] + oy, mass[e]
+        torque, turning = torque + turned, turning + oww
+        xx, yy, xy, yx = weight * jxx + oxx, weight * jyy + oyy, weight * (jxy - f) + oxy, weight * (jxy + f) + oxy
         t, s = net_force[b], jacobian[b]
         t0, t1, t2 = m0 * fx + m3 * fy + m6 * torque, m1 * fx + m4 * fy + m7 * torque, m2 * fx + m5 * fy + m8 * torque
         # (xn, yn, zn) is row n of B^T J. It takes J by columns, and J is not symmetric: f enters with both signs.
-        x0, y0, z0 = weight * (jxx * m0 + (jxy + f) * m3), weight * ((jxy - f) * m0 + jyy * m3), turning * m6
-        x1, y1, z1 = weight * (jxx * m1 + (jxy + f) * m4), weight * ((jxy - f) * m1 + jyy * m4), turning * m7
-        x2, y2, z2 = weight * (jxx * m2 + (jxy + f) * m5), weight * ((jxy - f) * m2 + jyy * m5), turning * m8
+        x0, y0, z0 = xx * m0 + yx * m3 + oxw * m6, xy * m0 + yy * m3 + oyw * m6, oxw * m0 + oyw * m3 + turning * m6
+        x1, y1, z1 = xx * m1 + yx * m4 + oxw * m7, xy * m1 + yy * m4 + oyw * m7, oxw * m1 + oyw * m4 + turning * m7
+        x2, y2, z2 = xx * m2 + yx * m5 + oxw * m8, xy * m2 + yy * m5 + oyw * m8, oxw * m2 + oyw * m5 + turning * m8
         s00, s01, s02 = x0 * m0 + y0 * m3 + z0 * m6, x0 * m1 + y0 * m4 + z0 * m7, x0 * m2 + y0 * m5 + z0 * m8
         s10, s11, s12 = x1 * m0 + y1 * m3 + z1 * m6, x1 * m1 + y1 * m4 + z1 * m7, x1 * m2 + y1 * m5 + z1 * m8
         s20, s21, s22 = x2 * m0 + y2 * m3 + z2 * m6, x2 * m1 + y2 * m4 + z2 * m7, x2 * m2 + y2 * m5 + z2 * m8
@@ -441,6 +519,16 @@ def rate_of_medium(row: Floats, u: float, v: float, least: float) -> float:
 
 
 @kernel
+def rate_through(forcing: ElementForcing, e: int, k: int, u: float, v: float, least: float) -> float:
+    """`rate_of_medium` of the ``k``-th medium at an element, with what the water does to the outline."""
+    row = forcing.media[e, k]
+    rate = rate_of_medium(row, u, v, least)
+    if k == WATER:
+        rate += outline_quadratic(forcing, e) * max(math.hypot(u - row[U], v - row[V]), least)
+    return float(rate)
+
+
+@kernel
 def is_resolved(rate: float, quadratic: float, ax: float, ay: float, half_dt: float) -> bool:
     """Whether a half step resolves drag of ``rate`` (s-1), which grows by ``quadratic`` (m-1), under an acceleration (m s-2).
 
@@ -461,7 +549,7 @@ def drag_rates(
     least, rate = math.sqrt(acceleration / quadratic) if quadratic > 0.0 else 0.0, 0.0
     for k in range(len(MEDIA)):
         if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-            rate += rate_of_medium(forcing.media[e, k], u, v, least)
+            rate += rate_through(forcing, e, k, u, v, least)
     return rate, least
 
 
@@ -480,7 +568,7 @@ def accumulate_excess(
         return
     for k in range(len(MEDIA)):
         if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-            of_medium = part * excess * rate_of_medium(forcing.media[e, k], u, v, least) / rate
+            of_medium = part * excess * rate_through(forcing, e, k, u, v, least) / rate
             applied[e, k, 0] -= of_medium * change[0]
             applied[e, k, 1] -= of_medium * change[1]
 

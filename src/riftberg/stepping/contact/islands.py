@@ -35,8 +35,9 @@ from riftberg.stepping.bodies.dynamics import (
     assemble_force_and_jacobian,
     drag_and_jacobian,
     element_velocity,
+    outline_force,
 )
-from riftberg.stepping.forces.media import CORIOLIS, FORCES, MEDIA, SEA_FLOOR
+from riftberg.stepping.forces.media import CORIOLIS, FORCES, MEDIA, SEA_FLOOR, WATER
 from riftberg.stepping.fragments.connectivity import connected_parts
 
 REFRESH_FRACTION: Final = 1.0 / 32.0
@@ -277,7 +278,8 @@ def island_part(lists: Islands, k: int, whole: Island) -> Island:
     n, f, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), whole.forcing, whole.matrices
     forcing = ElementForcing(
         f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.floor_rate[e], f.floor_spin_rate[e], f.aground[e],
-        f.spin_drag[e], f.water_spin[e], f.push_x[e], f.push_y[e], f.media_act, f.floor_acts,
+        f.spin_drag[e], f.water_spin[e], f.sides[e], f.side_drag[e], f.push_x[e], f.push_y[e],
+        f.media_act, f.floor_acts,
     )  # fmt: skip
     return Island(
         whole.body_of[e], whole.levers[e], forcing, BodyMatrices(m.inertia[b], m.mobility[b], m.floor_drag[b]),
@@ -406,6 +408,12 @@ def accumulate_impulse(island: Island, about: Linearisation, time: float, applie
                 ax, ay, xx, xy, yy, _ = drag_and_jacobian(forcing.media[e, k], u, v)
                 applied[e, k, 0] += time * ax - xx * du - xy * dv
                 applied[e, k, 1] += time * ay - xy * du - yy * dv
+        if forcing.side_drag[e] > 0.0:
+            w = m[6] * q[0] + m[7] * q[1] + m[8] * q[2]
+            dw = m[6] * p[0] + m[7] * p[1] + m[8] * p[2] - time * w
+            fx, fy, _, xx, xy, yy, xw, yw, _ = outline_force(forcing, e, m[9], m[10], u, v, w)
+            applied[e, WATER, 0] += (time * fx - xx * du - xy * dv - xw * dw) / forcing.mass[e]
+            applied[e, WATER, 1] += (time * fy - xy * du - yy * dv - yw * dw) / forcing.mass[e]
 
 
 @borrower

@@ -236,15 +236,21 @@ def grounded_part(thickness: float, depth: float, p: KernelParameters) -> float:
 
 
 @kernel
+def ice_depth(thickness: float, fraction: float, draft: float, p: KernelParameters) -> float:
+    """Depth (m) to which sea ice covers the sides of an element; ``thickness`` and ``fraction`` are of the ice."""
+    depth = thickness
+    if p.ice_capture != OF_REFERENCE:
+        depth = pack_depth(thickness, fraction, p.least_ice) if p.ice_drift_known else 0.0
+    return min(depth, draft)
+
+
+@kernel
 def media_of(el: ElementView, p: KernelParameters) -> Media:
     """Find the rows of one element (equations 4.1)."""
     draft = draft_of(el.thickness, p.rho_ice)
     freeboard = el.thickness - draft
-    depth, open_side = el.ice_thickness, 1.0
-    if p.ice_capture != OF_REFERENCE:
-        depth = pack_depth(el.ice_thickness, el.ice_fraction, p.least_ice) if p.ice_drift_known else 0.0
-        open_side = open_share(el.ice_fraction, p.least_ice)
-    ice = min(depth, draft)
+    ice = ice_depth(el.ice_thickness, el.ice_fraction, draft, p)
+    open_side = open_share(el.ice_fraction, p.least_ice) if p.ice_capture != OF_REFERENCE else 1.0
     if p.forces_by_element:
         # The reference takes the sides of an element from its radius, but only in its code for hexagons with beams.
         by_diameter = p.multiple_steps and p.dem and el.sides == 6 and p.radius_based

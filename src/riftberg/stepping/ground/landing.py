@@ -130,7 +130,8 @@ def _forcing_of(f: ElementForcing, a: int, z: int) -> ElementForcing:
     """Forcing of the elements ``a`` to ``z``."""
     return ElementForcing(
         f.media[a:z], f.coriolis[a:z], f.mass[a:z], f.inertia[a:z], f.floor_rate[a:z], f.floor_spin_rate[a:z], f.aground[a:z],
-        f.spin_drag[a:z], f.water_spin[a:z], f.push_x[a:z], f.push_y[a:z], f.media_act, f.floor_acts,
+        f.spin_drag[a:z], f.water_spin[a:z], f.sides[a:z], f.side_drag[a:z], f.push_x[a:z], f.push_y[a:z],
+        f.media_act, f.floor_acts,
     )  # fmt: skip
 
 

@@ -200,8 +200,8 @@ class FootprintBook:
 
     def __init__(self, model: RunState) -> None:
         self._footprints: Footprints | None = None
-        # Without contact and without a bed of sediment nothing asks for them.
-        asked = model.constants.interactions or model.parameters.grounding_law == "seabed"
+        # Without contact, a bed of sediment and bonds nothing asks for them.
+        asked = model.constants.interactions or model.parameters.grounding_law == "seabed" or model.bonds.first.size
         if model.step_number == 0 and asked:
             self.follow(model)
 

@@ -95,11 +95,14 @@ def predict(
 
 
 def assemble_operators(
-    el: Elements, sizes: Sizes, bodies: Bodies, p: KernelParameters, work: BodyWorkspace
+    el: Elements, sizes: Sizes, bodies: Bodies, p: KernelParameters, work: BodyWorkspace, sides: Floats | None = None
 ) -> BodyOperators:
-    """Find what moves the fragments, from the environment that the elements carry; no supports yet."""
+    """Find what moves the fragments, from the environment that the elements carry; no supports yet.
+
+    ``sides``: points on their outlines, as `ElementForcing` has them.
+    """
     count = bodies.pose.shape[0]
-    forcing, levers = allocate_forcing(el, p), np.empty((el.size, 11))
+    forcing, levers = allocate_forcing(el, p, sides), np.empty((el.size, 11))
     matrices = BodyMatrices(*np.zeros((3, count, 3, 3)))
     environment = el.environment
     if p.ice_capture == LOCKED:

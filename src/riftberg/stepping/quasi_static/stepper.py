@@ -31,6 +31,7 @@ from riftberg.stepping.lattice.cells import (
     with_new_cells,
 )
 from riftberg.stepping.lattice.footprints import FootprintBook
+from riftberg.stepping.lattice.sides import FragmentSides
 from riftberg.stepping.quasi_static.lone_bergs import (
     OneAtATime,
     bodies_of,
@@ -67,7 +68,8 @@ class QuasiStaticStepper:
         self._faces = FaceContact(model, self._footprints)
         aground = model.parameters.grounding_law == "seabed"
         self._seabed = Seabed(model, self._footprints) if aground else None
-        self._laws = LawsWithMemory(self._seabed, self._faces)
+        self._sides = FragmentSides(self._footprints)
+        self._laws = LawsWithMemory(self._seabed, self._faces, self._sides)
         self._lattice: BrittleLattice | None = None
         self._state: BodyState | None = None
         # See `riftberg.stepping.stepper.Stepper`; ``applied`` by the trapezoidal rule over all parts of the step.
@@ -204,7 +206,9 @@ class QuasiStaticStepper:
         with ThreadPoolExecutor(1) as beside:
             begun = beside.submit(step_lone_bergs, model, forcing, bodies, unknown, lone, sizes, applied)
             if apart[0].size:
-                step = step_group(*apart[:2], cells=(self._cells, self._cell_topology))
+                step = step_group(
+                    *apart[:2], cells=(self._cells, self._cell_topology), laws=LawsWithMemory(sides=self._sides)
+                )
                 self._cell_topology = step.lattice.topology
             if near[0].size:
                 step_group(*near[:2], cells=(self._cells, None), laws=self._laws)

@@ -48,6 +48,7 @@ from riftberg.stepping.fracture.brittle_lattice import BrittleLattice
 from riftberg.stepping.fracture.criteria import Equilibrium, grow_damage
 from riftberg.stepping.ground.seabed import Seabed, bodies_under_impact, joined, without
 from riftberg.stepping.lattice.equilibrium import balanced_loads, supported_loads
+from riftberg.stepping.lattice.sides import FragmentSides
 from riftberg.stepping.quasi_static.rigid_step import (
     BodyState,
     assemble_operators,
@@ -78,10 +79,14 @@ Memory = tuple[tuple[Floats, Floats] | None, FacePairs | None]
 
 
 class LawsWithMemory(NamedTuple):
-    """Laws that keep something from one step to the next: a bed of sediment if it is chosen, faces where fragments may meet."""
+    """Laws that keep something from one step to the next: a bed of sediment if it is chosen, faces where fragments may meet.
+
+    ``sides``: the outlines of the fragments on which the water drags; without them it drags by a mean over all directions.
+    """
 
     seabed: Seabed | None = None
     faces: FaceContact | None = None
+    sides: FragmentSides | None = None
 
     def checkpoint(self) -> Memory:
         """Return what a step changes of them."""
@@ -145,7 +150,7 @@ class FragmentMotion:
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.laws, self.sizes = laws, sizes
         self._work = allocate_body_workspace(0, 0)
-        self.seabed, self.faces = laws
+        self.seabed, self.faces, self._sides = laws
 
     def trial(self, start: BodyState, h: float) -> Trial:
         """Take a trial step of ``h`` s: the fragments at the new place with their velocities, loads and equilibrium."""
@@ -293,7 +298,8 @@ class FragmentMotion:
     def operators(self, bodies: Bodies) -> BodyOperators:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
-        op = assemble_operators(el, self.sizes, bodies, c, self.workspace(bodies))
+        sides = None if self._sides is None else self._sides.find(self.model, bodies.body, self.lattice.xy)
+        op = assemble_operators(el, self.sizes, bodies, c, self.workspace(bodies), sides)
         for b, inside in self._supported(bodies):
             turn = float(np.abs(op.levers[inside, 10] * (el.free_y[inside] < 0.5)).max())  # sine of the angle
             if turn > LARGEST_TURN_ON_ROLLERS:
