@@ -129,3 +129,61 @@ def test_members_that_begin_with_the_same_berg_share_the_work_and_no_arrays() ->
         for name, array in mine._asdict().items():
             np.testing.assert_array_equal(array, getattr(theirs, name))
             assert np.isscalar(array) or not np.shares_memory(array, getattr(theirs, name))
+
+
+LATTICES = [("square", 0.0), ("square", 27.0), ("square", 45.0), ("hexagonal", 10.0)]
+
+
+def parted(packing: str, angle: float, line: list[tuple[float, float]], **options: object) -> Iceberg:
+    """A berg of 24 x 12 km on a turned lattice that a rift has parted."""
+    berg = Iceberg.rectangle(
+        24e3, 12e3, thickness=200.0, radius=1000.0, latlon=False, packing=packing, lattice_angle=angle, **options
+    )  # fmt: skip
+    return berg.with_rifts([line], broken=True)
+
+
+@pytest.mark.parametrize("line", [[(650.0, -7e3), (650.0, 7e3)], [(-3e3, -7e3), (-1e3, 0.0), (2e3, 7e3)]])
+@pytest.mark.parametrize(("packing", "angle"), LATTICES)
+def test_a_crack_divides_the_ice_along_its_line(packing: str, angle: float, line: list[tuple[float, float]]) -> None:
+    """Bug: it divided it along the sides of cells, so that both faces had teeth, at 45 degrees as high as half a cell.
+
+    A line with a bend, as one without; the ends, which no crossing bears witness of, may be off by a part of a cell.
+    """
+    run = Model(parted(packing, angle, line), Steady(), Parameters(earth={"latlon": False, "period": 0.0}))
+    el, found = run.elements, FootprintBook(run).follow(run)
+    corner = found.corner - found.centre.mean(axis=0) + (el.lon.mean(), el.lat.mean())
+    rings = [shapely.Polygon(corner[a:b]) for a, b in zip(found.start[:-1], found.start[1:], strict=True)]
+    np.testing.assert_allclose(shapely.area(shapely.convex_hull(rings)), shapely.area(rings), rtol=1e-9)
+    assert all(ring.exterior.is_ccw for ring in rings)
+    assert shapely.area(rings).sum() == pytest.approx(288e6, rel=1e-6)
+    berg = el.berg[rows_of(el.id, found.element)[0]][found.owner]
+    one, other = (shapely.union_all([r for r, b in zip(rings, berg, strict=True) if b == n]) for n in np.unique(berg))
+    middle = shapely.box(-2e4, -3.5e3, 2e4, 3.5e3)
+    face = shapely.intersection(shapely.intersection(one.buffer(1.0), other.boundary), middle)
+    assert face.length > 7e3
+    # It stays clear of centres by 200 m.
+    assert face.hausdorff_distance(shapely.intersection(shapely.LineString(line), middle)) < 210.0
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("packing", "angle"), LATTICES)
+def test_ice_that_slides_along_a_crack_breaks_nothing_whatever_the_lattice(packing: str, angle: float) -> None:
+    """Bug: the cells beside a crack of A68a bore on each other like the teeth of a rack.
+
+    Its tip stood aground, the rest slid past it, and on a lattice turned by 45 degrees shattered on it.
+    """
+    berg = parted(packing, angle, [(650.0, -7e3), (650.0, 7e3)])
+    el = berg.elements
+    west = el.lon < 650.0
+    el.static[west] = 1.0
+    el.v[~west], el.u[~west] = 0.2, 0.02  # along the crack, and away from it as slowly as a current parts ice
+    run = Model(
+        berg, Steady(), Parameters(
+            earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0, "only_interactions": True},
+            fracture={"normal_strength": "11 kPa"},
+        ),
+    )  # fmt: skip
+    before = run.bonds_broken
+    run.advance(steps=18)
+    assert run.bonds_broken == before
+    np.testing.assert_allclose(run.elements.v[~west], 0.2, rtol=0.02)

@@ -363,6 +363,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "footprint_owner": Bound(("polygons",), 0, "footprints - 1"),
     "footprint_corner": Bound(("corners", 2)),
     "footprint_start": Bound((None,), 0, "corners"),
+    "footprint_cracked": Bound((None,), 0, "next_bond - 1"),
     # Faces of two elements that press each other.
     "meeting_pair": Bound(("face pairs", 2), 0, "next_element - 1"),
     "meeting_state": Bound(("face pairs", 15)),

@@ -2,17 +2,22 @@
 
 The ice inside of an outline belongs to the nearest element, so the footprints fill it whatever the lattice, and a straight
 front lands along its whole length. They are made once, on a plane of their own, and known by the identifiers of the elements,
-so that births, melt and cracks leave them alone.
+so that births and melt leave them alone.
+
+A crack is a line of its own (`riftberg.stepping.fracture.crack_tips`). Where it has parted two fragments it divides the ice
+between them. Along the sides of cells both would interlock by teeth that the lattice alone makes, and bear on them as they slide.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 import shapely
+from shapely.ops import split
 
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -31,11 +36,20 @@ class Footprints(NamedTuple):
     owner: Ints  # Place in ``element`` of the element of each polygon; shape (polygons,)
     start: Ints  # Where the corners of the polygons begin; shape (polygons + 1,)
     corner: Floats  # m; shape (corners, 2)
+    cracked: Ints  # Identifiers of the bonds across which cracks have divided them; shape (bonds,)
 
 
 FOOTPRINT_NAMES = tuple(f"footprint_{name}" for name in Footprints._fields)
 """Names in a restart file."""
 
+
+NO_BONDS: Final = np.zeros(0, np.int64)
+
+NEAREST_CRACK: Final = 0.1
+"""Part of the way between two elements by which a crack stays clear of both: each keeps the ice under its centre."""
+
+ONWARD: Final = 2.0
+"""Way straight on beyond the last crossing of a crack, over the side of an element: to the outline, or to the face of another."""
 
 SHORTEST_EDGE: Final = 1e-5
 """Shortest edge of a footprint, as a part of the radius: a few times what moving the centres makes of a corner."""
@@ -77,7 +91,7 @@ def _footprints_of_lone(el: Elements, rows: Ints, radius: Floats, p: KernelParam
     away = (radius / np.cos(np.pi / sides))[owner]
     size = el.body.length[rows] * el.body.width[rows]
     corner = np.column_stack([away * np.cos(angle), away * np.sin(angle)])
-    return Footprints(el.body.id[rows], np.zeros((rows.size, 2)), size, np.arange(rows.size), start, corner)
+    return Footprints(el.body.id[rows], np.zeros((rows.size, 2)), size, np.arange(rows.size), start, corner, NO_BONDS)
 
 
 def _footprints_of(
@@ -96,7 +110,7 @@ def _footprints_of(
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
     size = el.body.length[rows] * el.body.width[rows]
-    return Footprints(el.body.id[rows], xy, size, *_parts_of_ice(xy.tobytes(), ice, radius))
+    return Footprints(el.body.id[rows], xy, size, *_parts_of_ice(xy.tobytes(), ice, radius), NO_BONDS)
 
 
 @lru_cache(maxsize=4)  # the members of a sweep begin with the same berg
@@ -105,22 +119,30 @@ def _parts_of_ice(centres: bytes, ice: Any, radius: float) -> tuple[Ints, Ints, 
     xy = np.frombuffer(centres).reshape(-1, 2)
     owner, rings = [], []
     for k, cell in enumerate(_nearest_regions(xy, ice, radius)):
-        for polygon in shapely.get_parts(shapely.intersection(cell, ice)):
-            if polygon.geom_type != "Polygon" or polygon.area < 1e-9 * radius * radius:
-                continue
-            # A hole is no part of a ring of corners, and contact needs convex faces: other polygons are laid out in triangles.
-            convex = shapely.convex_hull(polygon).area <= (1.0 + 1e-12) * polygon.area
-            pieces = [polygon] if convex else shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
-            for piece in pieces:
-                # An edge of millimetres, which the round-off and the moved centres leave at corners, says not which way a face
-                # looks: the depth of an overlap that is cut by it would be a micrometre off, one way or the other.
-                ring = np.asarray(shapely.orient_polygons(piece).exterior.coords)[:-1, :2]
-                edge = np.hypot(*(ring - np.roll(ring, 1, axis=0)).T)
-                if np.count_nonzero(edge > SHORTEST_EDGE * radius) > 2:
-                    rings.append(ring[edge > SHORTEST_EDGE * radius])
-                    owner.append(k)
+        for ring in _convex_rings(shapely.intersection(cell, ice), radius):
+            rings.append(ring)
+            owner.append(k)
     start = np.concatenate([[0], np.cumsum([len(ring) for ring in rings])]).astype(np.int64)
     return np.array(owner, np.int64), start, np.vstack(rings) if rings else np.zeros((0, 2))
+
+
+def _convex_rings(ice: Any, radius: float) -> list[Floats]:
+    """Divide polygons into convex ones; returns the corners of each (m), anticlockwise."""
+    rings = []
+    for polygon in shapely.get_parts(ice):
+        if polygon.geom_type != "Polygon" or polygon.area < 1e-9 * radius * radius:
+            continue
+        # A hole is no part of a ring of corners, and contact needs convex faces: other polygons are laid out in triangles.
+        convex = shapely.convex_hull(polygon).area <= (1.0 + 1e-12) * polygon.area
+        pieces = [polygon] if convex else shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+        for piece in pieces:
+            # An edge of millimetres, which the round-off and the moved centres leave at corners, says not which way a face
+            # looks: the depth of an overlap that is cut by it would be a micrometre off, one way or the other.
+            ring = np.asarray(shapely.orient_polygons(piece).exterior.coords)[:-1, :2]
+            edge = np.hypot(*(ring - np.roll(ring, 1, axis=0)).T)
+            if np.count_nonzero(edge > SHORTEST_EDGE * radius) > 2:
+                rings.append(ring[edge > SHORTEST_EDGE * radius])
+    return rings
 
 
 def _nearest_regions(xy: Floats, ice: Any, spacing: float) -> list[Any]:
@@ -145,7 +167,71 @@ def _joined(parts: list[Footprints]) -> Footprints:
         np.concatenate([part.size for part in parts]),
         np.concatenate([part.owner + n for part, n in zip(parts, elements, strict=False)]),
         np.concatenate([*start, corners[-1:]]), np.vstack([part.corner for part in parts]),
+        np.concatenate([part.cracked for part in parts]),
     )  # fmt: skip
+
+
+def divided_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Footprints:
+    """Return the footprints, divided along the lines of cracks that have parted fragments since the last time.
+
+    The ice beyond a line goes to the nearest element there.
+    """
+    parted = np.flatnonzero((bonds.crack > 0) & (el.berg[bonds.first] != el.berg[bonds.second]))
+    new = parted[~np.isin(bonds.id[parted], footprints.cracked)]
+    if new.size == 0:
+        return footprints
+    rings: list[list[Floats]] = [[] for _ in footprints.element]
+    for owner, ring in zip(footprints.owner, np.split(footprints.corner, footprints.start[1:-1]), strict=True):
+        rings[owner].append(ring)
+    berg = np.zeros(footprints.element.size, np.int64)  # 0: melted away
+    rows, known = rows_of(el.body.id, footprints.element)
+    berg[known] = el.berg[rows[known]]
+    for crack in np.unique(bonds.crack[new]).tolist():
+        rows = parted[bonds.crack[parted] == crack]
+        rows = rows[np.argsort(bonds.crack_order[rows])]
+        for run in np.split(rows, np.flatnonzero(np.diff(bonds.crack_order[rows]) != 1) + 1):
+            if run.size > 1 and np.isin(run, new).any():  # a line of one crossing has no direction
+                i, j = (rows_of(footprints.element, el.body.id[ends[run]])[0] for ends in (bonds.first, bonds.second))
+                _divide(rings, footprints, berg, i, j, bonds.crack_part[run])
+    every = [ring for of in rings for ring in of]
+    return footprints._replace(
+        owner=np.repeat(np.arange(len(rings)), [len(of) for of in rings]),
+        start=np.concatenate([[0], np.cumsum([len(ring) for ring in every])]).astype(np.int64),
+        corner=np.vstack(every), cracked=np.concatenate([footprints.cracked, bonds.id[new]]),
+    )  # fmt: skip
+
+
+def _divide(rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: Ints, j: Ints, part: Floats) -> None:
+    """Divide polygons along a crack, which crosses the lines between the elements ``i`` and ``j`` at a part of each way."""
+    centre = footprints.centre
+    part = np.clip(part, NEAREST_CRACK, 1.0 - NEAREST_CRACK)[:, None]
+    way = (1.0 - part) * centre[i] + part * centre[j]
+    side, ends = math.sqrt(float(footprints.size[i].mean())), way[[0, -1]] - way[[1, -2]]
+    ends = way[[0, -1]] + ONWARD * side * ends / np.hypot(*ends.T)[:, None]
+    crack = shapely.LineString([ends[0], *way, ends[1]])
+    beside = np.flatnonzero(np.isin(berg, berg[np.union1d(i, j)]))
+    beside = beside[shapely.dwithin(shapely.points(centre[beside]), crack, 2.0 * side)]
+
+    def lies_beyond(place: Floats, e: int) -> bool:
+        """Whether the crack runs between a place and an element."""
+        crossings = shapely.intersection(shapely.LineString([place, centre[e]]), crack)
+        return bool(shapely.get_num_coordinates(crossings) % 2)
+
+    given: dict[int, list[Floats]] = {}
+    for e in beside.tolist():
+        polygons = [shapely.Polygon(ring) for ring in rings[e]]
+        if not shapely.intersects(polygons, crack).any():
+            continue
+        rings[e] = []
+        for piece in (piece for polygon in polygons for piece in split(polygon, crack).geoms):
+            middle, to = np.array(piece.centroid.coords[0]), e
+            if lies_beyond(middle, e):
+                others = beside[berg[beside] != berg[e]]
+                nearest = others[np.argsort(np.hypot(*(centre[others] - middle).T))].tolist()
+                to = next((other for other in nearest if not lies_beyond(middle, other)), e)
+            (rings[e] if to == e else given.setdefault(to, [])).extend(_convex_rings(piece, side))
+    for e, more in given.items():
+        rings[e].extend(more)
 
 
 class BodyFootprint(NamedTuple):
@@ -207,9 +293,10 @@ class FootprintBook:
 
     def follow(self, model: RunState) -> Footprints:
         """Make the footprints of elements that are new."""
-        self._footprints = with_new_footprints(
-            self._footprints, model.elements, model.bonds, model.outlines, model.constants
-        )
+        self._footprints = divided_by_cracks(
+            with_new_footprints(self._footprints, model.elements, model.bonds, model.outlines, model.constants),
+            model.elements, model.bonds,
+        )  # fmt: skip
         return self._footprints
 
     def state_dict(self) -> dict[str, Any]:
@@ -218,5 +305,7 @@ class FootprintBook:
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
-        if all(name in saved for name in FOOTPRINT_NAMES):
-            self._footprints = Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES))
+        # Earlier versions did not divide footprints by cracks.
+        arrays = [np.array(saved[name]) for name in FOOTPRINT_NAMES if name in saved]
+        if len(arrays) >= len(FOOTPRINT_NAMES) - 1:
+            self._footprints = Footprints._make([*arrays, NO_BONDS][: len(FOOTPRINT_NAMES)])
