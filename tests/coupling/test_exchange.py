@@ -496,3 +496,38 @@ def test_an_ocean_without_a_sea_level_is_told_once(caplog: pytest.LogCaptureFixt
         for _ in range(3):
             beside.step(ocean(**more))
         assert len([text for text in caplog.messages if "the ocean gives no sea level" in text]) == count
+
+
+def test_recorders_follow_an_exchange_from_what_was_shown_to_the_bergs_at_their_start() -> None:
+    """With an ocean at rest in the place of the one that is handed over, the first step took half of either."""
+    lon, lat = np.meshgrid(np.linspace(-40, -36, 17), np.linspace(-58, -55, 13))
+    ocean = {
+        "eastward_sea_water_velocity": 0.3,
+        "northward_sea_water_velocity": 0.1,
+        "sea_surface_height_above_geoid": 0.0,
+    }
+    ends, times = [], []
+
+    class Recorder:
+        def start(self, model: Model) -> None:
+            times.append((model.time, float(model.elements.uo.mean())))
+
+        def record(self, model: Model) -> None:
+            times.append((model.time, float(model.elements.uo.mean())))
+
+        def finish(self, model: Model) -> None: ...
+
+    for recorded in (False, True):
+        grid = ocean_grid(lon, lat)
+        berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-38.0, -56.5))
+        model = Model(berg, OceanForcing(grid, grid.fields()), Parameters(stepping={"time_step": 1800.0}))
+        exchange = Exchange(model, 3600.0, staggering="A")
+        if recorded:
+            exchange.show(ocean)
+            model.advance(steps=4, recorders=[Recorder()], step=lambda exchange=exchange: exchange.step(ocean))
+        else:
+            for _ in range(2):
+                exchange.step(ocean)
+        ends.append((model.elements.lon.tolist(), model.elements.u.tolist()))
+    assert ends[0] == ends[1]
+    assert times == [(0.0, pytest.approx(0.3)), (3600.0, pytest.approx(0.3)), (7200.0, pytest.approx(0.3))]
