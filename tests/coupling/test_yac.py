@@ -129,7 +129,7 @@ def fails(folder: Path, **said: Any) -> str:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Four hours in one go; the ocean states its temperature in kelvin, and takes heat in kilowatts."""
+    """Four hours in one go; the ocean states its temperature in kelvin."""
     if ABSENT:
         pytest.skip(f"not installed: {', '.join(ABSENT)}")
     folder = tmp_path_factory.mktemp("whole")
@@ -184,6 +184,7 @@ def test_both_sides_go_on_bit_for_bit(whole: tuple[Path, dict[str, Any]], tmp_pa
 
 
 @coupled
+@pytest.mark.slow
 def test_units_that_cannot_be_turned_end_all_ranks(tmp_path: Path) -> None:
     coupling_file(tmp_path)
     printed = fails(tmp_path, units={"sea_surface_salinity": "kg m-3"})
