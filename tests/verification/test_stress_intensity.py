@@ -95,7 +95,7 @@ def edge_crack(packing: str, angle: float, cells: float, ligament: float) -> tup
 
 
 INCLINED = (0.0, 20.0, 35.0, -55.0)
-WITHIN = {3.6: (0.1, 0.15), 4: (0.09, 0.12), 5: (0.07, 0.1), 7: (0.05, 0.085), 14: (0.05, 0.06)}
+WITHIN = {3.6: (0.1, 0.15), 4: (0.09, 0.12), 5: (0.07, 0.12), 7: (0.05, 0.085), 14: (0.05, 0.06)}
 """Errors of the hoop intensity by the length of a crack in cells: mean of its two tips, and each of them."""
 
 TABLE = [
