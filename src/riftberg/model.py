@@ -652,7 +652,11 @@ class BareModel(RunState):
         stiff = narrow_warning(self.elements, self.parameters)
         rift = rift_notice(self.bonds, self.parameters)
         of_floor = floor_notices(self.forcing, self.elements, self.parameters, placed=self.step_number == 0)
-        return (*(text for text in (self.sea_level_notice, rings, stiff, rift) if text), *of_floor, *self.unusual.values())
+        return (
+            *(text for text in (self.sea_level_notice, rings, stiff, rift) if text),
+            *of_floor,
+            *self.unusual.values(),
+        )
 
     @property
     def sea_level_notice(self) -> str:

@@ -43,7 +43,9 @@ def test_the_released_energy_is_that_of_both_modes() -> None:
         stress, gradient = crack_tip_fields(x, y, poisson)
         for k in ((1.0, 0.0), (0.0, 1.0), (3.0, -2.0)):
             s, g = np.tensordot(k, stress, 1), np.tensordot(k, gradient, 1) / youngs
-            strain = s[:, 0] ** 2 + s[:, 1] ** 2 - 2.0 * poisson * s[:, 0] * s[:, 1] + 2.0 * (1.0 + poisson) * s[:, 2] ** 2
+            strain = (
+                s[:, 0] ** 2 + s[:, 1] ** 2 - 2.0 * poisson * s[:, 0] * s[:, 1] + 2.0 * (1.0 + poisson) * s[:, 2] ** 2
+            )
             pull = np.column_stack([
                 s[:, 0] * np.cos(t) + s[:, 2] * np.sin(t), s[:, 2] * np.cos(t) + s[:, 1] * np.sin(t)
             ])  # fmt: skip

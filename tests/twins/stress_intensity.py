@@ -1,4 +1,4 @@
-"""Twin of the fields at a crack tip and of the interaction integral: real functions of the polar angle, one triangle at a time."""
+"""Twin of the fields at a crack tip and of the interaction integral: functions of the polar angle, triangle by triangle."""
 
 from __future__ import annotations
 

@@ -40,7 +40,9 @@ def plate_with(rift: Floats, packing: str, angle: float, length: float, width: f
         length, width, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False, lattice_angle=angle, **berg
     )
     # Beside the middle, where a row of elements may lie.
-    plate = Plate(packing, angle, length, width, made.with_rifts([rift + np.array([0.21, 0.13]) * SPACING], broken=True))
+    plate = Plate(
+        packing, angle, length, width, made.with_rifts([rift + np.array([0.21, 0.13]) * SPACING], broken=True)
+    )
     plate.tips = tips_of_rifts(plate.el, plate.bonds, plate.p)
     return plate
 
@@ -60,7 +62,7 @@ def ends_of(moment: Equilibrium) -> list[TipIntensity]:
 
 
 def middle_crack(packing: str, angle: float, cells: int, inclined: float) -> Compared | None:
-    """A crack of some cells in the middle of a plate that is eight times as wide, ``inclined`` (degrees) to the normal of the pull."""
+    """A crack in the middle of a plate that is eight times as wide, ``inclined`` (degrees) to the normal of the pull."""
     side = max(8.0 * cells, 36.0) * SPACING
     t = np.radians(inclined)
     half = 0.5 * cells * SPACING * np.array([np.sin(t), np.cos(t)])
@@ -164,6 +166,8 @@ def test_nine_rifts_of_mixed_mode_go_on_at_their_toughness(packing, angle, incli
 
 
 class Cracked(NamedTuple):
+    """A plate with a crack under its load, and the intensities at both tips."""
+
     plate: Plate
     force: Floats
     moment: Equilibrium
