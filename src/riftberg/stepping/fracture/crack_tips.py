@@ -174,9 +174,12 @@ class CrackPaths:
     ) -> None:  # fmt: skip
         self.tips, self._bonds, self._ids, self._body, self._xy, self._cells = tips, bonds, ids, body, xy, cells
         self._last, self._rings = last, {} if rings is None else rings
+        self._standing: tuple[CrackTips | None, list[Tip]] = None, []
 
     def standing(self) -> list[Tip]:
         """Return the tips in the frames of their fragments, without those whose elements have parted or melted away."""
+        if self._standing[0] is self.tips:
+            return self._standing[1]
         rows, known = rows_of(self._ids, self.tips.beside.ravel())
         a, b = rows.reshape(-1, 2).T
         here = known.reshape(-1, 2).all(axis=1)
@@ -190,17 +193,19 @@ class CrackPaths:
             axes = np.array([along, [-along[1], along[0]]]) / spacing
             place, direction = self._xy[i] + self.tips.place[n] @ axes, self.tips.direction[n] @ axes
             found.append(Tip(int(n), int(self._body[i]), place, direction, spacing))
+        self._standing = self.tips, found
         return found
 
-    def intensities(self, displacement: Floats, load: Floats) -> dict[int, TipIntensity]:
+    def intensities(self, of_elements: Floats, load: Floats) -> dict[int, TipIntensity]:
         """Stress intensity at the standing tips, by their rows; tips without a ring are left out.
 
-        ``displacement``: of all nodes (m, m, rad); ``load``: balanced, of the elements (N, N, N m).
+        ``of_elements``: displacements (m, m, rad); ``load``: balanced (N, N, N m).
         """
+        rings = [(tip, ring) for tip in self.standing() if isinstance(ring := self._ring_at(tip), TipRing)]
         found = {}
-        for tip in self.standing():
-            ring = self._ring_at(tip)
-            if isinstance(ring, TipRing):
+        if rings:
+            displacement = self._cells.displacements(of_elements)
+            for tip, ring in rings:
                 opening, shearing = ring.intensities(displacement, load).tolist()
                 found[tip.row] = TipIntensity(tip, ring, opening, shearing, *hoop_intensity(opening, shearing))
         return found

@@ -84,7 +84,7 @@ class Equilibrium:
         """Stress intensity at the tips of cracks that are long enough, by their rows."""
         if self._cells is None or self._paths is None or not self._paths.tips.crack.size:
             return {}
-        return self._paths.intensities(self._cells.displacements(self.displacement), self.load)
+        return self._paths.intensities(self.displacement, self.load)
 
     @property
     def bridges(self) -> Ints:
