@@ -391,7 +391,8 @@ class Fracture(Group):
         None,
         "",
         "what the strengths are compared with in quasi_static; ice: the largest tension and shear of the ice. toughness: the "
-        "same, and the toughness at the tips of cracks. none means ice; explicit schemes have the stress of each bond alone",
+        "same, and the toughness at the tips of cracks and rifts of three elements and more. none means ice; explicit schemes "
+        "have the stress of each bond alone",
         "Riftberg",
     )
     toughness: float = quantity(

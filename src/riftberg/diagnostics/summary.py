@@ -18,6 +18,10 @@ bergs : list, one entry per berg of the start, and per one added later: number, 
     largest_prestress, reserve (tension that it bears beside it), crevasse_strength (at the tips of its crevasses: given, or what
     fracture.normal_strength means); all null where it is gone, the last two where the strength is none of the ice
 crevasses : how far strengths at the tips of crevasses, pre-stress and reserve can be trusted
+rifts : list, one entry per standing tip of a rift that was there from the start: crack (its number), lon, lat, length (m),
+    spacing (of the elements beside it, m), opening and shearing (K_I and K_II, Pa m1/2), largest (largest hoop intensity since it
+    came to stand there), of_toughness and largest_of_toughness (hoop intensity now, and that, over fracture.toughness; null
+    without one); all from opening on null where the rift is too short, or its tip too near to the outline or another crack
 collisions : list, one entry per collision of two bergs or fragments: time, end, bergs (their names or numbers), lon, lat,
     speed (relative speed before they touched, m s-1)
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
@@ -107,6 +111,7 @@ def summarize(
         "breakups": breakups(model),
         "bergs": berg_entries(model),
         "crevasses": CAVEAT,
+        "rifts": [tip.as_dict(model.parameters) for tip in model.rift_tips],
         "collisions": collisions(model),
         "ground": summarize_ground(model),
         "track": track_table(track),

@@ -17,6 +17,7 @@ from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, iso, me
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.runs.groundings import read_stays, why_lines
 from riftberg.runs.scene import SMALL, Scene
+from riftberg.stepping.fracture.rift_tips import tip_lines
 from riftberg.system.atomic_files import write_json
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Reasons:
-    """Break-ups of a run that are large enough to be shown; stays on the sea floor, losses by melting and reserves, in words."""
+    """Break-ups of a run that are large enough to be shown; stays on the sea floor, losses by melting, reserves, rifts."""
 
     experiment: str
     forcing: str
@@ -35,6 +36,7 @@ class Reasons:
     melt: list[str] = field(default_factory=list)
     ground: list[str] = field(default_factory=list)
     reserves: list[str] = field(default_factory=list)
+    rifts: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers, texts, lists and dicts."""
@@ -105,6 +107,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         small=small,
         strength=scene.strength if scene.parameters.fracture.enabled else None,
         reserves=scene.reserves(),
+        rifts=tip_lines(scene.rift_tips, scene.parameters),
         melt=melt_lines(run),
         ground=why_lines(read_stays(run, scene.name), scene.parameters, latlon=scene.latlon),
     )
@@ -157,11 +160,11 @@ def words(reasons: Reasons) -> list[str]:
     small, reserves = count_text(reasons.small, "small piece"), [" ".join(reasons.reserves)] if reasons.reserves else []
     if not reasons.breakups:
         but = f" but {small} (--all lists them)" if reasons.small else ""
-        return [f"Nothing broke off{but}.", *reasons.ground, *reasons.melt, *reserves]
+        return [f"Nothing broke off{but}.", *reasons.rifts, *reasons.ground, *reasons.melt, *reserves]
     lines = [_paragraph(breakup) for breakup in reasons.breakups]
     if reasons.small:
         lines.append(f"{small.replace('small', 'smaller')} broke off too (--all lists them).")
-    return [*lines, *reasons.ground, *reasons.melt, *reserves]
+    return [*lines, *reasons.rifts, *reasons.ground, *reasons.melt, *reserves]
 
 
 def _paragraph(b: Breakup) -> str:

@@ -137,7 +137,24 @@ GROUNDING_VARIABLES: Final = (
 )
 """Stays of bergs and fragments on the sea floor, each written as ``grounding_<name>``."""
 
-TABLES: Final = (("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES), ("grounding", GROUNDING_VARIABLES))
+RIFT_TIP_VARIABLES: Final = (
+    Variable("crack", "1", "number of the rift, 0 where the tip stands no more", dtype="i8", limits=(0, LARGEST_WHOLE)),
+    Variable("lon", "degrees_east", "longitude of the tip"),
+    Variable("lat", "degrees_north", "latitude of the tip"),
+    Variable("length", "m", "length of the rift", limits=(0.0, LARGEST)),
+    Variable("spacing", "m", "distance of the elements beside the tip", limits=(0.0, LARGEST)),
+    Variable(
+        "opening", "Pa m1/2", "stress intensity K_I; NaN where the rift is too short, or too near to others, to say"
+    ),
+    Variable("shearing", "Pa m1/2", "stress intensity K_II"),
+    Variable("largest", "Pa m1/2", "largest stress intensity by hoop stress since the tip came to stand there"),
+)
+"""Standing tips of the rifts that were there from the start, as the last step left them, each written as ``rift_tip_<name>``."""
+
+TABLES: Final = (
+    ("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES), ("grounding", GROUNDING_VARIABLES),
+    ("rift_tip", RIFT_TIP_VARIABLES),
+)  # fmt: skip
 """Tables of a run file, with a dimension each."""
 
 

@@ -357,6 +357,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "crack_tip_crack": Bound(("tips",), 0, LARGEST_WHOLE),
     "crack_tip_order": Bound(("tips",), -LARGEST_WHOLE, LARGEST_WHOLE),
     "crack_tip_length": Bound(("tips",)),
+    "crack_tip_intensity": Bound(("tips", 3)),
     "footprint_element": Bound(("footprints",), 0, "next_element - 1", once=True),
     "footprint_size": Bound(("footprints",)),
     "footprint_centre": Bound(("footprints", 2)),

@@ -384,7 +384,10 @@ class RunWriter:
         self._layout.refresh(model.elements, model.bonds, BOND_LATEST)
         for name in BOND_LATEST:
             file[in_file(name)][:] = self._layout.latest[name]
-        events: tuple[Sequence[Any], ...] = model.fragments.rows, model.contacts.rows, model.groundings.rows
+        events: tuple[Sequence[Any], ...] = (
+            model.fragments.rows, model.contacts.rows, model.groundings.rows, model.rift_tips,
+        )  # fmt: skip
+        file["rift_tip_crack"][:] = 0  # tips that stand no more keep their rows
         for (kind, variables), rows in zip(TABLES, events, strict=True):
             for v in variables if rows else ():
                 values = [getattr(row, v.name) for row in rows]

@@ -28,6 +28,7 @@ from riftberg.runs.layout import called, parameters_of
 from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, family_of, is_channel, zonal_period
 from riftberg.state import Floats, Ints
 from riftberg.stepping.fracture.reserves import bond_strengths, reserve_lines
+from riftberg.stepping.fracture.rift_tips import RiftTip
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 if TYPE_CHECKING:
@@ -470,6 +471,16 @@ class Scene:
         return aground_in_file(
             thickness, depth, state[FLOOR_LOAD].values if FLOOR_LOAD in state else None, self.parameters
         )
+
+    @cached_property
+    def rift_tips(self) -> list[RiftTip]:
+        """Tips of rifts that stand at the end of the run."""
+        run = self.run
+        if "rift_tip_crack" not in run:
+            return []
+        places = {"lon": "lon" if self.latlon else "x", "lat": "lat" if self.latlon else "y"}
+        columns = [run[f"rift_tip_{places.get(name, name)}"].values.tolist() for name in RiftTip.__dataclass_fields__]
+        return [RiftTip(int(crack), *values) for crack, *values in zip(*columns, strict=True) if crack > 0]
 
     @cached_property
     def stays(self) -> list[Stay]:

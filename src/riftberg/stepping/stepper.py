@@ -19,6 +19,7 @@ from riftberg.state.population import enter_cells
 from riftberg.state.variables import GONE
 from riftberg.stepping.contact.land import apply_land_constraint
 from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.fracture.crack_tips import NO_TIPS, CrackTips
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.run_state import RunState
 
@@ -54,6 +55,10 @@ class Stepper(Protocol):
     def clearance(self) -> float:
         """Least water under a keel since the start, m, as a bed of sediment has it; NaN where there is none."""
 
+    @property
+    def tips(self) -> CrackTips:
+        """Tips of cracks, as the last step has left them."""
+
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart must hold beside the state, as arrays, for the run to go on bit for bit."""
 
@@ -76,6 +81,11 @@ class Stateless:
     def clearance(self) -> float:
         """See `Stepper.clearance`: none."""
         return math.nan
+
+    @property
+    def tips(self) -> CrackTips:
+        """See `Stepper.tips`: none."""
+        return NO_TIPS
 
     def state_dict(self) -> dict[str, Any]:
         """Return nothing."""

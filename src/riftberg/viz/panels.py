@@ -19,6 +19,7 @@ from riftberg.ocean.forcing import Forcing
 from riftberg.plane import ConformalPlane, near
 from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, stretch, water_of
 from riftberg.state import Floats
+from riftberg.stepping.fracture.rift_tips import tip_label
 from riftberg.viz import colours, style
 from riftberg.viz.coast import UNKNOWN_DEPTH, draw_coast, draw_place
 from riftberg.viz.style import degree_label, is_short, moment_text
@@ -328,8 +329,20 @@ class Panel(Map):
         else:
             self.draw_values(record, melted[0], colours.melt_map(), melted[1])
         self.draw_outlines(rings, **look)
+        if record == len(self.scene.times) - 1:
+            self.draw_rift_tips()
         self.draw_scale()
         return quiver
+
+    def draw_rift_tips(self) -> None:
+        """Mark the tips of rifts that stand at the end of the run, and say how near to their toughness they are."""
+        for tip in self.scene.rift_tips:
+            x, y = self.placed(np.array([tip.lon]), np.array([tip.lat]))
+            self.ax.plot(x, y, "D", ms=4, mfc="white", mec="black", mew=0.8, zorder=9)
+            self.ax.annotate(
+                tip_label(tip, self.scene.parameters), (x[0], y[0]), (5, 5), textcoords="offset points", fontsize=7, zorder=9,
+                annotation_clip=True,
+            )  # fmt: skip
 
     def draw_currents(self, record: int, top: float, *, arrows: int = 13, steps: int | None = None) -> Quiver | None:
         """Draw speed as colour up to ``top`` (m s-1), smooth or in a number of steps, and arrows; return the arrows."""

@@ -25,6 +25,7 @@ from riftberg.stepping.fracture.criteria import (
     overloads,
     residual_strengths,
 )
+from riftberg.stepping.fracture.stress_intensity import TipRing
 from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellTopology
 from riftberg.stepping.lattice.cells import ElasticCells, with_new_cells
 from riftberg.stepping.lattice.equilibrium import Supports, find_lattice
@@ -59,6 +60,7 @@ class BrittleLattice:
         # Of bonded ice: elements that nothing joins are rigid, and bear no loads.
         self.cells: CellStiffness | None = None
         self.paths: CrackPaths | None = None
+        self._rings: dict[tuple[float, ...], TipRing | float] = {}
         self._solver: StiffnessSolver | None = None
         if self.intact.size:
             self.elastic_cells = with_new_cells(self.elastic_cells, el, bonds, (), c)
@@ -82,13 +84,18 @@ class BrittleLattice:
         if self.cells is not None:
             model = self._model
             self.paths = CrackPaths(
-                tips, model.bonds, model.elements.body.id, bodies.body, self.xy, self.cells, self._last_crack
-            )
+                tips, model.bonds, model.elements.body.id, bodies.body, self.xy, self.cells, self._last_crack,
+                self._rings,
+            )  # fmt: skip
 
     @property
     def tips(self) -> CrackTips:
         """The tips of cracks, as the last break has left them."""
         return self._tips if self.paths is None else self.paths.tips
+
+    def told_tips(self, now: Equilibrium) -> CrackTips:
+        """Return the tips of cracks with their stress intensity in an equilibrium, as far as it can be told."""
+        return self.tips if self.paths is None or not self.tips.crack.size else self.paths.told(now.intensities)
 
     def anew(self, bodies: Bodies) -> BrittleLattice:
         """Return the lattice of the bonds that are intact now."""
@@ -108,6 +115,7 @@ class BrittleLattice:
         """Correct the factors for a bond that has broken."""
         assert self._solver is not None
         self._solver.downdate(bond)
+        self._rings.clear()
         self.intact = self.intact[self.intact != bond]
 
     def strengths(self) -> Strengths:
@@ -179,7 +187,9 @@ class BrittleLattice:
         strengths, ratio, strength = self.strengths(), np.zeros(count), np.zeros(count)
         ratio[now.intact], strength[now.intact] = overloads(now.stress, strengths), strengths.normal
         last = row in now.bridges
-        return self.paths.next_bond(failing, last, now.tensor[row], now.triangle_stress, ratio, strength)
+        return self.paths.next_bond(
+            failing, last, now.tensor[row], now.triangle_stress, ratio, strength, now.intensities
+        )
 
     def facet_area(self, bond: int) -> float:
         """Area (m2) of the side along which the cells of a bond meet."""

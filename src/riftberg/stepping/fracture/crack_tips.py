@@ -5,6 +5,9 @@ line here. A tip turns normal to the larger principal stress of the ice ahead of
 crosses breaks: the line cuts every bond that it crosses and leaves none behind. A bond that fails away from all tips starts a
 crack of its own, with two tips in opposite directions. A tip ends where its ray leaves the ice or meets another crack.
 
+The first advance of a rift whose stress intensity is known goes normal to the largest hoop stress instead: a rift is given, so it
+may stand at any angle to the tension.
+
 A tip keeps its place beside the ends of the bond that it crossed last, so it moves with its piece.
 """
 
@@ -17,11 +20,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from riftberg.parameters import KernelParameters
+from riftberg.physics.crack_tip import hoop_intensity
 from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
+from riftberg.stepping.fracture.stress_intensity import TipRing, tip_ring
 from riftberg.stepping.lattice.cell_stiffness import CellStiffness
-from riftberg.stepping.lattice.cells import Booleans
 
 REACH = 2.5
 """A bond that fails within this distance of a tip (in distances of elements) is the tip's: it goes on, and no crack starts."""
@@ -40,6 +44,19 @@ between bends like a hinge, its mean stress says nothing of the way, and the cra
 BEYOND = 1e-3
 """Part of the distance of elements by which a tip stands beyond the bond that it has crossed."""
 
+LEAST_CRACK = 3.0
+"""Length of a crack (in distances of elements) from which its stress intensity is known; shorter ones grow by strength."""
+
+LARGEST_RING, RELIABLE_RING, SMALLEST_RING = 4.0, 2.4, 1.2
+"""Outer radius (in distances of elements) of the ring over which stress intensity is integrated: where there is room, the least
+for a value to be told, and the least for a crack to go on by it. The smallest let a running crack reach the outline."""
+
+SHARE_OF_LENGTH, SHARE_AHEAD, SHARE_BEHIND = 0.55, 0.6, 0.85
+"""What a ring takes of the length of the crack, and of the way to the outline or another crack ahead of its tip and behind it."""
+
+FLANK = 0.75
+"""Distance (in distances of elements) from the line of a crack within which triangles are freed by it, not by others."""
+
 
 class CrackTips(NamedTuple):
     """The tips of all cracks; a row for each."""
@@ -50,6 +67,9 @@ class CrackTips(NamedTuple):
     crack: Ints  # Number of the crack
     order: Ints  # Of the bond to be crossed next, counted from the start of the crack; below 0 on the other arm
     length: Floats  # Of the whole crack, m
+    # K_I and K_II after the last step, and the largest hoop intensity since the tip came here, Pa m^(1/2): the last is below 0
+    # where the crack is too short, or too near to the outline or another crack, to say; shape (tips, 3)
+    intensity: Floats
 
 
 TIP_NAMES = tuple(f"crack_tip_{name}" for name in CrackTips._fields)
@@ -62,7 +82,11 @@ NO_TIPS = CrackTips(
     np.zeros(0, np.int64),
     np.zeros(0, np.int64),
     np.zeros(0),
+    np.zeros((0, 3)),
 )
+
+UNTOLD, RUN_OUT = -1.0, -2.0
+"""Third value of ``intensity`` of a tip of which nothing can be said, and of one that has no ice ahead of it."""
 
 
 def tips_from_arrays(saved: Mapping[str, Any]) -> CrackTips:
@@ -97,7 +121,7 @@ def tips_of_rifts(el: Elements, bonds: Bonds, p: KernelParameters) -> CrackTips:
             axes = np.array([along, [-along[1], along[0]]]) / spacing
             place = axes @ (way[end] + BEYOND * spacing * direction - a[end])
             beside = [el.body.id[first[end]], el.body.id[second[end]]]
-            found.append((beside, place, axes @ direction, number, order, length))
+            found.append((beside, place, axes @ direction, number, order, length, (0.0, 0.0, UNTOLD)))
     if not found:
         return NO_TIPS
     return CrackTips._make([
@@ -115,6 +139,20 @@ class Tip(NamedTuple):
     spacing: float  # Distance of the elements beside it, m
 
 
+class TipIntensity(NamedTuple):
+    """Stress intensity at a tip, Pa m^(1/2)."""
+
+    tip: Tip
+    ring: TipRing
+    opening: float  # K_I
+    shearing: float  # K_II
+    kink: float  # Angle at which the crack goes on, to the left, rad
+    hoop: float  # Of the largest hoop stress there, which the toughness is compared with
+
+
+NO_INTENSITIES: Mapping[int, TipIntensity] = {}
+
+
 class Crossing(NamedTuple):
     """Where the way of a crack crosses a bond."""
 
@@ -126,17 +164,22 @@ class Crossing(NamedTuple):
 class CrackPaths:
     """Where the tips of a fragmented lattice stand, and where they go next.
 
-    ``last``: a number of a crack above which new ones are numbered.
+    ``last``: a number of a crack above which new ones are numbered; ``rings``: around tips by their place, found since a bond
+    broke last.
     """
 
     def __init__(
-        self, tips: CrackTips, bonds: Bonds, ids: Ints, body: Ints, xy: Floats, cells: CellStiffness, last: int = 0
-    ) -> None:
+        self, tips: CrackTips, bonds: Bonds, ids: Ints, body: Ints, xy: Floats, cells: CellStiffness, last: int = 0,
+        rings: dict[tuple[float, ...], TipRing | float] | None = None,
+    ) -> None:  # fmt: skip
         self.tips, self._bonds, self._ids, self._body, self._xy, self._cells = tips, bonds, ids, body, xy, cells
-        self._last = last
+        self._last, self._rings = last, {} if rings is None else rings
+        self._standing: tuple[CrackTips | None, list[Tip]] = None, []
 
     def standing(self) -> list[Tip]:
         """Return the tips in the frames of their fragments, without those whose elements have parted or melted away."""
+        if self._standing[0] is self.tips:
+            return self._standing[1]
         rows, known = rows_of(self._ids, self.tips.beside.ravel())
         a, b = rows.reshape(-1, 2).T
         here = known.reshape(-1, 2).all(axis=1)
@@ -150,24 +193,94 @@ class CrackPaths:
             axes = np.array([along, [-along[1], along[0]]]) / spacing
             place, direction = self._xy[i] + self.tips.place[n] @ axes, self.tips.direction[n] @ axes
             found.append(Tip(int(n), int(self._body[i]), place, direction, spacing))
+        self._standing = self.tips, found
         return found
 
-    def middles(self, rows: Ints) -> Floats:
-        """Middles (m) of bonds in the frames of their fragments."""
-        return np.asarray(0.5 * (self._xy[self._bonds.first[rows]] + self._xy[self._bonds.second[rows]]))
+    def intensities(self, of_elements: Floats, load: Floats) -> dict[int, TipIntensity]:
+        """Stress intensity at the standing tips, by their rows; tips without a ring are left out.
 
-    def within(self, rows: Ints, body: int) -> Booleans:
-        """Which bonds belong to a fragment."""
-        return np.asarray(self._body[self._bonds.first[rows]] == body)
+        ``of_elements``: displacements (m, m, rad); ``load``: balanced (N, N, N m).
+        """
+        rings = [(tip, ring) for tip in self.standing() if isinstance(ring := self._ring_at(tip), TipRing)]
+        found = {}
+        if rings:
+            displacement = self._cells.displacements(of_elements)
+            for tip, ring in rings:
+                opening, shearing = ring.intensities(displacement, load).tolist()
+                found[tip.row] = TipIntensity(tip, ring, opening, shearing, *hoop_intensity(opening, shearing))
+        return found
+
+    def _ring_at(self, tip: Tip) -> TipRing | float:
+        """Ring around a tip, found anew where a bond has broken."""
+        key = (tip.body, *tip.place, *tip.direction)
+        if key not in self._rings:
+            self._rings[key] = self._ring(tip)
+        return self._rings[key]
+
+    def _ring(self, tip: Tip) -> TipRing | float:
+        """Ring around the end of a crack; ``UNTOLD`` where there is no room for one, ``RUN_OUT`` where the crack has ended."""
+        bond, part = self._crossed(tip, int(self.tips.crack[tip.row]))
+        if bond < 0:
+            return RUN_OUT
+        # The crack ends somewhere between the last bond that it has crossed and the next one.
+        i, j, spacing = self._bonds.first[bond], self._bonds.second[bond], tip.spacing
+        end = 0.5 * (tip.place + self._xy[i] + part * (self._xy[j] - self._xy[i]))
+        length = float(np.hypot(*(self._line(tip)[-1] - end))) + 0.5 * spacing
+        if length < LEAST_CRACK * spacing:
+            return UNTOLD
+        ice = self._cells.triangles_near(tip.body, end, (LARGEST_RING / SHARE_AHEAD + 1.0) * spacing)
+        axes = np.array([tip.direction, [-tip.direction[1], tip.direction[0]]])
+        middle, vertex = (ice.vertex.mean(axis=1) - end) @ axes.T, (ice.vertex - end) @ axes.T
+        # No triangle of the ring but those along the crack itself may have a free edge.
+        of_others = ~ice.whole & ((middle[:, 0] > FLANK * spacing) | (abs(middle[:, 1]) > FLANK * spacing))
+        free = np.concatenate([middle[of_others], vertex[ice.node >= len(self._xy)]])
+        distance = np.hypot(*free.T)
+        if distance.min(initial=np.inf) <= SMALLEST_RING * spacing:
+            return UNTOLD
+        room = np.where(free[:, 0] > 0.0, SHARE_AHEAD, SHARE_BEHIND) * distance
+        radius = max(SMALLEST_RING * spacing, min(LARGEST_RING * spacing, float(room.min(initial=np.inf))))
+        radius = min(radius, max(SHARE_OF_LENGTH * length, RELIABLE_RING * spacing))
+        element = np.flatnonzero((self._body == tip.body) & (np.hypot(*(self._xy - end).T) < radius))
+        # Beside a tip stress is a matter of the size of the elements.
+        first, second = self._bonds.first, self._bonds.second
+        away = 0.5 * (self._xy[first] + self._xy[second]) - tip.place
+        beside = (self._body[first] == tip.body) & (np.hypot(*away.T) <= REACH * spacing) & (self._bonds.status == 0)
+        return tip_ring(
+            ice, element, self._xy[element], end, tip.direction, radius, self._cells.elastic,
+            reliable=radius >= RELIABLE_RING * spacing, beside=np.flatnonzero(beside),
+        )  # fmt: skip
+
+    def _line(self, tip: Tip) -> Floats:
+        """Where the crack of a tip has crossed bonds of its fragment (m), from the tip backwards."""
+        bonds = self._bonds
+        rows = np.flatnonzero((bonds.crack == self.tips.crack[tip.row]) & (bonds.status != 0))
+        rows = rows[(self._body[bonds.first[rows]] == tip.body) & (self._body[bonds.second[rows]] == tip.body)]
+        order = bonds.crack_order[rows]
+        rows = rows[np.argsort(order if self.tips.order[tip.row] < 0 else -order)]
+        a, b = self._xy[bonds.first[rows]], self._xy[bonds.second[rows]]
+        return np.asarray(a + bonds.crack_part[rows, None] * (b - a))
+
+    def told(self, intensities: Mapping[int, TipIntensity]) -> CrackTips:
+        """Return the tips with their intensities, as far as these can be told."""
+        values = np.zeros((self.tips.crack.size, 3))
+        values[:, 2] = UNTOLD
+        for tip in self.standing():
+            ring, k = self._ring_at(tip), intensities.get(tip.row)
+            if k is not None and k.ring.reliable:
+                values[tip.row] = k.opening, k.shearing, max(k.hoop, self.tips.intensity[tip.row, 2])
+            elif ring == RUN_OUT:
+                values[tip.row, 2] = RUN_OUT
+        return self.tips._replace(intensity=values)
 
     def next_bond(
-        self, failing: int, last: bool, tensor: Floats, stress: Floats, ratio: Floats, strength: Floats
-    ) -> int:
+        self, failing: int, last: bool, tensor: Floats, stress: Floats, ratio: Floats, strength: Floats,
+        intensities: Mapping[int, TipIntensity] = NO_INTENSITIES,
+    ) -> int:  # fmt: skip
         """Return the bond (row of the state) that breaks next where ``failing`` is overloaded; the tips have moved then.
 
         ``last``: it is the last one between two parts, which any crack beside it must cross;
         ``tensor``: stress (Pa; xx, yy, xy) at that bond; ``stress``: of the triangles; ``ratio``, ``strength``: stress over
-        strength and strength (Pa) of all bonds of the state, broken ones too.
+        strength and strength (Pa) of all bonds of the state, broken ones too; ``intensities``: at the tips.
         """
         i, j = self._bonds.first[failing], self._bonds.second[failing]
         middle, spacing = 0.5 * (self._xy[i] + self._xy[j]), float(np.hypot(*(self._xy[j] - self._xy[i])))
@@ -176,7 +289,7 @@ class CrackPaths:
         for distance, tip in sorted(near, key=lambda pair: pair[0]):
             if distance > REACH * spacing:
                 break
-            crossing = Crossing(failing, 0.5, tip) if last else self.ahead(tip, stress)
+            crossing = Crossing(failing, 0.5, tip) if last else self.ahead(tip, stress, intensities.get(tip.row))
             if crossing is None:
                 ended.append(tip.row)
                 continue
@@ -191,16 +304,33 @@ class CrackPaths:
         self._start(failing, middle, spacing, tensor)
         return failing
 
-    def ahead(self, tip: Tip, stress: Floats) -> Crossing | None:
-        """Return the unbroken bond that a tip crosses next, normal to the larger principal stress ahead; None where it ends."""
-        (xx, yy, xy), filled = self._cells.mean_ahead(stress, tip.body, tip.place, tip.direction, AHEAD * tip.spacing)
-        direction = tip.direction
-        if filled >= LEAST_FILLED and (xx != yy or xy != 0.0):
-            angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
-            direction = np.array([math.cos(angle), math.sin(angle)])
-            direction *= 1.0 if direction @ tip.direction >= 0.0 else -1.0
+    def ahead(self, tip: Tip, stress: Floats, intensity: TipIntensity | None = None) -> Crossing | None:
+        """Return the unbroken bond that a tip crosses next; None where it ends.
+
+        A rift turns by its stress intensity, all else normal to the larger principal stress ahead.
+        """
+        if intensity is not None and intensity.ring.reliable and self._is_given(tip):
+            c, s = math.cos(intensity.kink), math.sin(intensity.kink)
+            direction = np.array([[c, -s], [s, c]]) @ tip.direction
+        else:
+            direction = self._across_tension(tip, stress)
         bond, part = self._crossed(tip._replace(direction=direction), int(self.tips.crack[tip.row]))
         return None if bond < 0 else Crossing(bond, part, tip._replace(direction=direction))
+
+    def _is_given(self, tip: Tip) -> bool:
+        """Whether a tip stands where a rift ended at the start: the bond that it crossed last never broke in the run."""
+        bonds, order = self._bonds, int(self.tips.order[tip.row])
+        last = (bonds.crack == self.tips.crack[tip.row]) & (bonds.crack_order == order - (1 if order > 0 else -1))
+        return bool(last.any() and np.isnan(bonds.break_time[last]).all())
+
+    def _across_tension(self, tip: Tip, stress: Floats) -> Floats:
+        """Direction normal to the larger principal stress ahead of a tip; straight on near the outline."""
+        (xx, yy, xy), filled = self._cells.mean_ahead(stress, tip.body, tip.place, tip.direction, AHEAD * tip.spacing)
+        if filled < LEAST_FILLED or (xx == yy and xy == 0.0):
+            return tip.direction
+        angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+        direction = np.array([math.cos(angle), math.sin(angle)])
+        return direction if direction @ tip.direction >= 0.0 else -direction
 
     def _crossed(self, tip: Tip, crack: int) -> tuple[int, float]:
         """First unbroken bond on the ray of a tip, and where on the bond; -1 where there is none before another crack."""
@@ -228,7 +358,7 @@ class CrackPaths:
 
     def _add(self, bond: int, place: Floats, direction: Floats, number: int, order: int, length: float) -> None:
         beside, axes, origin = self._axes(bond)
-        tip = (beside, axes @ (place - origin), axes @ direction, number, order, length)
+        tip = (beside, axes @ (place - origin), axes @ direction, number, order, length, (0.0, 0.0, UNTOLD))
         self.tips = CrackTips._make([np.concatenate([old, [new]]) for old, new in zip(self.tips, tip, strict=True)])
 
     def _axes(self, bond: int) -> tuple[list[int], Floats, Floats]:
@@ -250,6 +380,7 @@ class CrackPaths:
         beside, axes, origin = self._axes(bond)
         tips.beside[row], tips.place[row], tips.direction[row] = beside, axes @ (place - origin), axes @ direction
         tips.order[row] += 1 if order > 0 else -1
+        tips.intensity[row] = 0.0, 0.0, UNTOLD
         tips.length[tips.crack == number] += np.hypot(*(place - tip.place))
         self.tips = tips
 

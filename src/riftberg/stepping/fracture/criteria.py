@@ -31,9 +31,9 @@ from riftberg.physics.bonds import (
     stress_ratio,
 )
 from riftberg.state import Bonds, Floats, Ints
-from riftberg.stepping.fracture.crack_tips import REACH, CrackPaths
+from riftberg.stepping.fracture.crack_tips import CrackPaths, TipIntensity
 from riftberg.stepping.fracture.reserves import bond_strengths
-from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellStresses, principal_stresses
+from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellStresses
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformations
 from riftberg.stepping.laws import Ratios, name_of, to_read
 
@@ -78,6 +78,13 @@ class Equilibrium:
     def tensor(self) -> Floats:
         """Stress (Pa; xx, yy, xy) of the ice at the intact bonds, shape (intact bonds, 3)."""
         return self._ice.tensor
+
+    @cached_property
+    def intensities(self) -> dict[int, TipIntensity]:
+        """Stress intensity at the tips of cracks that are long enough, by their rows."""
+        if self._cells is None or self._paths is None or not self._paths.tips.crack.size:
+            return {}
+        return self._paths.intensities(self.displacement, self.load)
 
     @property
     def bridges(self) -> Ints:
@@ -273,18 +280,8 @@ class IceStress:
         return overloads(moment.stress, strengths)
 
 
-TIP_FACTOR = 2.20
-"""K / (s sqrt(L_c)) with s the largest principal tension of the cells of a bond beside a tip and L_c the distance of rows.
-
-Measured at edge cracks of 8 and 16 cells, within 2.7 % on square and hexagonal lattices of all directions; cracks in the middle
-of the ice have 2 to 15 % less."""
-
-LEAST_CRACK = 5.0
-"""Length of a crack (in distances of elements) from which the stress of the cells knows it; shorter ones grow by strength."""
-
-
 class Toughness(IceStress):
-    """A crack goes on where the ice at its tip reaches the toughness; elsewhere, and for short cracks, the strength counts.
+    """A crack goes on where the stress intensity at its tip reaches the toughness; elsewhere, and while it is short, by strength.
 
     ``toughness``: K_Ic, Pa m^(1/2).
     """
@@ -294,32 +291,22 @@ class Toughness(IceStress):
 
     def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
-        tips = moment.paths.standing() if moment.intact.size else []
-        long_ones = [tip for tip in tips if moment.paths.tips.length[tip.row] >= LEAST_CRACK * tip.spacing]
-        if not long_ones:
+        at_tips = moment.intensities
+        if not at_tips:
             return super().most_critical(moment, strengths)
-        stress, lattice, intact = moment.stress.copy(), moment.lattice, moment.intact
-        first, second = lattice.first[intact], lattice.second[intact]
-        cell, middles = moment.cells.cell_tensors(moment.triangle_stress), moment.paths.middles(intact)
-        tension = principal_stresses(0.5 * (cell[first] + cell[second]))[:, 0]
-        at_tips = (-1, -np.inf)
-        for tip in long_ones:
-            # Beside a tip stress is a matter of the size of the elements: the toughness alone decides there.
-            beside = np.hypot(*(middles - tip.place).T) <= REACH * tip.spacing
-            beside &= moment.paths.within(intact, tip.body)
-            stress[beside] = -np.inf
-            crossing = moment.paths.ahead(tip, moment.triangle_stress)
-            if crossing is None:
-                continue
-            row = int(np.searchsorted(intact, crossing.bond))
-            # The largest, for the bond that the crack crosses next may lie in the lee of one beside it.
-            largest = float(tension[beside | (np.arange(intact.size) == row)].max())
-            ratio = (
-                TIP_FACTOR * largest * math.sqrt(moment.cells.row_distance(first[row], tip.spacing)) / self._toughness
-            )
-            at_tips = max(at_tips, (row, ratio), key=lambda found: found[1])
-        elsewhere = most_overloaded(stress, strengths)
-        return max(at_tips, elsewhere, key=lambda found: found[1])
+        stress, intact = moment.stress.copy(), moment.intact
+        for k in at_tips.values():
+            stress[np.searchsorted(intact, k.ring.beside)] = -np.inf  # there the toughness alone decides
+        row, ratio = most_overloaded(stress, strengths)
+        for k in sorted(at_tips.values(), key=lambda k: k.hoop, reverse=True):
+            share = k.hoop / self._toughness
+            if share <= ratio:
+                break
+            if share <= 1.0:
+                return row, share  # nothing breaks, so it does not matter which bond the crack would cross
+            if (crossing := moment.paths.ahead(k.tip, moment.triangle_stress, k)) is not None:
+                return int(np.searchsorted(intact, crossing.bond)), share
+        return row, ratio
 
 
 @kernel

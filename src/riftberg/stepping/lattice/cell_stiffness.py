@@ -128,13 +128,11 @@ class CellTopology:
         self.start = np.searchsorted(self.first, np.arange(self.nodes + 1))
 
     def _find_areas(self) -> None:
-        """Find over which triangles the stress is averaged at bonds, at nodes on the outline beside them, and in cells."""
+        """Find over which triangles the stress is averaged at bonds, and at nodes on the outline beside them."""
         mesh, numbers = self.mesh, np.arange(len(self.mesh.triangle))
         at_edge, of_edge = np.tile(numbers, (3, 1)).T.ravel(), mesh.edge_bond.ravel()
         self.at_bond = Neighbourhoods.of_pairs(mesh, of_edge, at_edge)
         in_triangle = mesh.triangle.ravel(), np.repeat(numbers, 3)
-        owner = mesh.owner[mesh.triangle].ravel()
-        self.in_cell = Neighbourhoods.of_pairs(mesh, np.where(self.living[owner], self.row[owner], -1), in_triangle[1])
         outer = mesh.triangle.ravel() >= mesh.cells
         node, place = np.unique(in_triangle[0][outer], return_inverse=True)
         self.outer_nodes = node.size
@@ -276,6 +274,16 @@ def stiffness_blocks(at: Ints, stiffness: Floats, start: Ints, second: Ints) -> 
     return diagonal, between
 
 
+class LaidTriangles(NamedTuple):
+    """Some triangles of a fragment, in its frame."""
+
+    vertex: Floats  # m; shape (triangles, 3, 2)
+    node: Ints  # Shape (triangles, 3)
+    volume: Floats  # With its weight, m3
+    area: Floats  # With its weight, m2
+    whole: Booleans  # Those without a freed edge
+
+
 class CellStiffness:
     """Triangles in the frames of the fragments, with the stiffness and the stress that broken bonds have left to them.
 
@@ -290,6 +298,7 @@ class CellStiffness:
             topology = CellTopology(cells, el, bonds, body)
         self.topology, self._mesh, self._at = topology, topology.mesh, topology.at
         self._p, self._xy, self.facet, self._bonds = p, xy, topology.facet, bonds
+        self.elastic = p.youngs_modulus, p.poisson
         self._freed, self._broken = topology.freed, topology.broken.copy()
         living, row = topology.living, topology.row
         self._vertex = self._in_frames(np.where(living, row, -1), body, xy)
@@ -421,17 +430,17 @@ class CellStiffness:
         joints = np.append(rows, lattice.first.size + np.arange(len(beside)))
         return find_bridges(first, second, joints, of.elements)
 
-    def cell_tensors(self, stress: Floats) -> Floats:
-        """Stress (Pa; xx, yy, xy) of the ice in the cells of the elements, with all triangles at their nodes."""
-        return mean_stresses(self.topology.in_cell, stress, self.topology.elements)
-
-    def row_distance(self, element: int, spacing: float) -> float:
-        """Distance (m) of the rows of a lattice: of the elements in squares, sqrt(3) / 2 of it in hexagons."""
-        return spacing if self.facet[element] == 1.0 else 0.5 * np.sqrt(3.0) * spacing
-
     def facet_area(self, lattice: ElasticLattice, bond: int) -> float:
         """Area (m2) along which the cells of a bond meet."""
         return float(lattice.width[bond] * self.facet[lattice.first[bond]] * lattice.thickness[bond])
+
+    def triangles_near(self, body: int, place: Floats, radius: float) -> LaidTriangles:
+        """Return the triangles of a fragment whose middle lies within a radius (m) of a place."""
+        rows = np.flatnonzero((self._of_body == body) & (np.hypot(*(self._middle - place).T) <= radius))
+        area = (self._mesh.weight * self._mesh.area)[rows]
+        return LaidTriangles(
+            self._vertex[rows], self._at[rows, 0:6:2] // 3, self._volume[rows], area, self._whole[rows]
+        )
 
     def mean_ahead(
         self, stress: Floats, body: int, place: Floats, direction: Floats, radius: float

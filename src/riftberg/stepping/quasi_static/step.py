@@ -106,7 +106,9 @@ class TimeStep:
             # The rest in equal parts, so that the last one is no shorter than it must be.
             h = min(rest / math.ceil(rest / self._max_dt - 1e-9), next_dt)
             next_dt = self._advance_to_event(h, may_break)
-        self._store(self._equilibrium(self.state))
+        now = self._equilibrium(self.state)
+        self._store(now)
+        self.tips = self.lattice.told_tips(now)
 
     # One step to the first event
 

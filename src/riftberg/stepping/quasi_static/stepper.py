@@ -93,6 +93,11 @@ class QuasiStaticStepper:
         """See `riftberg.stepping.stepper.Stepper.clearance`."""
         return math.nan if self._seabed is None else float(self._seabed.clearance[0])
 
+    @property
+    def tips(self) -> CrackTips:
+        """See `riftberg.stepping.stepper.Stepper.tips`."""
+        return self._tips
+
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
         bodies = {} if self._bodies is None else dict(zip(BODY_NAMES, self._bodies, strict=True))
@@ -153,7 +158,7 @@ class QuasiStaticStepper:
         # restarted run does.
         self._bodies, self._lattice, self._state = step.state.bodies, step.lattice, None if step.cracked else step.state
         self.applied, self.touched = step.applied, concatenate_pairs(step.touched)
-        self._sizes, self._tips = step.motion.sizes, step.lattice.tips
+        self._sizes, self._tips = step.motion.sizes, step.tips
         self._cells, self._cell_topology = step.lattice.elastic_cells, step.lattice.topology
         if step.cracked:
             self._topology = _topology_key(model)
@@ -192,7 +197,7 @@ class QuasiStaticStepper:
             applied[rows] = step.applied
             touched.extend((rows[first], rows[second]) for first, second in step.touched)
             parts.append((rows, step.state.bodies))
-            self._cells, self._tips, cracked = step.lattice.elastic_cells, step.lattice.tips, cracked or step.cracked
+            self._cells, self._tips, cracked = step.lattice.elastic_cells, step.tips, cracked or step.cracked
             highest_crack = max(highest_crack, int(group.bonds.crack.max(initial=0)))
             return step
 
