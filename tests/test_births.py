@@ -261,7 +261,7 @@ def joined(bergs: list[Iceberg]) -> Iceberg:
 def test_the_reference_couples_all_bergs() -> None:
     assert A68A_2022_KID.compatibility.bergs_coupled
     assert A68A_2022_KID.compatibility.rest_length_from_sizes
-    assert not A68A_2022.compatibility.bergs_coupled
+    assert not A68A_2022.quirks.bergs_coupled
 
 
 @pytest.mark.parametrize("most", [2_000, pytest.param(50_000, marks=pytest.mark.slow)])

@@ -215,7 +215,7 @@ def test_children_are_let_go_to_collide_only_where_bergs_act_on_each_other(inter
 
 
 def test_numerics_of_the_reference_refuse_bonded_bergs_that_calve_and_no_others() -> None:
-    p = lively().changed(compatibility={"footloose_sets_density": True})
+    p = lively().changed(footloose={"footloose_sets_density": True})
     lone = Model(block(1, 1), sea(temperature=12.0), p)
     lone.step()
     assert lone.elements.size >= 1

@@ -9,7 +9,7 @@ import pytest
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.config.parameter_groups import Compatibility
+from riftberg.parameters import Compatibility
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing

@@ -203,9 +203,8 @@ def parted(settings: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
     from riftberg.experiments.changes import parse_settings
 
     own = [setting for setting in settings if is_uncertain(setting.partition("=")[0].strip())]
-    errors = {
-        f"{g}.{name}": value for g, inner in parse_settings(own, UNCERTAIN).items() for name, value in inner.items()
-    }
+    given = parse_settings(own, {group: (kind,) for group, kind in UNCERTAIN.items()})
+    errors = {f"{group}.{name}": value for group, inner in given.items() for name, value in inner.items()}
     return errors, [setting for setting in settings if setting not in own]
 
 

@@ -527,7 +527,10 @@ def table(case: SuiteCase, errors: Mapping[str, Floats], reference: str) -> dict
 
 def _entrant_row(own: Floats, reference: Floats, owners: Sequence[str], is_reference: bool) -> dict[str, Any]:
     """Return the errors of an entrant on some starts, and how far the reference is from it; ``owners``: berg of each start."""
-    mean, medians = grouped_mean(own, owners), [np.median(own[np.array(owners) == name]) for name in sorted(set(owners))]
+    mean, medians = (
+        grouped_mean(own, owners),
+        [np.median(own[np.array(owners) == name]) for name in sorted(set(owners))],
+    )
     alone = len(medians) == len(own)
     median = float(np.median(own) if alone else np.mean(medians))
     found: dict[str, Any] = {"mean_km": mean.mean, "interval_km": mean.interval, "median_km": median}

@@ -12,9 +12,9 @@ import shapely
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
+from riftberg.config.quasi_static_groups import Seabed as SeabedParameters
 from riftberg.errors import InputError, RunError
 from riftberg.ocean.forcing import Forcing, land_at, sea_level
-from riftberg.parameters import Grounding
 from riftberg.physics.floating import draft_of
 from riftberg.physics.seabed import POISSON, UNBENT_MODULUS, bending_stress, friction_depth
 from riftberg.state import Floats, Ints
@@ -68,7 +68,7 @@ INSIDE: Final = 0.75
 """Share of ice around a load from which the ice cracks along the line of the load; elsewhere a piece of the edge breaks off."""
 
 
-def bed_of(g: Grounding) -> Bed:
+def bed_of(g: SeabedParameters) -> Bed:
     """Return the bed that the parameters describe."""
     values = {**SEDIMENTS[g.sediment]}
     for name in ("stiffness", "bearing_strength", "friction", "shear_strength"):

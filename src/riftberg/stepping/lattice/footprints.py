@@ -201,7 +201,7 @@ class FootprintBook:
     def __init__(self, model: RunState) -> None:
         self._footprints: Footprints | None = None
         # Without contact and without a bed of sediment nothing asks for them.
-        asked = model.constants.interactions or model.parameters.grounding_law == "seabed"
+        asked = model.constants.interactions or model.parameters.grounding.law == "seabed"
         if model.step_number == 0 and asked:
             self.follow(model)
 
