@@ -36,8 +36,8 @@ PHYSICS: dict[str, Parameters] = {
     "dem as the reference": A68A_2022_KID.changed(fracture=WEAK, stepping={"speed_limit": 100.0}),
     "quasi-static": A68A_2022.changed(fracture=STRONGER, stepping={"scheme": "quasi_static"}),
     "quasi-static, damage": A68A_2022.changed(fracture=STRONGEST, damage=WEAR, stepping={"scheme": "quasi_static"}),
-    "spring": A68A_2022.changed(**SPRING, stepping={"substeps": None}),
-    "spring, implicit sub-steps": A68A_2022.changed(
+    "spring": A68A_2022_MTS.changed(**SPRING, stepping={"substeps": None}),
+    "spring, implicit sub-steps": A68A_2022_MTS.changed(
         **SPRING, stepping={"explicit_substeps": False, "time_step": 600.0, "substeps": 60}
     ),
     "verlet": A68A_2022_MTS.changed(**SPRING, stepping={"scheme": "verlet", "time_step": 20.0}),

@@ -176,7 +176,7 @@ def test_a_keel_a_little_below_the_floor_or_on_a_knoll_is_as_usual(floor: Any, g
 
 
 def test_a_law_that_is_left_out_by_zero_is_as_usual() -> None:
-    for group, name in (("drag", "ocean_scale"), ("contact", "distance")):
+    for group, name in (("drag", "ocean_scale"), ("sea_ice", "strength")):
         assert Model(berg(), Steady(), Parameters().changed(**{group: {name: 0.0}})).notices == ()
     assert Model(berg(), Steady(), Parameters(grounding={"law": "none"})).notices == ()
 

@@ -218,7 +218,7 @@ class Parameters(Group):
         """
         values = {**self.model_dump(), "fracture": self.fracture.model_dump(exclude_none=True)}
         if isinstance(self, QuasiStaticParameters):
-            groups = _explicit_if_asked(groups)
+            groups = dict(_explicit_if_asked(groups))
         engine = engine_of(_merged({"stepping": {"scheme": self.stepping.scheme}}, groups))
         left_out: list[str] = []
         if engine is not type(self):

@@ -9,11 +9,10 @@ import pytest
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.parameters import Compatibility
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
-from riftberg.parameters import Parameters
+from riftberg.parameters import Compatibility, Parameters
 from riftberg.runs.model import Model
 from riftberg.stepping.contact.land import rotate_along
 

@@ -11,7 +11,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
 from riftberg.ocean.analytic import Steady
-from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.stepping.explicit.stability import (
     SubstepMatrix,
@@ -35,7 +35,7 @@ def _parameters(**groups):
     }
     for group, values in groups.items():
         base[group] = {**base.get(group, {}), **values}
-    return A68A_2022.changed(**base)
+    return A68A_2022_MTS.changed(**base)
 
 
 def _berg(packing="square", thickness=200.0, side=4, **kwargs):
