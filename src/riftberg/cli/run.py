@@ -223,7 +223,10 @@ def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path
     _print_notices(info, model, options, wanted)
     # A state knows the parameters that were set for it, and takes no others.
     old, new = (p.model_dump(mode="json") for p in (parameters, model.parameters))
-    own = {g: {name: value for name, value in values.items() if value != old[g][name]} for g, values in new.items()}
+    own = {
+        g: {name: value for name, value in values.items() if value != old.get(g, {}).get(name)}
+        for g, values in new.items()
+    }
     wanted = wanted._replace(settings=[*wanted.settings, *settings_of(own)])
     folder = resume if goes_on and resume is not None else output_folder(wanted.output, info.name)
     placed = goes_on or wanted.output is not None

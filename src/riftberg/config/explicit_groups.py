@@ -264,7 +264,7 @@ class ExplicitStepping(Stepping):
     scheme: Literal["mts", "verlet", "runge_kutta"] = quantity(
         "mts",
         "",
-        "mts (multiple time steps), verlet or runge_kutta; quasi_static is that of the other engine",
+        "of quasi_static, mts (multiple time steps), verlet and runge_kutta; quasi_static is of the other engine",
         "equations 6",
     )
     substeps: int | None = quantity(

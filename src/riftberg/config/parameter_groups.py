@@ -85,7 +85,7 @@ class Group(Section):
         if name.startswith("_"):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         known = type(self).model_fields
-        what = "group" if type(self).__name__.endswith("Parameters") else "parameter"
+        what = "group" if type(self).__name__ in ("QuasiStaticParameters", "ExplicitParameters") else "parameter"
         raise AttributeError(
             f"{type(self).__name__} has no {what} {name!r}. {nearest(name, known)}It has {', '.join(known)}"
         )

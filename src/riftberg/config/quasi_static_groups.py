@@ -345,5 +345,5 @@ class QuasiStaticStepping(Stepping):
     """Time steps at whose ends the ice is in equilibrium with its loads."""
 
     scheme: Literal["quasi_static"] = quantity(
-        "quasi_static", "", "the engine of Riftberg; mts, verlet and runge_kutta are those of the other", "Riftberg"
+        "quasi_static", "", "of quasi_static, mts, verlet and runge_kutta; the last three are of the other engine", "Riftberg"
     )

@@ -229,10 +229,11 @@ def story_model(
     berg = a68a_berg(**lattice, density=options.apply(parameters).ice.density)
     if own:
         turn_rigidly(berg.elements, math.radians(TURN) / SECONDS_PER_DAY, Metric(True, berg.earth_radius))
-    if isinstance(parameters, ExplicitParameters) and lattice != {"radius": 1500.0, "packing": "square"}:
-        # The number of sub-steps of the publication belongs to its lattice.
-        parameters = parameters.changed(stepping={"substeps": None})
-    return Model(berg, ocean_here, options.apply(parameters))
+    made, asked = options.apply(parameters), options.changes.get("stepping", {})
+    other_lattice = lattice != {"radius": 1500.0, "packing": "square"}
+    if isinstance(made, ExplicitParameters) and other_lattice and "substeps" not in asked:
+        made = made.changed(stepping={"substeps": None})  # the published number belongs to its lattice
+    return Model(berg, ocean_here, made)
 
 
 def build_a68a(options: Options) -> tuple[Model, Info]:

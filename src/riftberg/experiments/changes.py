@@ -25,7 +25,7 @@ from riftberg.bergs.keys import BergKeys
 from riftberg.bergs.regions import turned
 from riftberg.config.values import absent_key, extra_of, fields_of, given, sections_in
 from riftberg.errors import InputError, nearest, together, without_secrets
-from riftberg.parameters import GROUPS, Parameters, kid_quirks, sections_of
+from riftberg.parameters import A68A_2022, A68A_2022_MTS, GROUPS, Parameters, kid_quirks, scheme_asked, sections_of
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.layout import COMMAND, FILE, PLACE
 from riftberg.state import copy_state
@@ -174,7 +174,8 @@ def sections_with(
         gone = [now for section in settable[group] if (now := absent_key(section, name)[1])]
         if gone:
             raise InputError(f"group {group} has no parameter {name!r} any more", where=where, remedy=gone[0])
-        known = [key for key in dict.fromkeys(key for section in settable[group] for key in fields_of(section))]
+        fields = [item for section in settable[group] for item in fields_of(section).items()]
+        known = list(dict.fromkeys(key for key, field in fields if not extra_of(field, "hidden")))
         raise InputError(
             f"group {group} has no parameter {name!r}",
             where=where,
@@ -193,10 +194,13 @@ def changed(
     ``notices``: takes a sentence that names what another scheme has not, which is left out.
     """
     groups = {group: dict(values) for group, values in changes.items() if group in GROUPS}
+    if parameters == A68A_2022 and scheme_asked(groups) != "quasi_static":
+        parameters = A68A_2022_MTS  # with the published springs
     try:
         made, left_out = parameters.adapted(**groups)
     except InputError as error:
-        named = f"{error.where} = " if error.where and error.where != where else ""
+        sign = ":" if error.what.startswith("it is") else " ="
+        named = f"{error.where}{sign} " if error.where and error.where != where else ""
         raise InputError(named + error.what, where=where, remedy=error.remedy) from error
     if left_out and notices is not None:
         notices.append(f"stepping.scheme = {made.stepping.scheme!r} has no {', '.join(left_out)}: left out")

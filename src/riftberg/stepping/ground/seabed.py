@@ -117,7 +117,8 @@ class Seabed:
 
     def __init__(self, model: RunState, footprints: FootprintBook) -> None:
         p, lon = model.parameters, model.elements.lon
-        self.bed = bed_of(p.grounding)
+        grounding: Any = p.grounding  # that of the engine which has a bed
+        self.bed = bed_of(grounding)
         self.depth = depth_of_bed(
             model.forcing, float(lon[0]) if lon.size else 0.0, 0.0 if p.earth.latlon else p.earth.period
         )
