@@ -345,5 +345,8 @@ class QuasiStaticStepping(Stepping):
     """Time steps at whose ends the ice is in equilibrium with its loads."""
 
     scheme: Literal["quasi_static"] = quantity(
-        "quasi_static", "", "of quasi_static, mts, verlet and runge_kutta; the last three are of the other engine", "Riftberg"
+        "quasi_static",
+        "",
+        "of quasi_static, mts, verlet and runge_kutta; the last three are of the other engine",
+        "Riftberg",
     )

@@ -25,7 +25,16 @@ from riftberg.bergs.keys import BergKeys
 from riftberg.bergs.regions import turned
 from riftberg.config.values import absent_key, extra_of, fields_of, given, sections_in
 from riftberg.errors import InputError, nearest, together, without_secrets
-from riftberg.parameters import A68A_2022, A68A_2022_MTS, GROUPS, Parameters, kid_quirks, scheme_asked, sections_of
+from riftberg.parameters import (
+    A68A_2022,
+    A68A_2022_MTS,
+    GROUPS,
+    ExplicitParameters,
+    Parameters,
+    kid_quirks,
+    scheme_asked,
+    sections_of,
+)
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.layout import COMMAND, FILE, PLACE
 from riftberg.state import copy_state
@@ -203,16 +212,26 @@ def changed(
         named = f"{error.where}{sign} " if error.where and error.where != where else ""
         raise InputError(named + error.what, where=where, remedy=error.remedy) from error
     if left_out and notices is not None:
-        notices.append(f"stepping.scheme = {made.stepping.scheme!r} has no {', '.join(left_out)}: left out")
+        notices.append(_left_out(made, left_out))
     return made
 
 
-def reference_numerics(parameters: Parameters, *, springs: Mapping[str, Any] = MappingProxyType({})) -> Parameters:
+def _left_out(made: Parameters, paths: Sequence[str]) -> str:
+    return f"stepping.scheme = {made.stepping.scheme!r} has no {', '.join(paths)}: left out"
+
+
+def reference_numerics(
+    parameters: Parameters, *, springs: Mapping[str, Any] = MappingProxyType({}), notices: list[str] | None = None
+) -> Parameters:
     """Return the same physics with the numerics and quirks of the reference, as `A68A_2022_KID` has them.
 
-    ``springs``: groups of the explicit engine that the others do not say, such as `PUBLISHED_SPRINGS`.
+    ``springs``: groups that parameters of the other engine do not say, such as `PUBLISHED_SPRINGS`. ``notices``: takes a
+    sentence that names what the explicit engine has not.
     """
-    explicit, _ = parameters.adapted(**{**springs, "stepping": {"scheme": "mts"}})
+    springs = {} if isinstance(parameters, ExplicitParameters) else springs
+    explicit, left_out = parameters.adapted(**{**springs, "stepping": {"scheme": "mts"}})
+    if left_out and notices is not None:
+        notices.append(_left_out(explicit, left_out))
     return explicit.changed(**{
         **kid_quirks(), "drag": {"rotational": False}, "grounding": {"implicit": False}, "contact": {"on_substeps": False},
         "bonds": {"objective_damping": False}, "stepping": {"skip_first_long_force": True},

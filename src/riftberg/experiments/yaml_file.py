@@ -361,12 +361,12 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     from riftberg.runs.model import Model
 
     experiment, parameters, _ = read_file(path, options.changes, options.data)
+    notices: list[str] = []
     if options.numerics == "reference":
-        published = experiment.parameters.get("preset") == "a68a-2022"
-        parameters = reference_numerics(parameters, springs=PUBLISHED_SPRINGS if published else {})
+        springs = PUBLISHED_SPRINGS if experiment.parameters.get("preset") == "a68a-2022" else {}
+        parameters = reference_numerics(parameters, springs=springs, notices=notices)
     parameters = options.apply(parameters)
     folder = options.data or Path(path).parent
-    notices: list[str] = []
     berg = build_berg(experiment, parameters, folder, notices)
     days = options.days or experiment.days
     check_span(experiment.start, days, where="--days" if options.days else str(path))
