@@ -113,113 +113,61 @@ class Ice(Group):
     """Properties of the ice."""
 
     density: float = quantity(
-        850.0,
-        "kg m-3",
-        "ice density, sets draft and freeboard",
-        "KID's rho_bergs",
-        gt=0,
-        lt=constants.RHO_SEAWATER,
-        usual=Usual(800.0, 920.0, "from firn-covered shelves (850, Silva et al. 2006) to solid ice (917)"),
-        trial=880.0,
+        850.0, "kg m-3", "ice density, sets draft and freeboard", "KID's rho_bergs", gt=0, lt=constants.RHO_SEAWATER,
+        usual=Usual(800.0, 920.0, "from firn-covered shelves (850, Silva et al. 2006) to solid ice (917)"), trial=880.0,
         kernel="rho_ice",
-    )
+    )  # fmt: skip
 
 
 class Drag(Group):
     """Drag of water, air and sea ice on an element."""
 
     water_side: float = quantity(
-        0.9,
-        "1",
-        "form drag of the water on the sides, on 0.5 rho u^2",
-        "Gladstone et al. 2001",
-        ge=0,
-        le=10,
-        usual=Usual(0.2, 2.0, "0.25 in Keghouche et al. 2010, 0.9 in Gladstone et al. 2001", off=True),
-        trial=1.8,
+        0.9, "1", "form drag of the water on the sides, on 0.5 rho u^2", "Gladstone et al. 2001", ge=0, le=10,
+        usual=Usual(0.2, 2.0, "0.25 in Keghouche et al. 2010, 0.9 in Gladstone et al. 2001", off=True), trial=1.8,
         kernel="water_side_drag",
-    )
+    )  # fmt: skip
     water_base: float = quantity(
-        0.0025,
-        "1",
-        "skin drag of the water on the base, on rho u^2",
-        "Asay-Davis et al. 2016, base of ice shelves; KID 0.0012",
-        ge=0,
-        le=1,
-        usual=Usual(
-            5e-4, 0.01, "0.0012, Gladstone et al. 2001, to 0.0097 under a shelf, Jenkins et al. 2010", off=True
-        ),
-        trial=0.01,
-        kernel="water_base_drag",
-    )
+        0.0025, "1", "skin drag of the water on the base, on rho u^2",
+        "Asay-Davis et al. 2016, base of ice shelves; KID 0.0012", ge=0, le=1,
+        usual=Usual(5e-4, 0.01, "0.0012, Gladstone et al. 2001, to 0.0097 under a shelf, Jenkins et al. 2010", off=True),
+        trial=0.01, kernel="water_base_drag",
+    )  # fmt: skip
     air_side: float = quantity(
-        1.3,
-        "1",
-        "form drag of the air on the sail, on 0.5 rho u^2",
-        "Gladstone et al. 2001",
-        ge=0,
-        le=10,
-        usual=Usual(0.2, 2.6, "0.8 in Keghouche et al. 2010, 1.3 in Gladstone et al. 2001", off=True),
-        trial=2.6,
+        1.3, "1", "form drag of the air on the sail, on 0.5 rho u^2", "Gladstone et al. 2001", ge=0, le=10,
+        usual=Usual(0.2, 2.6, "0.8 in Keghouche et al. 2010, 1.3 in Gladstone et al. 2001", off=True), trial=2.6,
         kernel="air_side_drag",
-    )
+    )  # fmt: skip
     air_top: float = quantity(
-        0.0015,
-        "1",
-        "skin drag of the 10-m wind on the top, on rho u^2",
-        "Amory et al. 2017, Antarctic snow, 0.0015 to 0.002; Andreas & Claffey 1995, 0.0013 to 0.0025; KID 0.0055",
-        ge=0,
-        le=1,
-        usual=Usual(5e-4, 0.006, "0.0013 over smooth snow to 0.0055 in Gladstone et al. 2001", off=True),
-        trial=0.003,
+        0.0015, "1", "skin drag of the 10-m wind on the top, on rho u^2",
+        "Amory et al. 2017, Antarctic snow, 0.0015 to 0.002; Andreas & Claffey 1995, 0.0013 to 0.0025; KID 0.0055", ge=0, le=1,
+        usual=Usual(5e-4, 0.006, "0.0013 over smooth snow to 0.0055 in Gladstone et al. 2001", off=True), trial=0.003,
         kernel="air_top_drag",
-    )
+    )  # fmt: skip
     ice_side: float = quantity(
-        0.9,
-        "1",
-        "drag of sea ice on the sides, on 0.5 rho u^2 of its thickness",
-        "Gladstone et al. 2001",
-        ge=0,
-        le=10,
-        usual=Usual(0.1, 10.0, "0.9 in Gladstone et al. 2001", off=True),
-        trial=1.8,
-        kernel="ice_side_drag",
-    )
+        0.9, "1", "drag of sea ice on the sides, on 0.5 rho u^2 of its thickness", "Gladstone et al. 2001", ge=0, le=10,
+        usual=Usual(0.1, 10.0, "0.9 in Gladstone et al. 2001", off=True), trial=1.8, kernel="ice_side_drag",
+    )  # fmt: skip
     ocean_scale: float = quantity(
-        1.0,
-        "1",
-        "multiplies both ocean drag coefficients",
-        "KID's ocean_drag_scale",
-        ge=0,
-        usual=Usual(0.05, 20.0, "A68a was fitted with 17.8 (Huth et al. 2022)", off=True),
-        trial=2.0,
-        kernel="ocean_scale",
-    )
+        1.0, "1", "multiplies both ocean drag coefficients", "KID's ocean_drag_scale", ge=0,
+        usual=Usual(0.05, 20.0, "A68a was fitted with 17.8 (Huth et al. 2022)", off=True), trial=2.0, kernel="ocean_scale",
+    )  # fmt: skip
     sides_by_bonds: bool = quantity(
-        True,
-        "",
-        "side drag only on sides that no bond covers",
-        "equations 4.1, KID's internal_bergs_for_drag",
+        True, "", "side drag only on sides that no bond covers", "equations 4.1, KID's internal_bergs_for_drag",
         kernel="sides_by_bonds",
-    )
+    )  # fmt: skip
     rotational: bool = quantity(
-        True,
-        "",
-        "skin drag of the water on a spinning element, so that loose elements come to rest",
-        "Riftberg; reference has none",
-        kernel="rotational_drag",
-    )
+        True, "", "skin drag of the water on a spinning element, so that loose elements come to rest",
+        "Riftberg; reference has none", kernel="rotational_drag",
+    )  # fmt: skip
 
 
 class Grounding(Group):
     """The sea floor on which keels run aground."""
 
     law: GroundingLaw = quantity(
-        "none",
-        "",
-        "law of the sea floor",
-        "equations 4.1",
-    )
+        "none", "", "law of the sea floor", "equations 4.1",
+    )  # fmt: skip
 
 
 class Contact(Group):
@@ -241,34 +189,17 @@ class BondParameters(Group):
     law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "equations 5")
     packing: Packing = quantity("square", "", "square or hexagonal elements", "equations 1.4", trial="hexagonal")
     youngs_modulus: float = quantity(
-        5e6,
-        "Pa",
-        "Young's modulus E of DEM bonds",
-        "KID's dem_spring_coef",
-        ge=0,
-        le=1e12,
-        usual=Usual(1e6, 1e10, "5 MPa in Huth et al. 2022, 9 GPa in laboratories"),
-        trial=2e6,
-        kernel="youngs_modulus",
-    )
+        5e6, "Pa", "Young's modulus E of DEM bonds", "KID's dem_spring_coef", ge=0, le=1e12,
+        usual=Usual(1e6, 1e10, "5 MPa in Huth et al. 2022, 9 GPa in laboratories"), trial=2e6, kernel="youngs_modulus",
+    )  # fmt: skip
     poisson: float = quantity(
-        0.3,
-        "1",
-        "Poisson's ratio of DEM bonds",
-        "equations 0.2",
-        gt=-1,
-        lt=0.5,
-        usual=Usual(0.2, 0.4, "0.3 of ice in laboratories"),
-        trial=0.2,
-        kernel="poisson",
-    )
+        0.3, "1", "Poisson's ratio of DEM bonds", "equations 0.2", gt=-1, lt=0.5,
+        usual=Usual(0.2, 0.4, "0.3 of ice in laboratories"), trial=0.2, kernel="poisson",
+    )  # fmt: skip
     constant_size: bool = quantity(
-        False,
-        "",
-        "use one length and width for all interactions",
-        "equations 1.4, KID's constant_interaction_LW",
+        False, "", "use one length and width for all interactions", "equations 1.4, KID's constant_interaction_LW",
         kernel="constant_size",
-    )
+    )  # fmt: skip
 
 
 class Fracture(Group):
@@ -276,22 +207,13 @@ class Fracture(Group):
 
     enabled: bool = quantity(True, "", "bonds can break", "equations 7, KID's fracture_criterion", kernel="fracture")
     normal_strength: float | None = quantity(
-        18e3,
-        "Pa",
-        "largest tensile stress a bond bears; none where crevasse_strength is given",
-        "paper; equations 10.5",
-        usual=Usual(1e3, 2e6, "18 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories (Petrovic 2003)"),
-        trial=1e6,
-    )
+        18e3, "Pa", "largest tensile stress a bond bears; none where crevasse_strength is given", "paper; equations 10.5",
+        usual=Usual(1e3, 2e6, "18 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories (Petrovic 2003)"), trial=1e6,
+    )  # fmt: skip
     shear_strength: float = quantity(
-        100e3,
-        "Pa",
-        "largest shear stress a bond bears",
-        "equations 10.5",
-        usual=Usual(1e3, 5e6, "100 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories"),
-        trial=1.0,
-        kernel="shear_strength",
-    )
+        100e3, "Pa", "largest shear stress a bond bears", "equations 10.5",
+        usual=Usual(1e3, 5e6, "100 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories"), trial=1.0, kernel="shear_strength",
+    )  # fmt: skip
 
 
 class Stepping(Group):
@@ -302,44 +224,29 @@ class Stepping(Group):
     }
 
     scheme: Scheme = quantity(
-        "quasi_static",
-        "",
+        "quasi_static", "",
         "quasi_static, mts, verlet or runge_kutta; mts where sub-steps or spring bonds are set and no scheme is named",
-        "equations 6; quasi_static: Riftberg",
-        trial="quasi_static",
-    )
+        "equations 6; quasi_static: Riftberg", trial="quasi_static",
+    )  # fmt: skip
     time_step: float = quantity(
-        1800.0,
-        "s",
-        "time step; with mts the long step, which a notice names where stress rings with it",
-        "equations 10.5",
-        gt=0,
-        usual=Usual(0.1, 7200.0, "steps of an hour resolve tides and inertial motion"),
-        trial=250.0,
-    )
+        1800.0, "s", "time step; with mts the long step, which a notice names where stress rings with it", "equations 10.5",
+        gt=0, usual=Usual(0.1, 7200.0, "steps of an hour resolve tides and inertial motion"), trial=250.0,
+    )  # fmt: skip
     only_interactions: bool = quantity(
         False, "", "leave out all forces of ocean, air and floor", "equations 4.2", kernel="only_interactions"
     )
     frozen: bool = quantity(False, "", "no element moves", "equations 6.1 Static_icebergs")
     fixed_velocity: tuple[float, float] | None = quantity(
-        None,
-        "m s-1",
-        "impose this velocity on all elements",
-        "equations 4.2, KID's override_iceberg_velocities",
-        usual=Usual(-3.0, 3.0, "bergs drift at some dm s-1"),
-        trial=(0.2, 0.1),
-    )
+        None, "m s-1", "impose this velocity on all elements", "equations 4.2, KID's override_iceberg_velocities",
+        usual=Usual(-3.0, 3.0, "bergs drift at some dm s-1"), trial=(0.2, 0.1),
+    )  # fmt: skip
     interactions: bool = quantity(
         True, "", "bergs act on each other", "KID's interactive_icebergs_on", kernel="interactions"
     )
     speed_limit: float = quantity(
-        10.0,
-        "m s-1",
-        "speed that no ice reaches: an element beyond it ends the run (not KID's speed_limit)",
-        "Riftberg",
-        gt=0,
+        10.0, "m s-1", "speed that no ice reaches: an element beyond it ends the run (not KID's speed_limit)", "Riftberg", gt=0,
         trial=0.1,
-    )
+    )  # fmt: skip
 
 
 class Earth(Group):
@@ -349,34 +256,19 @@ class Earth(Group):
         True, "", "positions in degrees; otherwise metres", "equations 2", trial=True, kernel="latlon"
     )
     radius: float = quantity(
-        constants.EARTH_RADIUS_A68,
-        "m",
-        "radius of the sphere",
-        "equations 10.5",
-        gt=0,
-        usual=Usual(6.35e6, 6.39e6, "the radius of the Earth"),
-        trial=6.5e6,
-        kernel="earth_radius",
-    )
+        constants.EARTH_RADIUS_A68, "m", "radius of the sphere", "equations 10.5", gt=0,
+        usual=Usual(6.35e6, 6.39e6, "the radius of the Earth"), trial=6.5e6, kernel="earth_radius",
+    )  # fmt: skip
     period: float = quantity(
-        360.0,
-        "degree or m",
+        360.0, "degree or m",
         "zonal period, 0 or less if there is none; the default of 360 means none where positions are metres",
-        "equations 2.4, KID's Lx",
-        trial=3310.0,
-        kernel="period",
-    )
+        "equations 2.4, KID's Lx", trial=3310.0, kernel="period",
+    )  # fmt: skip
     f_plane: bool = quantity(False, "", "constant Coriolis parameter", "equations 2.6", kernel="f_plane")
     reference_latitude: float = quantity(
-        0.0,
-        "degree",
-        "latitude of the f-plane and of Cartesian runs",
-        "equations 2.6",
-        ge=-90,
-        le=90,
-        trial=30.0,
+        0.0, "degree", "latitude of the f-plane and of Cartesian runs", "equations 2.6", ge=-90, le=90, trial=30.0,
         kernel="reference_latitude",
-    )
+    )  # fmt: skip
 
     @model_validator(mode="before")
     @classmethod
@@ -396,112 +288,57 @@ class Melt(Group):
 
     enabled: bool = quantity(False, "", "bergs melt", "files 1")
     mode: MeltMode = quantity(
-        "exposed",
-        "",
-        "exposed: sides where no bond covers them, base by the law below; berg: all sides of every element; "
-        "shelf: the base alone; mixed: blended by the part of the sides that bonds cover",
-        "files 1.2 to 1.4; exposed: Riftberg",
-        trial="shelf",
-    )
+        "exposed", "",
+        "exposed: sides where no bond covers them, base by the law below; berg: all sides of every element; shelf: the base "
+        "alone; mixed: blended by the part of the sides that bonds cover", "files 1.2 to 1.4; exposed: Riftberg", trial="shelf",
+    )  # fmt: skip
     base: BaseLaw = quantity(
-        "three_equation",
-        "",
-        "law of the base: turbulent (small bergs), two or three equations of the layer under an ice shelf; "
-        "shelf and mixed know the last two only, berg the first",
-        "files 1.2, 1.5",
-        trial="two_equation",
-    )
+        "three_equation", "",
+        "law of the base: turbulent (small bergs), two or three equations of the layer under an ice shelf; shelf and mixed "
+        "know the last two only, berg the first", "files 1.2, 1.5", trial="two_equation",
+    )  # fmt: skip
     temperature: float | None = quantity(
-        None,
-        "degree_Celsius",
-        "of the sea, everywhere; none means that of the forcing",
-        "Riftberg",
-        ge=-3,
-        le=40,
-        usual=_SEA,
+        None, "degree_Celsius", "of the sea, everywhere; none means that of the forcing", "Riftberg", ge=-3, le=40, usual=_SEA,
         trial=5.0,
-    )
+    )  # fmt: skip
     salinity: float | None = quantity(
-        None,
-        "1e-3",
-        "of the sea, everywhere; none means that of the forcing",
-        "Riftberg",
-        ge=0,
-        le=50,
-        usual=_SALT,
+        None, "1e-3", "of the sea, everywhere; none means that of the forcing", "Riftberg", ge=0, le=50, usual=_SALT,
         trial=10.0,
-    )
+    )  # fmt: skip
     salinity_from_ocean: bool = quantity(
-        True,
-        "",
-        "the law of the base takes the salinity of the ocean; otherwise 35",
-        "files 1.4 use_mixed_layer_salinity_for_thermo",
-        hidden=True,
-    )
+        True, "", "the law of the base takes the salinity of the ocean; otherwise 35",
+        "files 1.4 use_mixed_layer_salinity_for_thermo", hidden=True,
+    )  # fmt: skip
     split: bool = quantity(
         True, "", "base, sides and waves act one after the other, so that their losses add up", "files 1.6"
     )
     bits_fraction: float = quantity(
-        0.0,
-        "1",
-        "part of what waves erode that becomes bergy bits",
-        "files 1.9 bergy_bit_erosion_fraction",
-        ge=0,
-        le=1,
+        0.0, "1", "part of what waves erode that becomes bergy bits", "files 1.9 bergy_bit_erosion_fraction", ge=0, le=1,
         trial=0.5,
-    )
+    )  # fmt: skip
     const_gamma: bool = quantity(
         True, "", "constant exchange coefficients in the three equations; otherwise by the boundary layer", "files 1.5"
     )
     gamma_t: float = quantity(
-        0.022,
-        "1",
-        "that coefficient for heat; for salt a 35th",
-        "files 1.5 Gamma_T_3EQ",
-        gt=0,
-        usual=Usual(1e-3, 0.1, "0.011 to 0.031 under ice shelves (Jenkins et al. 2010)"),
-        trial=0.03,
-        hidden=True,
-    )
+        0.022, "1", "that coefficient for heat; for salt a 35th", "files 1.5 Gamma_T_3EQ", gt=0,
+        usual=Usual(1e-3, 0.1, "0.011 to 0.031 under ice shelves (Jenkins et al. 2010)"), trial=0.03, hidden=True,
+    )  # fmt: skip
     friction_drag: float = quantity(
-        1.5e-3,
-        "1",
-        "drag coefficient of water at the base",
-        "files 1.5",
-        ge=0,
-        usual=Usual(5e-4, 0.02, "1e-3 to 1e-2 under ice shelves", off=True),
-        trial=3e-3,
-        hidden=True,
-    )
+        1.5e-3, "1", "drag coefficient of water at the base", "files 1.5", ge=0,
+        usual=Usual(5e-4, 0.02, "1e-3 to 1e-2 under ice shelves", off=True), trial=3e-3, hidden=True,
+    )  # fmt: skip
     least_friction: float = quantity(
-        1e-3,
-        "m s-1",
-        "smallest friction velocity",
-        "files 1.5 ustar_icebergs_bg",
-        ge=0,
-        usual=Usual(1e-5, 0.05, "1e-3 in KID", off=True),
-        trial=0.5,
-        hidden=True,
-    )
+        1e-3, "m s-1", "smallest friction velocity", "files 1.5 ustar_icebergs_bg", ge=0,
+        usual=Usual(1e-5, 0.05, "1e-3 in KID", off=True), trial=0.5, hidden=True,
+    )  # fmt: skip
     tide: float = quantity(
-        0.0,
-        "m s-1",
-        "speed of tides that the current lacks, at the base; not in the turbulent law of mode berg and mixed",
-        "files 1.5 utide_icebergs",
-        ge=0,
-        usual=Usual(0.01, 1.0, "speeds of tides on shelves", off=True),
-        trial=0.2,
-    )
+        0.0, "m s-1", "speed of tides that the current lacks, at the base; not in the turbulent law of mode berg and mixed",
+        "files 1.5 utide_icebergs", ge=0, usual=Usual(0.01, 1.0, "speeds of tides on shelves", off=True), trial=0.2,
+    )  # fmt: skip
     least_gap: float | None = quantity(
-        None,
-        "m",
-        "water under the keel below which the base does not melt; none means no such limit",
-        "files 1.4",
-        ge=0,
-        usual=Usual(0.1, 100.0, "some m in ocean models", off=True),
-        trial=100.0,
-        hidden=True,
-    )
+        None, "m", "water under the keel below which the base does not melt; none means no such limit", "files 1.4", ge=0,
+        usual=Usual(0.1, 100.0, "some m in ocean models", off=True), trial=100.0, hidden=True,
+    )  # fmt: skip
 
     # Quirks of the reference and options of its namelists.
     bits_melt_at_zero_rates: bool = quirk(
@@ -509,15 +346,13 @@ class Melt(Group):
     )
     plain_basal_search: bool = quirk(
         "T6, T7: the flux of buoyancy under the base is evaluated once, the salinity at the ice by plain iteration",
-        "files 1.5",
-        hidden=True,
-    )
+        "files 1.5", hidden=True,
+    )  # fmt: skip
     scaled_laminar_layer: bool = quirk(
         "T52: the boundary layer under the base divides the term of its laminar part by the constant of von Karman too, "
-        "with which the base melts about 14 % slower than in the cited source; without const_gamma only",
-        "files 1.5",
+        "with which the base melts about 14 % slower than in the cited source; without const_gamma only", "files 1.5",
         hidden=True,
-    )
+    )  # fmt: skip
     element_length_in_base_law: bool = quirk(
         "the turbulent law of the base takes the length of the element, not of its berg", "files 1.2", hidden=True
     )
@@ -525,25 +360,15 @@ class Melt(Group):
         "T44: bits of footloose bits vanish with these, without melt water", "files 1.9", hidden=True
     )
     sea_ice_shift: float = quantity(
-        0.0,
-        "1",
-        "added to the sea-ice fraction in the law by which waves erode",
-        "files 1.2 sicn_shift",
-        ge=-1,
-        le=1,
-        trial=0.2,
-        hidden=True,
-    )
+        0.0, "1", "added to the sea-ice fraction in the law by which waves erode", "files 1.2 sicn_shift", ge=-1, le=1,
+        trial=0.2, hidden=True,
+    )  # fmt: skip
     zero_rates: bool = quantity(
         False, "", "all rates of melt are zero, rolling stays", "files 1.4 set_melt_rates_to_zero", hidden=True
     )
     keep_shape: bool = quantity(
-        False,
-        "",
-        "the ocean gets the melt, but bergs stay as they are",
-        "files 1.12 Iceberg_melt_without_decay",
-        hidden=True,
-    )
+        False, "", "the ocean gets the melt, but bergs stay as they are", "files 1.12 Iceberg_melt_without_decay", hidden=True,
+    )  # fmt: skip
 
 
 class Rolling(Group):
@@ -551,27 +376,18 @@ class Rolling(Group):
 
     enabled: bool = quantity(False, "", "narrow bergs roll over", "files 1.11 allow_bergs_to_roll")
     scheme: RollingScheme = quantity(
-        "updated",
-        "",
-        "updated (width against thickness), weeks_mellor, or legacy, which is known to be wrong",
-        "files 1.11",
+        "updated", "", "updated (width against thickness), weeks_mellor, or legacy, which is known to be wrong", "files 1.11",
         trial="weeks_mellor",
-    )
+    )  # fmt: skip
     tip: float = quantity(
-        0.0,
-        "1",
-        "with updated: rolls where this times the thickness exceeds the width; 0 means by density",
-        "files 1.11",
-        usual=Usual(0.5, 1.5, "0.8 to 1 by the densities of ice and water", off=True),
-        trial=0.3,
-    )
+        0.0, "1", "with updated: rolls where this times the thickness exceeds the width; 0 means by density", "files 1.11",
+        usual=Usual(0.5, 1.5, "0.8 to 1 by the densities of ice and water", off=True), trial=0.3,
+    )  # fmt: skip
 
     # Quirks of the reference and options of its namelists.
     rolls_on: bool = quirk(
-        "T53: a berg lighter than 808 kg m-3 rolls although it is wider than thick, at every step",
-        "files 1.11",
-        hidden=True,
-    )
+        "T53: a berg lighter than 808 kg m-3 rolls although it is wider than thick, at every step", "files 1.11", hidden=True,
+    )  # fmt: skip
 
 
 class Footloose(Group):
@@ -579,23 +395,13 @@ class Footloose(Group):
 
     enabled: bool = quantity(False, "", "edges calve by the footloose mechanism", "files 2")
     youngs: float = quantity(
-        1e7,
-        "Pa",
-        "Young's modulus of the bending edge",
-        "files 2.1 fl_youngs",
-        gt=0,
-        usual=Usual(1e6, 1e10, "10 MPa in KID, 9 GPa in laboratories"),
-        trial=2e6,
-    )
+        1e7, "Pa", "Young's modulus of the bending edge", "files 2.1 fl_youngs", gt=0,
+        usual=Usual(1e6, 1e10, "10 MPa in KID, 9 GPa in laboratories"), trial=2e6,
+    )  # fmt: skip
     strength: float = quantity(
-        250e3,
-        "Pa",
-        "yield stress of the edge",
-        "files 2.1 fl_strength",
-        gt=0,
-        usual=Usual(1e4, 2e6, "250 kPa in KID, 1 MPa in laboratories"),
-        trial=1e4,
-    )
+        250e3, "Pa", "yield stress of the edge", "files 2.1 fl_strength", gt=0,
+        usual=Usual(1e4, 2e6, "250 kPa in KID, 1 MPa in laboratories"), trial=1e4,
+    )  # fmt: skip
     style: FootlooseStyle = quantity(
         "bits", "", "pieces are kept as bits of the parent, or become bergs at once", "files 2.3 fl_style", trial="bits"
     )
@@ -603,14 +409,9 @@ class Footloose(Group):
         True, "", "children start on the rim of the parent", "files 2.4 displace_fl_bergs", hidden=True
     )
     berg_mass: float = quantity(
-        1e12,
-        "kg",
-        "mass of bits from which a berg is made",
-        "files 2.3 new_berg_from_fl_bits_mass_thres",
-        gt=0,
-        usual=Usual(1e6, 1e14, "1e12 kg in KID"),
-        trial=2e9,
-    )
+        1e12, "kg", "mass of bits from which a berg is made", "files 2.3 new_berg_from_fl_bits_mass_thres", gt=0,
+        usual=Usual(1e6, 1e14, "1e12 kg in KID"), trial=2e9,
+    )  # fmt: skip
     seed: int = quantity(0, "1", "of the random places on the rim", "Riftberg", ge=0, le=2**63 - 1, trial=7)
 
     # Quirks of the reference and options of its namelists.
@@ -675,31 +476,16 @@ class Calving(Group):
         None, "", "size classes of the north; none means those of the south", "files 3.1"
     )
     fractions: Literal["mass", "number"] = quantity(
-        "mass",
-        "",
-        "what the fractions of the classes are parts of",
-        "files 3.1 input_freq_distribution",
-        trial="number",
-    )
+        "mass", "", "what the fractions of the classes are parts of", "files 3.1 input_freq_distribution", trial="number",
+    )  # fmt: skip
     length_over_width: float = quantity(
-        1.5,
-        "1",
-        "shape of a new berg",
-        "files 3.1 LoW_ratio",
-        gt=0,
-        usual=Usual(1.0, 4.0, "1.5 in KID"),
-        trial=1.8,
+        1.5, "1", "shape of a new berg", "files 3.1 LoW_ratio", gt=0, usual=Usual(1.0, 4.0, "1.5 in KID"), trial=1.8,
         hidden=True,
-    )
+    )  # fmt: skip
     smoothing_time: float = quantity(
-        0.0,
-        "s",
-        "time over which the flux is averaged; 0 takes it as it comes",
-        "files 3.2 tau_calving",
-        ge=0,
-        usual=Usual(3600.0, 3.2e8, "from an hour to ten years", off=True),
-        trial=86400.0,
-    )
+        0.0, "s", "time over which the flux is averaged; 0 takes it as it comes", "files 3.2 tau_calving", ge=0,
+        usual=Usual(3600.0, 3.2e8, "from an hour to ten years", off=True), trial=86400.0,
+    )  # fmt: skip
 
     # Quirks of the reference.
     heat_of_one_class: bool = quirk(
