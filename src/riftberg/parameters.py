@@ -236,6 +236,7 @@ class Parameters(Group):
         derived: dict[str, Any] = {
             # Elements whose sides no bond covers stand in the water each for itself.
             "forces_by_element": p.quirks.forces_by_element or not p.drag.sides_by_bonds,
+            "hexagonal": hexagonal,
             "max_sides": 6 if hexagonal else 4,
             "max_bonds": 6 if hexagonal else 4,
             "ice_drift_known": True,
@@ -465,7 +466,7 @@ _KERNEL_NAMES: Final = {
 """Names in compiled code of parameters that it reads as they stand: group, name, and the value for the engine without it."""
 
 _DERIVED: Final = (
-    "multiple_steps", "rigid_bodies", "forces_by_element", "max_sides",
+    "multiple_steps", "rigid_bodies", "forces_by_element", "hexagonal", "max_sides",
     "ice_capture",  # what a pack of sea ice does beside its drag (`riftberg.physics.sea_ice`)
     "ice_drift_known",  # whether the forcing says how sea ice moves; else it exerts no force on rigid fragments
     "ground_coefficient", "ground_quadratic", "ground_on_substeps", "modulus",

@@ -60,8 +60,9 @@ def parameters(scheme: str, spring: float | None = None, **groups: Any) -> Param
         scheme == "quasi_static"
     ):  # the bed would take the edge of a berg at dry land before the coast takes its elements
         groups = {"grounding": {"law": "none"}, **groups}
-    stepping = {"scheme": scheme, "time_step": 1800.0}
-    return Parameters(**{"earth": PLANE, **groups}, stepping=stepping, contact={"spring": spring})
+    else:
+        groups = {"contact": {"spring": spring}, **groups}
+    return Parameters(**{"earth": PLANE, **groups}, stepping={"scheme": scheme, "time_step": 1800.0})
 
 
 @pytest.mark.parametrize(
