@@ -56,13 +56,10 @@ def parameters(scheme: str, spring: float | None = None, **groups: Any) -> Param
     """Contact as soft as published, or as stiff as the ice; in the default scheme by crushing."""
     if scheme in ("verlet", "runge_kutta"):
         groups = {"bonds": {"law": "spring", "spring": 1e-8}, "fracture": {"enabled": False}, **groups}
-    if (
-        scheme == "quasi_static"
-    ):  # the bed would take the edge of a berg at dry land before the coast takes its elements
-        groups = {"grounding": {"law": "none"}, **groups}
-    else:
-        groups = {"contact": {"spring": spring}, **groups}
-    return Parameters(**{"earth": PLANE, **groups}, stepping={"scheme": scheme, "time_step": 1800.0})
+    # A bed would take the edge of a berg at dry land before the coast takes its elements.
+    floor = {"grounding": {"law": "none"}}
+    own = floor if scheme == "quasi_static" else {"contact": {"spring": spring}}
+    return Parameters(**{"earth": PLANE, **own, **groups}, stepping={"scheme": scheme, "time_step": 1800.0})
 
 
 @pytest.mark.parametrize(
