@@ -161,7 +161,7 @@ def test_parameters_are_those_of_the_publication_to_the_digit() -> None:
     assert A68A_2022.drag.ocean_scale * OCEAN_DRAG_BASE == pytest.approx(0.02136, rel=1e-12)
     assert A68A_2022.drag.ocean_scale * OCEAN_DRAG_SIDE == pytest.approx(16.02, rel=1e-12)
     # k = E / (rho 4 R2), 14 significant digits.
-    assert pytest.approx(5e6 / (850.0 * 4 * 1500.0**2), rel=1e-13) == A68A_2022.bonds.spring
+    assert pytest.approx(5e6 / (850.0 * 4 * 1500.0**2), rel=1e-13) == A68A_2022_MTS.bonds.spring
 
 
 def test_the_berg_and_the_set_up_are_the_published_ones(shared: Path, folder: Path) -> None:
