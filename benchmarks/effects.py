@@ -23,7 +23,7 @@ import numpy as np
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.experiments import Options, build
-from riftberg.parameters import A68A_2022_KID
+from riftberg.parameters import PUBLISHED_SPRINGS, kid_quirks
 from riftberg.runs.model import Model
 from riftberg.runs.tracks import DailyTrack
 
@@ -91,7 +91,7 @@ REFERENCE = {
     "grounding": {"implicit": False},
     "bonds": {"objective_damping": False},
     "stepping": {"skip_first_long_force": True},
-    "compatibility": A68A_2022_KID.compatibility.model_dump(),
+    **kid_quirks(),
 }
 ROWS = (
     Row("own"),
@@ -122,7 +122,8 @@ ROWS = (
 def run(row: Row, days: float | None = None) -> Result:
     """Run the experiment with the changes of a row."""
     # Quirks are of the explicit scheme.
-    changes = {**row.changes, "stepping": {"scheme": "mts", **row.changes.get("stepping", {})}}
+    usual = {**PUBLISHED_SPRINGS, "stepping": {"scheme": "mts", "substeps": 90}}
+    changes = {group: {**usual.get(group, {}), **row.changes.get(group, {})} for group in {**usual, **row.changes}}
     model, info = build("a68a", Options(changes=changes, numerics=row.numerics))  # type: ignore[arg-type]
     if row.shape is not None:
         row.shape(model)

@@ -66,11 +66,12 @@ def extra(field: Any, name: str) -> str:
 
 def parameters_page() -> str:
     """Return the page of all parameters, with the values of the presets where they differ from the default."""
-    from riftberg.config.usual_ranges import USUAL
-    from riftberg.config.values import words_for_nothing
-    from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+    from riftberg.config.values import extra_of, words_for_nothing
+    from riftberg.parameters import A68A_2022, A68A_2022_KID, GROUPS, Parameters, sections_of
 
-    default = Parameters()
+    engines = {
+        "`quasi_static`": Parameters(), "`mts`, `verlet` and `runge_kutta`": Parameters(stepping={"scheme": "mts"}),
+    }  # fmt: skip
     text = [
         "# Parameters\n",
         "Set one with `riftberg run EXPERIMENT --set group.name=value`, in a YAML file under `parameters:`, or in Python with",
@@ -79,31 +80,39 @@ def parameters_page() -> str:
         "and in Python by `model.notices`; the run continues.\n",
         "`A68A_2022` is the physics of the published A68a run (Huth et al. 2022, table S1) with Riftberg's numerics;",
         "`A68A_2022_KID` adds the numerics and quirks of the reference. The columns show their values where they differ from",
-        "the default. The A68a experiments and `preset: a68a-2022` take them; `Model(berg, ocean)` and YAML files without a",
+        "the default. What differs between the engines has a table for each; `stepping.scheme` chooses the engine. The A68a experiments and `preset: a68a-2022` take them; `Model(berg, ocean)` and YAML files without a",
         "preset take the defaults, `Parameters()`, which hold for bergs of any size. Sources are sections of [the equations](../explanation/equations.md)",
         "and of those of [melt, calving and files](../explanation/equations-of-life.md), or names in KID's namelist;",
         "Q numbers stand in",
         "[differences from the reference](../explanation/differences-from-the-reference.md).\n",
     ]
-    for group in Parameters.model_fields:
-        kind = type(getattr(default, group))
-        text += [f"## {group}\n", (kind.__doc__ or "").split("\n\n")[0] + "\n"]
-        rows = []
-        for name, field in kind.model_fields.items():
-            usual = USUAL.get(f"{group}.{name}")
-            span = f"{usual.low:g} to {usual.high:g}" if usual else ""
-            plain, physics, kid = (getattr(getattr(p, group), name) for p in (default, A68A_2022, A68A_2022_KID))
-            rows.append(
-                (
-                    # Nothing by a word that is no choice of its own.
-                    code(name), words_for_nothing(field)[0] if plain is None else value_text(plain), extra(field, "unit"),
-                    limits(field), span, field.description or "",
-                    value_text(physics) if physics != plain else "", value_text(kid) if kid != physics else "",
-                    extra(field, "source"),
-                )
-            )  # fmt: skip
-        heads = ("name", "default", "unit", "limits", "usual", "meaning", "A68A_2022", "A68A_2022_KID", "source")
-        text.append(table(heads, rows))
+    for group in GROUPS:
+        text.append(f"## {group}\n")
+        for kind in sections_of(group):
+            has = [name for name, p in engines.items() if isinstance(getattr(p, group, None), kind)]
+            whose = f" With {has[0]}." if len(has) == 1 else ""
+            text.append((kind.__doc__ or "").split("\n\n")[0] + whose + "\n")
+            rows = []
+            for name, field in kind.model_fields.items():
+                usual = extra_of(field, "usual")
+                span = f"{usual.low:g} to {usual.high:g}" if usual else ""
+                plain = field.get_default()
+                sets = (p for p in (A68A_2022, A68A_2022_KID) if isinstance(getattr(p, group, None), kind))
+                differ = {type(p): getattr(getattr(p, group), name) for p in sets}
+                physics, kid = (differ.get(type(p), plain) for p in (A68A_2022, A68A_2022_KID))
+                kid = kid if type(A68A_2022_KID) in differ else physics
+                meaning = (field.description or "") + (" (`riftberg kid` alone)" if extra_of(field, "hidden") else "")
+                rows.append(
+                    (
+                        # Nothing by a word that is no choice of its own.
+                        code(name), words_for_nothing(field)[0] if plain is None else value_text(plain),
+                        extra(field, "unit"), limits(field), span, meaning,
+                        value_text(physics) if physics != plain else "", value_text(kid) if kid != physics else "",
+                        extra(field, "source"),
+                    )
+                )  # fmt: skip
+            heads = ("name", "default", "unit", "limits", "usual", "meaning", "A68A_2022", "A68A_2022_KID", "source")
+            text.append(table(heads, rows))
     return "\n".join(text)
 
 

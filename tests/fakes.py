@@ -12,7 +12,7 @@ import numpy as np
 
 from riftberg import constants
 from riftberg.errors import RunError
-from riftberg.parameters import A68A_2022, Parameters
+from riftberg.parameters import A68A_2022_MTS, Parameters
 from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
 from riftberg.stepping.fragments.contact_log import ContactLog
@@ -22,7 +22,7 @@ from riftberg.stepping.laws import Laws
 from riftberg.system.process import held
 
 SIDE = 3000.0
-EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"}, fracture={"normal_strength": 18e3})
+EXPLICIT = A68A_2022_MTS.changed(fracture={"normal_strength": 18e3})
 
 
 @dataclass

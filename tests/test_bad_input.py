@@ -20,7 +20,7 @@ from riftberg.experiments.changes import parse_settings
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
-from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.system.input_files import shown
 
@@ -137,7 +137,7 @@ def test_substep_too_long() -> None:
     with pytest.raises(
         InputError, match=r"stepping.substeps: sub-step of 600 s \(3 in 1800 s\).*Set it to \d+ or more"
     ):
-        Model(berg(), Steady(), A68A_2022.changed(stepping={"substeps": 3}))
+        Model(berg(), Steady(), A68A_2022_MTS.changed(stepping={"substeps": 3}))
 
 
 @pytest.mark.parametrize(

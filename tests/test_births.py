@@ -11,7 +11,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
 from riftberg.ocean.analytic import Steady
-from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
@@ -19,9 +19,7 @@ from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, new_bonds, new_ele
 from riftberg.state.population import Population
 
 PLANE = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
-BASE = A68A_2022.changed(
-    earth=PLANE, fracture={"normal_strength": 10e3, "shear_strength": 10e3}, stepping={"scheme": "mts"}
-)
+BASE = A68A_2022_MTS.changed(earth=PLANE, fracture={"normal_strength": 10e3, "shear_strength": 10e3})
 SPRING = {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}
 SCHEMES: dict[str, Parameters] = {
     "mts": BASE.changed(stepping={"substeps": None}),
@@ -263,7 +261,7 @@ def joined(bergs: list[Iceberg]) -> Iceberg:
 def test_the_reference_couples_all_bergs() -> None:
     assert A68A_2022_KID.compatibility.bergs_coupled
     assert A68A_2022_KID.compatibility.rest_length_from_sizes
-    assert not A68A_2022.compatibility.bergs_coupled
+    assert not A68A_2022.quirks.bergs_coupled
 
 
 @pytest.mark.parametrize("most", [2_000, pytest.param(50_000, marks=pytest.mark.slow)])

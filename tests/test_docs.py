@@ -18,7 +18,8 @@ from typer.models import OptionInfo
 import riftberg
 from pages import run_blocks
 from riftberg.cli.main import app
-from riftberg.parameters import Compatibility
+from riftberg.config.values import extra_of
+from riftberg.parameters import fields_by_path
 from scripts import loaded
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -254,9 +255,14 @@ def test_every_quirk_is_told() -> None:
     assert sorted(rows, key=lambda q: int(q[1:])) == [f"Q{n}" for n in range(1, 44)]
 
 
-@pytest.mark.parametrize("switch", Compatibility.model_fields)
+SWITCHES = [
+    path for path, field in fields_by_path().items() if path.startswith("compatibility.") or extra_of(field, "quirk")
+]
+
+
+@pytest.mark.parametrize("switch", SWITCHES)
 def test_every_switch_of_the_quirks_is_told(switch: str) -> None:
-    assert f"`compatibility.{switch}`" in QUIRKS.read_text("utf-8")
+    assert f"`{switch}`" in QUIRKS.read_text("utf-8")
 
 
 @pytest.mark.parametrize("name", riftberg.__all__)

@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
+from riftberg.config.values import extra_of
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import RiftbergError
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
-from riftberg.parameters import Compatibility, Parameters
+from riftberg.parameters import Parameters, fields_by_path, kid_quirks
 from riftberg.runs.model import Model
 
 Groups = dict[str, dict[str, Any]]
@@ -195,7 +196,7 @@ RUNGE = with_(OPEN, stepping={"scheme": "runge_kutta"}, bonds={"law": "spring", 
 SPRING = with_(OPEN, bonds={"law": "spring"})
 KID = with_(
     OPEN,
-    compatibility=Compatibility.kid().model_dump(),
+    **kid_quirks(),
     contact={"on_substeps": False, "spring": 1e-6},
     grounding={"implicit": False},
     drag={"rotational": False},
@@ -226,7 +227,7 @@ FOOT = with_(
     MELT, footloose={"enabled": True, "youngs": 1e6, "strength": 3e4, "style": "bergs"}, rolling={"enabled": True}
 )
 BITS = with_(FOOT, footloose={"style": "bits", "berg_mass": 1e9})
-KID_FOOT = with_(BITS, compatibility=Compatibility.kid().model_dump())
+KID_FOOT = with_(BITS, **kid_quirks())
 CUT: Final = {"fl_k": 1e5}
 SMALL_CLASS = {"mass": (4e7, 8e7), "fraction": (0.5, 0.4), "scaling": (1.0, 1.0), "thickness": (40.0, 50.0)}
 NORTH_CLASS = {"mass": (5e7, 8e7), "fraction": (0.5, 0.4), "scaling": (1.0, 1.0), "thickness": (40.0, 50.0)}
@@ -246,147 +247,117 @@ def _quirk(base: Groups = KID, **more: Any) -> Trial:
 
 
 TRIALS: Final[dict[str, Trial]] = {
-    "ice.density": Trial(880.0),
-    "drag.water_side": Trial(1.8),
-    "drag.water_base": Trial(0.01),
-    "drag.air_side": Trial(2.6),
-    "drag.air_top": Trial(0.003),
-    "drag.ice_side": Trial(1.8, more=ICY),
-    "drag.ocean_scale": Trial(2.0),
-    "drag.sides_by_bonds": Trial(),
+    "drag.ice_side": Trial(more=ICY),
     "compatibility.radius_based": Trial(
         base=with_(OPEN, compatibility={"forces_by_element": True}), more={"packing": "hexagonal"}
     ),
-    "drag.rotational": Trial(),
-    "sea_ice.capture": Trial("none", QUASI, more=ICY),
-    "sea_ice.strength": Trial(1e3, QUASI, more=ICY),
-    "sea_ice.decay": Trial(30.0, QUASI, more=ICY),
-    "sea_ice.least_concentration": Trial(0.99, QUASI, more=ICY),
-    "sea_ice.locked_concentration": Trial(0.99, with_(QUASI, sea_ice={"capture": "locked"}), more=ICY),
-    "sea_ice.locked_strength": Trial(1e6, with_(QUASI, sea_ice={"capture": "locked"}), more=ICY),
-    "grounding.law": Trial("quadratic", with_(OPEN, grounding={"law": "linear", "quadratic_coefficient": 10.0}), more=SHALLOW),
-    "grounding.coefficient": Trial(2e4, more=SHALLOW),
-    "grounding.quadratic_coefficient": Trial(
-        20.0, with_(OPEN, grounding={"law": "quadratic", "quadratic_coefficient": 10.0}), more=SHALLOW
+    "sea_ice.capture": Trial(base=QUASI, more=ICY),
+    "sea_ice.strength": Trial(base=QUASI, more=ICY),
+    "sea_ice.decay": Trial(base=QUASI, more=ICY),
+    "sea_ice.least_concentration": Trial(base=QUASI, more=ICY),
+    "sea_ice.locked_concentration": Trial(base=with_(QUASI, sea_ice={"capture": "locked"}), more=ICY),
+    "sea_ice.locked_strength": Trial(base=with_(QUASI, sea_ice={"capture": "locked"}), more=ICY),
+    "grounding.law": Trial(
+        "quadratic", with_(OPEN, grounding={"law": "linear", "quadratic_coefficient": 10.0}), more=SHALLOW
     ),
-    "grounding.ramp_height": Trial(50.0, more=NEAR),
+    "grounding.coefficient": Trial(more=SHALLOW),
+    "grounding.quadratic_coefficient": Trial(
+        base=with_(OPEN, grounding={"law": "quadratic", "quadratic_coefficient": 10.0}), more=SHALLOW
+    ),
+    "grounding.ramp_height": Trial(more=NEAR),
     "grounding.on_substeps": Trial(more=SHALLOW),
     "grounding.implicit": Trial(base=with_(OPEN, grounding={"coefficient": 10.0}), more=SHALLOW),
     "grounding.torque": Trial(more=SHALLOW),
-    "grounding.sediment": Trial("clay", BED, more=AGROUND),
-    "grounding.stiffness": Trial(1e8, BED, more=AGROUND),
-    "grounding.bearing_strength": Trial(2e6, BED, more=AGROUND),
-    "grounding.friction": Trial(0.4, BED, more=AGROUND),
-    "grounding.shear_strength": Trial(1e3, BED, more=AGROUND),
-    "grounding.adhesion": Trial(0.05, with_(BED, grounding={"shear_strength": 2e3}), more=AGROUND),
-    "grounding.anchor_way": Trial(0.2, BED, more=AGROUND),
-    "grounding.bending": Trial(False, with_(BED, grounding={"ice_modulus": 1e8}), more=AGROUND),
-    "grounding.ice_modulus": Trial(1e8, with_(BED, grounding={"ice_modulus": 3e8}), more=AGROUND),
-    "grounding.start": Trial(
-        "refuse", BED, more=BURIED, refused="8.* m below the sea floor"
-    ),
-    "contact.crushing_strength": Trial(1e6, QUASI),
-    "contact.crushing_depth": Trial(10.0, QUASI),
-    "contact.unloading_ratio": Trial(4.0, QUASI),
-    "contact.friction": Trial(0.5, QUASI),
-    "contact.spring": Trial(1e-6),
-    "contact.distance": Trial(900.0),
-    "contact.on_substeps": Trial(),
-    "contact.critical_damping": Trial(),
-    "contact.tangential_critical_damping": Trial(),
-    "contact.radial_damping": Trial(1e-3, with_(OPEN, contact={"critical_damping": False})),
-    "contact.tangential_damping": Trial(1e-3),
-    "compatibility.damping_by_speed": Trial(),
+    "grounding.sediment": Trial(base=BED, more=AGROUND),
+    "grounding.stiffness": Trial(base=BED, more=AGROUND),
+    "grounding.bearing_strength": Trial(base=BED, more=AGROUND),
+    "grounding.friction": Trial(base=BED, more=AGROUND),
+    "grounding.shear_strength": Trial(base=BED, more=AGROUND),
+    "grounding.adhesion": Trial(base=with_(BED, grounding={"shear_strength": 2e3}), more=AGROUND),
+    "grounding.anchor_way": Trial(base=BED, more=AGROUND),
+    "grounding.bending": Trial(base=with_(BED, grounding={"ice_modulus": 1e8}), more=AGROUND),
+    "grounding.ice_modulus": Trial(base=with_(BED, grounding={"ice_modulus": 3e8}), more=AGROUND),
+    "grounding.start": Trial(base=BED, more=BURIED, refused="8.* m below the sea floor"),
+    "contact.crushing_strength": Trial(base=QUASI),
+    "contact.crushing_depth": Trial(base=QUASI),
+    "contact.unloading_ratio": Trial(base=QUASI),
+    "contact.friction": Trial(base=QUASI),
+    "contact.radial_damping": Trial(base=with_(OPEN, contact={"critical_damping": False})),
     "contact.iterate": Trial(base=KID),
-    "contact.tolerance": Trial(0.5, with_(KID, contact={"tolerance": 1e-10})),
-    "contact.max_iterations": Trial(1, with_(KID, contact={"tolerance": 1e-10}), refused="iteration"),
+    "contact.tolerance": Trial(base=with_(KID, contact={"tolerance": 1e-10})),
+    "contact.max_iterations": Trial(base=with_(KID, contact={"tolerance": 1e-10}), refused="iteration"),
     "bonds.law": Trial("spring"),
-    "bonds.packing": Trial("hexagonal", refused="the berg has square elements"),
-    "bonds.spring": Trial(1e-6, SPRING),
-    "bonds.youngs_modulus": Trial(2e6),
-    "bonds.poisson": Trial(0.2),
-    "bonds.damping": Trial(0.5),
-    "bonds.objective_damping": Trial(),
-    "bonds.no_shear": Trial(),
+    "bonds.packing": Trial(refused="the berg has square elements"),
+    "bonds.spring": Trial(base=SPRING),
     "bonds.linear_bending": Trial(base=with_(OPEN, stepping={"time_step": 3000.0})),
-    "bonds.max_bonds": Trial(1, SPRING),
+    "bonds.max_bonds": Trial(base=SPRING),
     "bonds.constant_size": Trial(base=with_(OPEN, bonds={"constant_length": 590.0, "constant_width": 590.0})),
-    "bonds.constant_length": Trial(590.0, with_(OPEN, bonds={"constant_size": True, "constant_width": 600.0})),
-    "bonds.constant_width": Trial(590.0, with_(OPEN, bonds={"constant_size": True, "constant_length": 600.0})),
+    "bonds.constant_length": Trial(base=with_(OPEN, bonds={"constant_size": True, "constant_width": 600.0})),
+    "bonds.constant_width": Trial(base=with_(OPEN, bonds={"constant_size": True, "constant_length": 600.0})),
     "fracture.enabled": Trial(base=WEAK),
-    "fracture.normal_strength": Trial(1e6, WEAK),
-    "fracture.crevasse_strength": Trial(100.0, CREVASSED),
-    "fracture.shear_strength": Trial(1.0, WEAK),
+    "fracture.normal_strength": Trial(base=WEAK),
+    "fracture.crevasse_strength": Trial(base=CREVASSED),
+    "fracture.shear_strength": Trial(base=WEAK),
     "fracture.flexural_strength": Trial(
-        1.0,
-        with_(
+        base=with_(
             BED,
             grounding={"ice_modulus": 1e8},
             fracture={"enabled": True, "normal_strength": 1e9, "shear_strength": 1e9, "flexural_strength": 1e9},
         ),
         more=AGROUND,
     ),
-    "fracture.criterion": Trial("toughness", WEAK_QUASI, refused="toughness"),
+    "fracture.criterion": Trial(base=WEAK_QUASI, refused="toughness"),
     "fracture.toughness": Trial(
-        0.0, with_(WEAK_QUASI, fracture={"criterion": "toughness", "toughness": 1e5}), refused="toughness"
+        base=with_(WEAK_QUASI, fracture={"criterion": "toughness", "toughness": 1e5}), refused="toughness"
     ),
     "fracture.on_substeps": Trial(base=WEAK),
     "fracture.broken_as_contact": Trial(base=with_(WEAK, fracture={"normal_strength": 80.0, "shear_strength": 80.0})),
     "fracture.not_in_first_step": Trial(base=WEAK, more={"steps": 1}),
     "damage.enabled": Trial(base=WEARS),
-    "damage.threshold": Trial(0.5, WEARS),
-    "damage.time_scale": Trial(900.0, WEARS),
-    "damage.exponent": Trial(1.0, WEARS),
+    "damage.threshold": Trial(base=WEARS),
+    "damage.time_scale": Trial(base=WEARS),
+    "damage.exponent": Trial(base=WEARS),
     "stepping.scheme": Trial("quasi_static"),
-    "stepping.time_step": Trial(250.0),
-    "stepping.substeps": Trial(400),
-    "stepping.safety": Trial(0.4),
     "stepping.explicit_substeps": Trial(base=SPRING),
     "stepping.predictor_corrector": Trial(base=RUNGE),
-    "stepping.skip_first_long_force": Trial(),
-    "stepping.only_interactions": Trial(),
-    "stepping.frozen": Trial(),
-    "stepping.fixed_velocity": Trial((0.2, 0.1), VERLET),
-    "stepping.interactions": Trial(),
-    "stepping.speed_limit": Trial(0.1, refused="No ice is faster than 0.1 m/s"),
-    "earth.latlon": Trial(True, refused="latlon"),
-    "earth.radius": Trial(6.5e6, with_(OPEN, earth={"latlon": True}), more={"latlon": True}),
-    "earth.period": Trial(3310.0, with_(OPEN, contact={"distance": 900.0})),
+    "stepping.fixed_velocity": Trial(base=VERLET),
+    "stepping.speed_limit": Trial(refused="No ice is faster than 0.1 m/s"),
+    "earth.latlon": Trial(refused="latlon"),
+    "earth.radius": Trial(base=with_(OPEN, earth={"latlon": True}), more={"latlon": True}),
+    "earth.period": Trial(base=with_(OPEN, contact={"distance": 900.0})),
     "earth.f_plane": Trial(base=with_(OPEN, earth={"latlon": True}), more={"latlon": True}),
-    "earth.reference_latitude": Trial(30.0),
-    "melt.enabled": Trial(),
-    "melt.mode": Trial("shelf", MELT),
-    "melt.base": Trial("two_equation", SHELF),
-    "melt.temperature": Trial(5.0, MELT),
-    "melt.salinity": Trial(10.0, SHELF),
+    "melt.mode": Trial(base=MELT),
+    "melt.base": Trial(base=SHELF),
+    "melt.temperature": Trial(base=MELT),
+    "melt.salinity": Trial(base=SHELF),
     "melt.salinity_from_ocean": Trial(base=SHELF),
     "melt.split": Trial(base=with_(MELT, melt={"bits_fraction": 0.5})),
-    "compatibility.sea_ice_shift": Trial(0.2, MELT),
-    "melt.bits_fraction": Trial(0.5, MELT),
-    "compatibility.zero_rates": Trial(base=MELT),
-    "compatibility.keep_shape": Trial(base=MELT),
+    "melt.sea_ice_shift": Trial(base=MELT),
+    "melt.bits_fraction": Trial(base=MELT),
+    "melt.zero_rates": Trial(base=MELT),
+    "melt.keep_shape": Trial(base=MELT),
     "melt.const_gamma": Trial(base=SHELF),
-    "melt.gamma_t": Trial(0.03, SHELF),
-    "melt.friction_drag": Trial(3e-3, SHELF),
-    "melt.least_friction": Trial(0.5, SHELF),
-    "melt.tide": Trial(0.2, SHELF),
-    "melt.least_gap": Trial(100.0, SHELF, more=NEAR),
+    "melt.gamma_t": Trial(base=SHELF),
+    "melt.friction_drag": Trial(base=SHELF),
+    "melt.least_friction": Trial(base=SHELF),
+    "melt.tide": Trial(base=SHELF),
+    "melt.least_gap": Trial(base=SHELF, more=NEAR),
     "rolling.enabled": Trial(base=ROLLS, more=TALL),
-    "rolling.scheme": Trial("weeks_mellor", ROLLS, more={"thickness": 900.0, "width": 800.0}),
-    "rolling.tip": Trial(0.3, ROLLS, more=TALL),
+    "rolling.scheme": Trial(base=ROLLS, more={"thickness": 900.0, "width": 800.0}),
+    "rolling.tip": Trial(base=ROLLS, more=TALL),
     "footloose.enabled": Trial(base=FOOT, more=CUT),
-    "footloose.youngs": Trial(2e6, FOOT, more=CUT),
-    "footloose.strength": Trial(1e4, FOOT, more=CUT),
-    "footloose.style": Trial("bits", FOOT, more=CUT),
+    "footloose.youngs": Trial(base=FOOT, more=CUT),
+    "footloose.strength": Trial(base=FOOT, more=CUT),
+    "footloose.style": Trial(base=FOOT, more=CUT),
     "footloose.displace": Trial(base=FOOT, more=CUT),
-    "compatibility.one_draw": Trial(base=BITS, more={**CUT, "steps": 6}),
-    "footloose.berg_mass": Trial(2e9, BITS, more=CUT),
-    "footloose.seed": Trial(7, FOOT, more=CUT),
+    "footloose.one_draw": Trial(base=BITS, more={**CUT, "steps": 6}),
+    "footloose.berg_mass": Trial(base=BITS, more=CUT),
+    "footloose.seed": Trial(base=FOOT, more=CUT),
     "calving.south": _class("south", thickness=(42.0, 52.0)),
     "calving.north": _class("north", thickness=(45.0, 55.0)),
-    "calving.fractions": Trial("number", CALVES, calve),
-    "calving.length_over_width": Trial(1.8, CALVES, calve),
-    "calving.smoothing_time": Trial(86400.0, CALVES, calve),
+    "calving.fractions": Trial(base=CALVES, run=calve),
+    "calving.length_over_width": Trial(base=CALVES, run=calve),
+    "calving.smoothing_time": Trial(base=CALVES, run=calve),
     "calving.south.mass": _class("south", mass=(4e7, 7e7)),
     "calving.south.fraction": _class("south", fraction=(0.6, 0.3)),
     "calving.south.scaling": _class("south", scaling=(2.0, 1.0)),
@@ -412,20 +383,22 @@ TRIALS: Final[dict[str, Trial]] = {
     "compatibility.rest_length_from_sizes": _quirk(with_(MELT, stepping={"time_step": 3600.0})),
     "compatibility.bergs_coupled": _quirk(),
     "compatibility.plain_kid_branch": _quirk(VERLET),
-    "compatibility.bits_melt_at_zero_rates": _quirk(with_(MELT, melt={"bits_fraction": 0.5}, compatibility={"zero_rates": True})),
-    "compatibility.plain_basal_search": _quirk(with_(SHELF, melt={"const_gamma": False})),
-    "compatibility.scaled_laminar_layer": _quirk(with_(SHELF, melt={"base": "two_equation"})),
-    "compatibility.rolls_on": _quirk(with_(ROLLS, ice={"density": 700.0}), more={"thickness": 500.0, "width": 505.0}),
-    "compatibility.element_length_in_base_law": _quirk(TURBULENT),
-    "compatibility.half_west_rim": _quirk(BITS, more={**CUT, "steps": 6}),
-    "compatibility.bits_always_roll": _quirk(with_(BITS, rolling={"enabled": False}), more=CUT),
-    "compatibility.drop_orphan_bits": _quirk(
+    "melt.bits_melt_at_zero_rates": _quirk(
+        with_(MELT, melt={"bits_fraction": 0.5}, compatibility={"zero_rates": True})
+    ),
+    "melt.plain_basal_search": _quirk(with_(SHELF, melt={"const_gamma": False})),
+    "melt.scaled_laminar_layer": _quirk(with_(SHELF, melt={"base": "two_equation"})),
+    "rolling.rolls_on": _quirk(with_(ROLLS, ice={"density": 700.0}), more={"thickness": 500.0, "width": 505.0}),
+    "melt.element_length_in_base_law": _quirk(TURBULENT),
+    "footloose.half_west_rim": _quirk(BITS, more={**CUT, "steps": 6}),
+    "footloose.bits_always_roll": _quirk(with_(BITS, rolling={"enabled": False}), more=CUT),
+    "melt.drop_orphan_bits": _quirk(
         with_(BITS, melt={"bits_fraction": 0.5}), more={"mass_of_fl_bits": 0.0, "mass_of_fl_bergy_bits": 1e6}
     ),
-    "compatibility.footloose_sets_density": _quirk(BITS, more={**CUT, "prepare": anchored}),
-    "compatibility.heat_of_one_class": _quirk(CALVES, run=calve),
+    "footloose.footloose_sets_density": _quirk(BITS, more={**CUT, "prepare": anchored}),
+    "calving.heat_of_one_class": _quirk(CALVES, run=calve),
     "compatibility.births_at_centre": _quirk(with_(CALVES, stepping={"interactions": False}), run=calve),
-    "compatibility.hemisphere_by_corner": _quirk(CALVES, run=calve),
+    "calving.hemisphere_by_corner": _quirk(CALVES, run=calve),
     "compatibility.elements_stopped_alone": _quirk(run=shore, more={"steps": 8}),
     "compatibility.forcing_lag": _quirk(run=shore),
     "compatibility.stages_from_start": _quirk(RUNGE),
@@ -433,24 +406,27 @@ TRIALS: Final[dict[str, Trial]] = {
     "compatibility.lost_over_edge": _quirk(run=shore, more={"edge": True, "steps": 9}),
     "compatibility.imposed_velocity_late": _quirk(with_(RUNGE, stepping={"fixed_velocity": (0.2, 0.1)})),
     "compatibility.grid_position_round_trip": _quirk(VERLET, run=shore),
-    "compatibility.unplaced_child_in_metres": _quirk(
+    "footloose.unplaced_child_in_metres": _quirk(
         with_(
-            FOOT, earth={"latlon": True}, melt={"temperature": 2.0, "salinity": 33.0}, footloose={"seed": 3},
+            FOOT,
+            earth={"latlon": True},
+            melt={"temperature": 2.0, "salinity": 33.0},
+            footloose={"seed": 3},
             stepping={"interactions": False},
-        ), run=shore, more={**CUT, "latlon": True, "steps": 2},
+        ),
+        run=shore,
+        more={**CUT, "latlon": True, "steps": 2},
     ),  # this seed draws a place on land; with contact a child goes beside its parent
     # Between the speeds of the lattice and of the single element.
     "compatibility.flung_debris": Trial(
-        False, with_(KID, stepping={"speed_limit": 0.35}), refused="element 13 .* begins with a speed of 0.4"
+        base=with_(KID, stepping={"speed_limit": 0.35}), refused="element 13 .* begins with a speed of 0.4"
     ),
-}  # fmt: skip
+}
 
 
-def leaves() -> list[str]:
-    """Return all parameters with their groups."""
-    return [
-        f"{group}.{name}" for group, held in Parameters.model_fields.items() for name in held.annotation.model_fields
-    ]
+def trials() -> dict[str, Trial]:
+    """Return the trial of each parameter: that of the table, else in open water, as its field has it or switched over."""
+    return {**{path: Trial() for path in fields_by_path()}, **TRIALS}
 
 
 def value_of(groups: Groups, name: str) -> Any:
@@ -468,12 +444,15 @@ def differences(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> lis
 def changed(name: str, trial: Trial) -> Groups:
     """Return the groups of a trial with its other value."""
     group, leaf = name.split(".")[:2]
-    value = not value_of(trial.base, name) if trial.value is None else trial.value
+    value = trial.value
+    if value is None:
+        value = extra_of(fields_by_path()[f"{group}.{leaf}"], "trial")
+    value = not value_of(trial.base, name) if value is None else value
     return with_(trial.base, **{group: {leaf: value}})
 
 
-def test_every_parameter_has_a_trial() -> None:
-    assert set(leaves()) == {".".join(name.split(".")[:2]) for name in TRIALS}
+def test_every_trial_is_of_a_parameter() -> None:
+    assert {".".join(name.split(".")[:2]) for name in TRIALS} <= set(fields_by_path())
 
 
 _BEFORE: Final[dict[str, Any]] = {}
@@ -487,9 +466,9 @@ def before_change(trial: Trial) -> Any:
     return _BEFORE[scene]
 
 
-@pytest.mark.parametrize("name", TRIALS)
+@pytest.mark.parametrize("name", trials())
 def test_another_value_gives_another_result(name: str) -> None:
-    trial = TRIALS[name]
+    trial = trials()[name]
     before = before_change(trial)
     if trial.refused:
         with pytest.raises(RiftbergError, match=trial.refused):

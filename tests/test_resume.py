@@ -14,7 +14,7 @@ from riftberg.ocean.analytic import Steady
 from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
-from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
@@ -27,7 +27,7 @@ STRONGER = {"normal_strength": 20e3, "shear_strength": 20e3}
 STRONGEST = {"normal_strength": 30e3, "shear_strength": 30e3}
 WEAR = {"enabled": True, "threshold": 0.1, "time_scale": 3600.0}
 
-EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"})
+EXPLICIT = A68A_2022_MTS
 PHYSICS: dict[str, Parameters] = {
     "dem": EXPLICIT.changed(fracture=WEAK, stepping={"substeps": None}),
     "dem, fracture after the step": EXPLICIT.changed(fracture={**WEAKER, "on_substeps": False}),
@@ -36,13 +36,13 @@ PHYSICS: dict[str, Parameters] = {
     "dem as the reference": A68A_2022_KID.changed(fracture=WEAK, stepping={"speed_limit": 100.0}),
     "quasi-static": A68A_2022.changed(fracture=STRONGER, stepping={"scheme": "quasi_static"}),
     "quasi-static, damage": A68A_2022.changed(fracture=STRONGEST, damage=WEAR, stepping={"scheme": "quasi_static"}),
-    "spring": A68A_2022.changed(**SPRING, stepping={"substeps": None}),
-    "spring, implicit sub-steps": A68A_2022.changed(
+    "spring": A68A_2022_MTS.changed(**SPRING, stepping={"substeps": None}),
+    "spring, implicit sub-steps": A68A_2022_MTS.changed(
         **SPRING, stepping={"explicit_substeps": False, "time_step": 600.0, "substeps": 60}
     ),
-    "verlet": A68A_2022.changed(**SPRING, stepping={"scheme": "verlet", "time_step": 20.0}),
+    "verlet": A68A_2022_MTS.changed(**SPRING, stepping={"scheme": "verlet", "time_step": 20.0}),
     "verlet as the reference": A68A_2022_KID.changed(**SPRING, stepping={"scheme": "verlet", "time_step": 20.0}),
-    "runge_kutta": A68A_2022.changed(**SPRING, stepping={"scheme": "runge_kutta", "time_step": 20.0}),
+    "runge_kutta": A68A_2022_MTS.changed(**SPRING, stepping={"scheme": "runge_kutta", "time_step": 20.0}),
 }
 
 

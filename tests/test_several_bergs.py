@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022, Iceberg, Model, Parameters, Steady
+from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.cli.run import short_summary
 from riftberg.diagnostics.summary import summarize
 from riftberg.diagnostics.why import explain, words
 from riftberg.errors import BergError
+from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.scene import Scene
 
 PLANE = {"latlon": False, "period": 0.0}
@@ -183,10 +184,10 @@ def test_what_cannot_be_joined_is_refused() -> None:
 
 
 def test_the_a68a_preset_keeps_the_published_distance_and_stiffness() -> None:
-    contact = A68A_2022.contact
+    contact = A68A_2022_MTS.contact
     assert (contact.spring, contact.distance, contact.on_substeps) == (1e-7, 4000.0, False)
-    assert A68A_2022.bonds.spring == 0.00065359477124183
-    default = Parameters()
+    assert A68A_2022_MTS.bonds.spring == 0.00065359477124183
+    default = Parameters(stepping={"scheme": "mts"})
     assert (default.contact.distance, default.contact.spring, default.bonds.spring) == (0.0, None, None)
 
 

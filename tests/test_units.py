@@ -78,9 +78,9 @@ def test_every_unit_of_a_parameter_or_a_key_can_be_written_behind_its_value() ->
     from riftberg.config.values import fields_of, unit_of
     from riftberg.experiments.yaml_file import sections
     from riftberg.ocean.formulas import FORMULAS
-    from riftberg.parameters import Parameters
+    from riftberg.parameters import fields_by_path
 
-    groups = [type(getattr(Parameters(), name)).model_fields for name in Parameters.model_fields]
+    groups = [fields_by_path()]
     shapes = [kind.model_fields for kind in (FieldOfBergs, LatticeRows, Rectangle)]
     keys = [fields for _, fields in sections()] + [fields_of(part) for part in FORMULAS.values()]
     units = {unit_of(field) for fields in (*groups, *shapes, *keys) for field in fields.values()} - {""}

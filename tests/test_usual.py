@@ -9,16 +9,19 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
-from pydantic import BaseModel
 from typer.testing import CliRunner
 
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.cli.main import app
 from riftberg.config.usual_ranges import LAWS, USUAL, of_length, without_effect
+from riftberg.config.values import extra_of
 from riftberg.experiments import Options, build
 from riftberg.ocean import formulas
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
+from riftberg.parameters import QuasiStaticParameters, fields_by_path
+
+MTS = {"scheme": "mts"}
 
 NUMBERS_OF_METHOD = {
     "contact.radial_damping", "contact.tangential_damping", "contact.max_iterations", "bonds.max_bonds", "stepping.substeps",
@@ -32,7 +35,7 @@ SHARES = {
     "sea_ice.locked_concentration",
     "damage.threshold",
     "grounding.adhesion",
-    "compatibility.sea_ice_shift",
+    "melt.sea_ice_shift",
     "melt.bits_fraction",
 }
 """Numbers whose limits leave only what is usual."""
@@ -57,20 +60,16 @@ def berg(**options: Any) -> Iceberg:
 
 def numeric_parameters() -> set[str]:
     """All parameters that are numbers, by group and name."""
-    names = set()
-    for group, holder in Parameters.model_fields.items():
-        assert isinstance(holder.annotation, type)
-        assert issubclass(holder.annotation, BaseModel)
-        for name, field in holder.annotation.model_fields.items():
-            if re.search(r"\b(float|int)\b", str(field.annotation)):
-                names.add(f"{group}.{name}")
-    return names
+    return {
+        path for path, field in fields_by_path().items()
+        if re.search(r"\b(float|int)\b", str(field.annotation)) and "tuple[float, ...]" not in str(field.annotation)
+    }  # fmt: skip
 
 
 def test_every_number_has_a_usual_range_or_none_with_a_reason() -> None:
-    known = {name for name in USUAL if not name.startswith("berg.") and name[0].islower()}
-    assert known | NUMBERS_OF_METHOD | SHARES == numeric_parameters()
-    assert all(usual.low < usual.high and usual.source for usual in USUAL.values())
+    known = {path: usual for path, field in fields_by_path().items() if (usual := extra_of(field, "usual"))}
+    assert known.keys() | NUMBERS_OF_METHOD | SHARES == numeric_parameters()
+    assert all(usual.low < usual.high and usual.source for usual in {**USUAL, **known}.values())
 
 
 @pytest.mark.parametrize("name", [name for name in USUAL if name[0].isupper()])
@@ -178,7 +177,7 @@ def test_a_keel_a_little_below_the_floor_or_on_a_knoll_is_as_usual(floor: Any, g
 
 
 def test_a_law_that_is_left_out_by_zero_is_as_usual() -> None:
-    for group, name in (("drag", "ocean_scale"), ("contact", "distance")):
+    for group, name in (("drag", "ocean_scale"), ("sea_ice", "strength")):
         assert Model(berg(), Steady(), Parameters().changed(**{group: {name: 0.0}})).notices == ()
     assert Model(berg(), Steady(), Parameters(grounding={"law": "none"})).notices == ()
 
@@ -276,13 +275,6 @@ def end_of(parameters: Parameters) -> tuple[Any, ...]:
     )
 
 
-OF_EXPLICIT_DRAG = {
-    ("grounding", key)
-    for key in ("coefficient", "quadratic_coefficient", "ramp_height", "torque", "implicit", "on_substeps")
-}
-"""Refused by the default scheme, not told (`test_one_ground_law.py`)."""
-
-
 def test_what_no_law_reads_is_told_and_has_no_effect() -> None:
     """Bug: a sediment without the law of the seabed, the friction of crushing faces with springs, were taken without a word."""
     *plain, quiet = end_of(Parameters())
@@ -290,7 +282,7 @@ def test_what_no_law_reads_is_told_and_has_no_effect() -> None:
     for law in LAWS:
         for key in law.names:
             name = f"{law.group}.{key}"
-            if law.acts(Parameters()) or (law.group, key) in OF_EXPLICIT_DRAG:
+            if name not in fields_by_path(QuasiStaticParameters) or law.acts(Parameters()):
                 continue
             parameters = Parameters(**{law.group: {key: other_value(name)}})
             told = without_effect(parameters)
@@ -299,8 +291,8 @@ def test_what_no_law_reads_is_told_and_has_no_effect() -> None:
     # All at once, which is one run instead of thirty.
     groups: dict[str, dict[str, Any]] = {}
     for law in LAWS:
-        if not law.acts(Parameters()):
-            keys = [key for key in law.names if (law.group, key) not in OF_EXPLICIT_DRAG]
+        keys = [key for key in law.names if f"{law.group}.{key}" in fields_by_path(QuasiStaticParameters)]
+        if keys and not law.acts(Parameters()):
             groups.setdefault(law.group, {}).update({key: other_value(f"{law.group}.{key}") for key in keys})
     *changed, notices = end_of(Parameters(**groups))
     assert changed == plain
@@ -315,5 +307,5 @@ def test_a_law_that_acts_reads_its_parameters_and_numerics_of_the_reference_are_
         (law,) = (law for law in LAWS if law.needs == f"{name} = '{value}'")
         given = {key: value, **{n: other_value(f"{group}.{n}") for n in law.names}, **more}
         assert not any(text.endswith(law.needs) for text in without_effect(Parameters(**{group: given})).values())
-    namelist = Parameters(rolling={"tip": 0.9}, compatibility={"forcing_lag": True})
+    namelist = Parameters(stepping=MTS, rolling={"tip": 0.9}, compatibility={"forcing_lag": True})
     assert without_effect(namelist) == {}

@@ -25,7 +25,7 @@ from riftberg.life.motion import MotionLedger
 from riftberg.life.process import LifeProcess, check_water, lives
 from riftberg.ocean.floor_notices import floor_notices
 from riftberg.ocean.forcing import Forcing
-from riftberg.parameters import Parameters
+from riftberg.parameters import ExplicitParameters, Parameters
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Environment, Floats, Ints, copy_state
 from riftberg.state.population import Population, Saved, by_identifier, changed_rows, cut_out
 from riftberg.stepping.explicit.stability import (
@@ -147,7 +147,7 @@ class BareModel(RunState):
         self._begin(Population(there, bonds), forcing, sized, began, bergs=named, outlines=berg.outlines, laws=laws)
         self.remembered = later
         # Runs with the reference's quirks must run as they stand, and bergs that do not act on each other may overlap.
-        if not asked.compatibility.zero_start and asked.stepping.interactions:
+        if not asked.quirks.zero_start and asked.stepping.interactions:
             earth = asked.earth
             refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
 
@@ -194,7 +194,9 @@ class BareModel(RunState):
         check_water(forcing, parameters)
         complete_state(self)
         # A number that is given may be larger than an array can hold.
-        check_work(1, self.parameters.stepping.substeps or 1, self.elements.size, where="stepping.substeps")
+        check_work(
+            1, getattr(parameters.stepping, "substeps", None) or 1, self.elements.size, where="stepping.substeps"
+        )
         assign_substeps(self, self.elements.body.substeps == 0)
         check_long_step(self)
         check_work(1, self.substeps, self.elements.mass.size, where="stepping.substeps")
@@ -362,7 +364,7 @@ class BareModel(RunState):
     def _step(self) -> None:
         self.departed = None
         if self.step_number == 0 and not self._visited:
-            if not self.parameters.compatibility.zero_start:  # runs of the reference take what their driver hands over
+            if not self.parameters.quirks.zero_start:  # runs of the reference take what their driver hands over
                 self._check_forcing(1)
             self._first_visit()
         self._follow_changes()
@@ -421,7 +423,7 @@ class BareModel(RunState):
         if grid is None or (inside := grid.has_in_domain(self.elements)).all():
             return
         lost = ~inside
-        if not self.parameters.compatibility.lost_over_edge:
+        if not self.parameters.quirks.lost_over_edge:
             part = connected_parts(inside.size, self.bonds.first, self.bonds.second, self.bonds.status)
             lost = np.isin(part, part[lost])
         self.departed = cut_out(self.elements, self.bonds, np.flatnonzero(lost))[:2]
@@ -745,11 +747,13 @@ def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Para
 
     Several bergs have their own means (`riftberg.stepping.stepper`), unless they are coupled as in the reference.
     """
+    if not isinstance(p, ExplicitParameters):
+        return p
     b = p.bonds
     if not b.constant_size or (b.constant_length > 0.0 and b.constant_width > 0.0):
         return p
     part = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
-    if part.any() and not p.compatibility.bergs_coupled:
+    if part.any() and not p.quirks.bergs_coupled:
         return p
     length, width = float(np.mean(elements.length)), float(np.mean(elements.width))
     return p.changed(bonds={"constant_length": length, "constant_width": width})
@@ -858,7 +862,7 @@ def check_state(elements: Elements, bonds: Bonds, latlon: bool) -> None:
 
 def check_strengths(bonds: Bonds, p: Parameters) -> None:
     """Refuse strengths that are no strengths; runs with the reference's quirks take those of the parameters as they stand."""
-    own, f = not p.compatibility.zero_start, p.fracture
+    own, f = not p.quirks.zero_start, p.fracture
     for name, value in (("normal_strength", f.normal_strength), ("shear_strength", f.shear_strength)):
         if f.enabled and own and value is not None and value <= 0.0:
             raise InputError(

@@ -1,61 +1,72 @@
 """All parameters of a run together: how they are checked against each other, and what compiled code reads of them.
 
-`Parameters` gathers the groups of `riftberg.config.parameter_groups`; `Parameters.kernel_values` flattens them into the named
-tuple of scalars that compiled code reads. The sets of the published run stand at the end.
+`Parameters` makes `QuasiStaticParameters` or `ExplicitParameters`, as ``stepping.scheme`` says: each holds what its engine has.
+`Parameters.kernel_values` flattens them into the named tuple of scalars that compiled code reads. The sets of the published run
+stand at the end.
 """
 
 from __future__ import annotations
 
 import html
 import math
+from collections import namedtuple
 from collections.abc import Mapping
-from operator import attrgetter
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Final, NamedTuple, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self, get_args
 
 from pydantic import Field, model_validator
+from pydantic.fields import FieldInfo
 
+from riftberg.config.explicit_groups import Beams, BondFracture, Compatibility, ExplicitStepping, GroundDrag, Springs
 from riftberg.config.parameter_groups import (
-    QUIRKS_OF_MOTION,
     BondLaw,
     BondParameters,
     Calving,
-    Capture,
-    Compatibility,
     Contact,
-    Damage,
     Drag,
     Earth,
     Footloose,
     Fracture,
     Grounding,
-    GroundingLaw,
     Group,
     Ice,
     Melt,
-    PackIce,
     Packing,
     Rolling,
     Scheme,
     Stepping,
     quantity,
 )
-from riftberg.config.usual_ranges import PUBLISHED_SPRINGS
-from riftberg.config.values import unit_of, words_for_nothing
+from riftberg.config.quasi_static_groups import (
+    Capture,
+    CellBonds,
+    Crushing,
+    Damage,
+    IceFracture,
+    PackIce,
+    QuasiStaticStepping,
+    Seabed,
+)
+from riftberg.config.values import allowed, extra_of, kinds_of, unit_of, words_for_nothing
 from riftberg.constants import AIR_DRAG_SIDE, AIR_DRAG_TOP, OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE, SEA_ICE_DRAG_SIDE
+from riftberg.errors import InputError
 from riftberg.physics.sea_ice import LIMITED, LOCKED, NO_CAPTURE, OF_REFERENCE
 
 __all__ = [
     "A68A_2022",
     "A68A_2022_KID",
+    "A68A_2022_MTS",
+    "GROUPS",
+    "PUBLISHED_DRAG",
+    "PUBLISHED_SPRINGS",
     "BondLaw",
     "BondParameters",
     "Calving",
     "Compatibility",
     "Contact",
-    "Damage",
     "Drag",
     "Earth",
+    "ExplicitParameters",
     "Footloose",
     "Fracture",
     "Grounding",
@@ -63,13 +74,17 @@ __all__ = [
     "Ice",
     "KernelParameters",
     "Melt",
-    "PackIce",
     "Packing",
     "Parameters",
+    "QuasiStaticParameters",
     "Rolling",
     "Scheme",
+    "Seabed",
     "Stepping",
     "element_radius",
+    "fields_by_path",
+    "from_file",
+    "kid_quirks",
     "quantity",
 ]
 
@@ -80,200 +95,45 @@ FROM_ELEMENTS: Final = -1.0
 CONTACT_PHASE: Final = 0.5
 """Frequency of a contact times the long step, where contact acts in it and its stiffness follows from the elements."""
 
-
-SEABED_INSTEAD: Final = "leave it out; grounding.sediment, friction and shear_strength say what a bed of sediment holds"
-
-DRAG_KEYS: Final = {
-    "coefficient": "leave it out, or write grounding.law: none in place of coefficient: 0; grounding.sediment, friction and "
-    "shear_strength say what a bed of sediment holds",
-    "quadratic_coefficient": SEABED_INSTEAD,
-    "ramp_height": "leave it out; a bed of sediment carries the keel where it touches",
-    "torque": "leave it out; friction on a bed of sediment brakes rotation too",
-    "on_substeps": "leave it out; a bed of sediment takes the sub-steps that it needs",
-    "implicit": "leave it out; a bed of sediment takes the sub-steps that it needs",
-}
-"""Keys of the drag laws, and what to write in their place with the scheme that has a bed of sediment."""
-
-
-class EngineChoice(NamedTuple):
-    """What one of the two engines has, and the other has not."""
-
-    group: str
-    name: str
-    values: tuple[Any, ...]  # Those that it alone has; empty where it alone has the parameter
-    instead: str  # What to write with the other engine
-
-    @property
-    def path(self) -> str:
-        """Group and name."""
-        return f"{self.group}.{self.name}"
-
-    def asked_of(self, parameters: Parameters) -> bool:
-        """Whether parameters ask for it."""
-        group = getattr(parameters, self.group)
-        value = getattr(group, self.name)
-        return value in self.values if self.values else value is not None and self.name in group.model_fields_set
-
-    def refusal(self, parameters: Parameters) -> str:
-        """Return why parameters with the other engine cannot ask for it, and what to write."""
-        rigid = parameters.stepping.scheme == "quasi_static"
-        owner, scheme = ("the explicit schemes", "mts") if rigid else ("quasi_static", "quasi_static")
-        value = getattr(getattr(parameters, self.group), self.name)
-        return f"{self.path} = {value!r} is of {owner}: {self.instead}, or set stepping.scheme = {scheme!r}"
-
-
-OF_EXPLICIT: Final = (
-    EngineChoice("grounding", "law", ("linear", "quadratic"),
-                 "leave it out (a bed of sediment, seabed) or write none (no sea floor)"),
-    *(EngineChoice("grounding", name, (), instead) for name, instead in DRAG_KEYS.items()),
-    EngineChoice("bonds", "law", ("spring",), "write bonds.law = 'dem' (or 'none'), which holds against shear and bending"),
-    EngineChoice("bonds", "no_shear", (True,), "leave it out; ice holds against shear"),
-)  # fmt: skip
-"""What 'mts', 'verlet' and 'runge_kutta' have, and 'quasi_static' refuses."""
-
-OF_QUASI_STATIC: Final = (
-    EngineChoice("grounding", "law", ("seabed",), "write 'linear', 'quadratic' or 'none'"),
-    EngineChoice("fracture", "criterion", ("ice", "toughness"), "leave it out; each bond breaks by its own stress"),
-    EngineChoice("fracture", "flexural_strength", (), "leave it out; nothing bends the ice on the sea floor"),
-    EngineChoice("fracture", "crevasse_strength", (), "write fracture.normal_strength"),
-    EngineChoice("damage", "enabled", (True,), "write damage.enabled = false"),
-)
-"""What 'quasi_static' has, and the explicit schemes refuse."""
-
-
-def choices_without(scheme: Scheme) -> tuple[EngineChoice, ...]:
-    """Return what the engine of a scheme has not."""
-    return OF_EXPLICIT if scheme == "quasi_static" else OF_QUASI_STATIC
-
-
 CAPTURES: Final[dict[Capture, int]] = {"none": NO_CAPTURE, "limited": LIMITED, "locked": LOCKED}
 """Captures by a pack of sea ice as compiled code knows them."""
 
-
-class KernelParameters(NamedTuple):
-    """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees.
-
-    One with a path is that parameter as it stands; `Parameters.kernel_values` derives the others.
-    """
-
-    multiple_steps: bool
-    rigid_bodies: bool
-    rho_ice: Annotated[float, "ice.density"]
-    water_side_drag: Annotated[float, "drag.water_side"]
-    water_base_drag: Annotated[float, "drag.water_base"]
-    air_side_drag: Annotated[float, "drag.air_side"]
-    air_top_drag: Annotated[float, "drag.air_top"]
-    ice_side_drag: Annotated[float, "drag.ice_side"]
-    ocean_scale: Annotated[float, "drag.ocean_scale"]
-    forces_by_element: bool
-    sides_by_bonds: Annotated[bool, "drag.sides_by_bonds"]
-    radius_based: Annotated[bool, "compatibility.radius_based"]
-    rotational_drag: Annotated[bool, "drag.rotational"]
-    max_sides: int
-    ice_capture: int  # What a pack of sea ice does beside its drag (`riftberg.physics.sea_ice`)
-    ice_drift_known: bool  # Whether the forcing says how sea ice moves; else it exerts no force on rigid fragments
-    ice_strength: Annotated[float, "sea_ice.strength"]
-    ice_decay: Annotated[float, "sea_ice.decay"]
-    least_ice: Annotated[float, "sea_ice.least_concentration"]
-    locked_fraction: Annotated[float, "sea_ice.locked_concentration"]
-    locked_strength: Annotated[float, "sea_ice.locked_strength"]
-    ground_coefficient: float
-    ground_quadratic: float
-    ground_ramp: Annotated[float, "grounding.ramp_height"]
-    ground_on_substeps: bool
-    ground_implicit: Annotated[bool, "grounding.implicit"]
-    ground_torque: Annotated[bool, "grounding.torque"]
-    modulus: float
-    contact_spring: float
-    contact_stiffest: float
-    contact_distance: float
-    contact_on_substeps: bool
-    critical_damping: Annotated[bool, "contact.critical_damping"]
-    tangential_critical_damping: Annotated[bool, "contact.tangential_critical_damping"]
-    radial_damping: Annotated[float, "contact.radial_damping"]
-    tangential_damping: Annotated[float, "contact.tangential_damping"]
-    damping_by_speed: Annotated[bool, "compatibility.damping_by_speed"]
-    iterate: Annotated[bool, "contact.iterate"]
-    tolerance: Annotated[float, "contact.tolerance"]
-    max_iterations: Annotated[int, "contact.max_iterations"]
-    dem: bool
-    bonds_on: bool
-    hexagonal: bool
-    spring: float
-    youngs_modulus: Annotated[float, "bonds.youngs_modulus"]
-    poisson: Annotated[float, "bonds.poisson"]
-    bond_damping: Annotated[float, "bonds.damping"]
-    objective_damping: Annotated[bool, "bonds.objective_damping"]
-    flat_relative_velocity: Annotated[bool, "compatibility.flat_relative_velocity"]
-    no_shear: Annotated[bool, "bonds.no_shear"]
-    linear_bending: Annotated[bool, "bonds.linear_bending"]
-    max_bonds: int
-    constant_size: Annotated[bool, "bonds.constant_size"]
-    constant_length: Annotated[float, "bonds.constant_length"]
-    constant_width: Annotated[float, "bonds.constant_width"]
-    fracture: Annotated[bool, "fracture.enabled"]
-    normal_strength: float  # 0 where crevasse_strength is above 0
-    crevasse_strength: float  # 0 where there is none
-    shear_strength: Annotated[float, "fracture.shear_strength"]
-    fracture_on_substeps: Annotated[bool, "fracture.on_substeps"]
-    broken_as_contact: Annotated[bool, "fracture.broken_as_contact"]
-    damage_threshold: Annotated[float, "damage.threshold"]
-    damage_time: Annotated[float, "damage.time_scale"]
-    damage_exponent: Annotated[float, "damage.exponent"]
-    explicit_substeps: Annotated[bool, "stepping.explicit_substeps"]
-    only_interactions: Annotated[bool, "stepping.only_interactions"]
-    interactions: Annotated[bool, "stepping.interactions"]
-    latlon: Annotated[bool, "earth.latlon"]
-    earth_radius: Annotated[float, "earth.radius"]
-    period: Annotated[float, "earth.period"]
-    f_plane: Annotated[bool, "earth.f_plane"]
-    reference_latitude: Annotated[float, "earth.reference_latitude"]
-    sticky_collision_flags: Annotated[bool, "compatibility.sticky_collision_flags"]
-    shared_shear_lever: Annotated[bool, "compatibility.shared_shear_lever"]
-    bond_thickness_of_second: Annotated[bool, "compatibility.bond_thickness_of_second"]
-    grid_position_round_trip: Annotated[bool, "compatibility.grid_position_round_trip"]
-    land_inset: float  # How far inside the water land puts an element back, as part of a cell
-    swapped_implicit_velocity: Annotated[bool, "compatibility.swapped_implicit_velocity"]
-    uncentred_half_kicks: Annotated[bool, "compatibility.uncentred_half_kicks"]
-    explicit_contact_damping: Annotated[bool, "compatibility.explicit_contact_damping"]
-    frozen_sea_ice_drag: Annotated[bool, "compatibility.frozen_sea_ice_drag"]
-    rest_length_from_sizes: Annotated[bool, "compatibility.rest_length_from_sizes"]
-    plain_kid_branch: Annotated[bool, "compatibility.plain_kid_branch"]
-    stages_from_start: Annotated[bool, "compatibility.stages_from_start"]
-
-
-_AS_THEY_STAND: Final = {
-    name: attrgetter(hint.__metadata__[0])
-    for name, hint in get_type_hints(KernelParameters, include_extras=True).items() if hasattr(hint, "__metadata__")
-}  # fmt: skip
+NO_QUIRKS: Final = Compatibility()
 
 
 class Parameters(Group):
-    """All parameters of a run.
+    """All parameters of a run: those of the engine that ``stepping.scheme`` names.
 
     Examples
     --------
     >>> Parameters(fracture={"normal_strength": 20e3}).fracture.normal_strength
     20000.0
+    >>> type(Parameters(stepping={"scheme": "mts"})).__name__
+    'ExplicitParameters'
     """
 
     ice: Ice = Field(default_factory=Ice)
     drag: Drag = Field(default_factory=Drag)
-    sea_ice: PackIce = Field(default_factory=PackIce)
-    grounding: Grounding = Field(default_factory=Grounding)
-    contact: Contact = Field(default_factory=Contact)
-    bonds: BondParameters = Field(default_factory=BondParameters)
-    fracture: Fracture = Field(default_factory=Fracture)
-    damage: Damage = Field(default_factory=Damage)
-    stepping: Stepping = Field(default_factory=Stepping)
+    grounding: Grounding = Field(default_factory=Seabed)
+    contact: Contact = Field(default_factory=Crushing)
+    bonds: BondParameters = Field(default_factory=CellBonds)
+    fracture: Fracture = Field(default_factory=IceFracture)
+    stepping: Stepping = Field(default_factory=QuasiStaticStepping)
     earth: Earth = Field(default_factory=Earth)
     melt: Melt = Field(default_factory=Melt)
     rolling: Rolling = Field(default_factory=Rolling)
     footloose: Footloose = Field(default_factory=Footloose)
     calving: Calving = Field(default_factory=Calving)
-    compatibility: Compatibility = Field(default_factory=Compatibility)
 
     _unknown_key: ClassVar[tuple[str, str]] = ("there is no such group of parameters", "Groups are ")
+
+    if TYPE_CHECKING:
+
+        def __init__(self, /, **groups: Any) -> None: ...  # fmt: skip
+
+    def __new__(cls, /, **groups: Any) -> Self:
+        """Make parameters of the engine that the groups name."""
+        return super().__new__(engine_of(groups) if cls is Parameters else cls)  # type: ignore[return-value]
 
     @model_validator(mode="before")
     @classmethod
@@ -281,90 +141,29 @@ class Parameters(Group):
         return _explicit_if_asked(values) if isinstance(values, dict) else values
 
     @model_validator(mode="after")
-    def _combinations(self) -> Parameters:
-        if self.bonds.law == "dem" and not self.stepping.explicit_substeps:
-            raise ValueError(
-                "bonds.law = 'dem' needs stepping.explicit_substeps = true (equations 6.4: DEM is always explicit)"
-            )
-        scheme = self.stepping.scheme
-        if self.bonds.law == "dem" and scheme not in ("mts", "quasi_static") and self.fracture.enabled:
-            raise ValueError(
-                "fracture acts with the schemes 'mts' and 'quasi_static' only: set stepping.scheme = 'mts' "
-                "or fracture.enabled = false (equations 7, quirk Q25)"
-            )
-        if foreign := [choice for choice in choices_without(scheme) if choice.asked_of(self)]:
-            raise ValueError(foreign[0].refusal(self))
-        self._check_criterion()
-        self._check_grounding()
-        if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
-            raise ValueError(
-                "damage lowers the strength of bonds that can break: set bonds.law = 'dem' and fracture.enabled = true, or "
-                "damage.enabled = false"
-            )
-        self._check_life()
-        quirks = self.compatibility
-        if quirks.births_at_centre and self.stepping.interactions and not quirks.zero_start:
-            raise ValueError(
-                "compatibility.births_at_centre lays bergs on top of each other, and contact would never part them: "
-                "set stepping.interactions = false with it"
-            )
-        return self
-
-    @property
-    def grounding_law(self) -> GroundingLaw:
-        """Law of the sea floor that acts: a bed of sediment where fragments are rigid, else a drag, unless one is named."""
-        return self.grounding.law or ("seabed" if self.stepping.scheme == "quasi_static" else "linear")
-
-    def _check_grounding(self) -> None:
-        """Refuse a law of the sea floor without its numbers, and keys of another law."""
-        g, law = self.grounding, self.grounding_law
-        if law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
-            raise ValueError(
-                "grounding.law = 'quadratic' needs grounding.quadratic_coefficient > 0, and has neither ramp_height nor torque: "
-                "they are of the linear law"
-            )
-        missing = [
-            f"grounding.{name}" for name in ("stiffness", "bearing_strength", "friction") if getattr(g, name) is None
-        ]
-        if law == "seabed" and g.sediment == "other" and missing:
-            raise ValueError(f"grounding.sediment = 'other' needs {', '.join(missing)}")
-
-    def _check_criterion(self) -> None:
-        """Refuse a strength or toughness without what it is compared with."""
-        f = self.fracture
-        if f.flexural_strength is not None and not (self.grounding_law == "seabed" and self.grounding.bending):
-            raise ValueError(
-                "fracture.flexural_strength is compared with the bending of ice on a bed of sediment: set grounding.law = "
-                "'seabed' with grounding.bending, or leave it out"
-            )
-        strength = f.normal_strength or f.crevasse_strength or 0.0
-        if f.enabled and f.criterion == "toughness" and not (f.toughness > 0.0 and strength > 0.0):
-            raise ValueError(
-                "fracture.criterion = 'toughness' needs fracture.toughness in Pa m1/2, and fracture.normal_strength or "
-                "crevasse_strength, above 0"
-            )
-
-    @property
-    def contact_distance(self) -> float:
-        """Distance of centres (m) within which any two elements touch: that of springs; faces meet where they are."""
-        return 0.0 if self.stepping.scheme == "quasi_static" else self.contact.distance
-
-    def _check_life(self) -> None:
+    def _combinations(self) -> Self:
         melt, footloose = self.melt, self.footloose
         if footloose.enabled and not (melt.enabled and melt.split):
             raise ValueError(
                 "footloose calving grows from what waves and convection take from the sides one after the other: set "
                 "melt.enabled = true and melt.split = true, or footloose.enabled = false"
             )
-        if footloose.enabled and self.stepping.scheme == "runge_kutta" and self.compatibility.zero_start:
-            raise ValueError(
-                "footloose calving needs stepping.scheme = 'verlet' or 'mts' with the reference's numerics (files 2)"
-            )
         if melt.mode in ("shelf", "mixed") and melt.base == "turbulent":
             raise ValueError(
                 f"melt.mode = {melt.mode!r} needs melt.base = 'two_equation' or 'three_equation': the base melts as under "
                 "an ice shelf"
             )
+        return self
+
+    @property
+    def quirks(self) -> Compatibility:
+        """Quirks of the reference's motion: none but in the explicit engine."""
+        return NO_QUIRKS
+
+    @property
+    def contact_distance(self) -> float:
+        """Distance of centres (m) within which any two elements touch: that of springs; faces meet where they are."""
+        return 0.0
 
     def __repr__(self) -> str:
         """Return what differs from the defaults; `describe` has all."""
@@ -377,7 +176,7 @@ class Parameters(Group):
             }  # fmt: skip
             if values:
                 changes.append(f"{name}={{{', '.join(f'{key!r}: {value!r}' for key, value in values.items())}}}")
-        return f"Parameters({', '.join(changes)})"
+        return f"{type(self).__name__}({', '.join(changes)})"
 
     __str__ = __repr__
 
@@ -398,117 +197,390 @@ class Parameters(Group):
         """Return all groups, one line per parameter."""
         return "\n".join(getattr(self, name).describe() for name in type(self).model_fields)
 
-    def changed(self, /, **groups: dict[str, Any]) -> Parameters:
+    def changed(self, /, **groups: Any) -> Parameters:
         """Return a copy with some values of some groups changed, and checked again.
 
-        Changes that only the explicit scheme allows (sub-steps, spring bonds, bonds without shear) select that scheme, `mts`,
-        in place of the quasi-static one, unless they name a scheme.
+        Changes that only the explicit engine has (sub-steps, spring bonds, bonds without shear) select its scheme `mts` unless
+        they name a scheme. Values of the other engine that the new one lacks must be left out first (`adapted`).
         """
-        if self.stepping.scheme == "quasi_static":
-            groups = _explicit_if_asked(groups)
-        return type(self)(**_merged(self._given(), groups))
+        made, left_out = self.adapted(**groups)
+        if left_out:
+            raise InputError(
+                f"stepping.scheme = {made.stepping.scheme!r} has no {', '.join(left_out)}", where="stepping.scheme",
+                remedy="Leave them out, or take adapted(...), which returns the parameters and what it left out",
+            )  # fmt: skip
+        return made
 
-    def adapted(self, /, **groups: dict[str, Any]) -> tuple[Parameters, list[str]]:
-        """Return `changed`, and the paths of what the scheme in ``groups`` has not, which is left out; so are its quirks.
+    def adapted(self, /, **groups: Any) -> tuple[Parameters, list[str]]:
+        """Return `changed`, and the paths of what the scheme in ``groups`` has not, which is left out.
 
         What ``groups`` themselves ask for is refused where the scheme has it not.
         """
-        if self.stepping.scheme == "quasi_static":
-            groups = _explicit_if_asked(groups)
-        scheme, values, left_out = groups.get("stepping", {}).get("scheme", self.stepping.scheme), self._given(), []
-        for choice in choices_without(scheme):
-            if choice.asked_of(self):
-                default = type(getattr(self, choice.group)).model_fields[choice.name].get_default()
-                left_out += [choice.path] if values[choice.group].pop(choice.name) != default else []
-        if scheme == "quasi_static" and self.stepping.scheme != scheme:
-            quirks = [name for name in QUIRKS_OF_MOTION if values["compatibility"].pop(name)]
-            left_out += [f"compatibility.{name}" for name in quirks]
-        return type(self)(**_merged(values, groups)), left_out
-
-    def _given(self) -> dict[str, Any]:
-        """Return all values by group and name; of the sea floor, for which the schemes have laws of their own, those given."""
-        grounding, fracture = self.grounding.model_dump(exclude_unset=True), self.fracture.model_dump(exclude_none=True)
-        return {**self.model_dump(), "grounding": grounding, "fracture": fracture}
+        values = {**self.model_dump(), "fracture": self.fracture.model_dump(exclude_none=True)}
+        if isinstance(self, QuasiStaticParameters):
+            groups = dict(_explicit_if_asked(groups))
+        engine = engine_of(_merged({"stepping": {"scheme": self.stepping.scheme}}, groups))
+        left_out: list[str] = []
+        if engine is not type(self):
+            values, left_out = _carried_over(self, values, engine)
+        return engine(**_merged(values, groups)), left_out
 
     def kernel_values(self) -> KernelParameters:
         """Flatten the groups into the named tuple that compiled code reads."""
         p = self
         hexagonal = p.bonds.packing == "hexagonal"
-        multiple = p.stepping.scheme in ("mts", "quasi_static")
-        law = p.grounding_law
-        rigid = p.stepping.scheme == "quasi_static"
-        fast_contact = rigid or (multiple and p.contact.on_substeps and p.stepping.explicit_substeps)
-        return KernelParameters(
-            **{name: read(self) for name, read in _AS_THEY_STAND.items()},
-            multiple_steps=multiple,
-            rigid_bodies=rigid,
+        values: dict[str, Any] = {
+            name: getattr(getattr(p, group), key) if key in _keys_of(type(p), group) else default
+            for name, (group, key, default) in _KERNEL_NAMES.items()
+        }
+        derived: dict[str, Any] = {
             # Elements whose sides no bond covers stand in the water each for itself.
-            forces_by_element=p.compatibility.forces_by_element or not p.drag.sides_by_bonds,
-            max_sides=6 if hexagonal else 4,
-            ice_capture=CAPTURES[p.sea_ice.capture] if p.stepping.scheme == "quasi_static" else OF_REFERENCE,
-            ice_drift_known=True,
-            ground_coefficient=p.grounding.coefficient if law == "linear" else 0.0,
-            ground_quadratic=p.grounding.quadratic_coefficient if law == "quadratic" else 0.0,
-            # Implicit sub-steps solve for the bonds alone; the long step takes the sea floor implicitly too.
-            ground_on_substeps=multiple and p.grounding.on_substeps and p.stepping.explicit_substeps,
+            "forces_by_element": p.quirks.forces_by_element or not p.drag.sides_by_bonds,
+            "hexagonal": hexagonal,
+            "max_sides": 6 if hexagonal else 4,
+            "max_bonds": 6 if hexagonal else 4,
+            "ice_drift_known": True,
             # The reference puts an element back by a twentieth of its cell, from where it runs ashore again.
-            land_inset=0.05 if p.compatibility.elements_stopped_alone else 1e-3,
-            modulus=p.bonds.youngs_modulus / p.ice.density,
-            contact_spring=FROM_ELEMENTS if p.contact.spring is None else p.contact.spring,
-            contact_distance=p.contact_distance,
+            "land_inset": 0.05 if p.quirks.elements_stopped_alone else 1e-3,
+            "modulus": p.bonds.youngs_modulus / p.ice.density,
+            "contact_distance": p.contact_distance,
+            "normal_strength": p.fracture.normal_strength or 0.0,
+            "dem": p.bonds.law == "dem",
+            "bonds_on": p.bonds.law != "none",
+        }
+        return KernelParameters(**values, **{**derived, **self._derived_of_engine()})
+
+    def _derived_of_engine(self) -> dict[str, Any]:
+        """Return what compiled code reads and each engine derives for itself."""
+        raise NotImplementedError
+
+
+class QuasiStaticParameters(Parameters):
+    """Parameters of the quasi-static engine."""
+
+    sea_ice: PackIce = Field(default_factory=PackIce)
+    grounding: Seabed = Field(default_factory=Seabed)
+    contact: Crushing = Field(default_factory=Crushing)
+    bonds: CellBonds = Field(default_factory=CellBonds)
+    fracture: IceFracture = Field(default_factory=IceFracture)
+    damage: Damage = Field(default_factory=Damage)
+    stepping: QuasiStaticStepping = Field(default_factory=QuasiStaticStepping)
+
+    @model_validator(mode="after")
+    def _combinations_of_engine(self) -> Self:
+        f, g = self.fracture, self.grounding
+        missing = [
+            f"grounding.{name}" for name in ("stiffness", "bearing_strength", "friction") if getattr(g, name) is None
+        ]
+        if g.law == "seabed" and g.sediment == "other" and missing:
+            raise ValueError(f"grounding.sediment = 'other' needs {', '.join(missing)}")
+        if f.flexural_strength is not None and not (g.law == "seabed" and g.bending):
+            raise ValueError(
+                "fracture.flexural_strength is compared with the bending of ice on a bed of sediment: set grounding.law = "
+                "'seabed' with grounding.bending, or leave it out"
+            )
+        strength = f.normal_strength or f.crevasse_strength or 0.0
+        if f.enabled and f.criterion == "toughness" and not (f.toughness > 0.0 and strength > 0.0):
+            raise ValueError(
+                "fracture.criterion = 'toughness' needs fracture.toughness in Pa m1/2, and fracture.normal_strength or "
+                "crevasse_strength, above 0"
+            )
+        if self.damage.enabled and not (self.bonds.law == "dem" and f.enabled):
+            raise ValueError(
+                "damage lowers the strength of bonds that can break: set bonds.law = 'dem' and fracture.enabled = true, or "
+                "damage.enabled = false"
+            )
+        return self
+
+    def _derived_of_engine(self) -> dict[str, Any]:
+        return {
+            "multiple_steps": True, "rigid_bodies": True, "ice_capture": CAPTURES[self.sea_ice.capture],
+            "ground_coefficient": 0.0, "ground_quadratic": 0.0, "ground_on_substeps": True,
+            "contact_spring": FROM_ELEMENTS, "contact_stiffest": math.inf, "contact_on_substeps": True,
+            "crevasse_strength": self.fracture.crevasse_strength or 0.0, "spring": FROM_ELEMENTS,
+        }  # fmt: skip
+
+
+class ExplicitParameters(Parameters):
+    """Parameters of the explicit engine: `mts`, `verlet` and `runge_kutta`."""
+
+    grounding: GroundDrag = Field(default_factory=GroundDrag)
+    contact: Springs = Field(default_factory=Springs)
+    bonds: Beams = Field(default_factory=Beams)
+    fracture: BondFracture = Field(default_factory=BondFracture)
+    stepping: ExplicitStepping = Field(default_factory=ExplicitStepping)
+    compatibility: Compatibility = Field(default_factory=Compatibility)
+
+    @property
+    def quirks(self) -> Compatibility:
+        """Quirks of the reference's motion."""
+        return self.compatibility
+
+    @property
+    def contact_distance(self) -> float:
+        """Distance of centres (m) within which any two elements touch."""
+        return self.contact.distance
+
+    @model_validator(mode="after")
+    def _combinations_of_engine(self) -> Self:
+        g, quirks = self.grounding, self.compatibility
+        if self.bonds.law == "dem" and not self.stepping.explicit_substeps:
+            raise ValueError(
+                "bonds.law = 'dem' needs stepping.explicit_substeps = true (equations 6.4: DEM is always explicit)"
+            )
+        if self.bonds.law == "dem" and self.stepping.scheme != "mts" and self.fracture.enabled:
+            raise ValueError(
+                "fracture acts with the schemes 'mts' and 'quasi_static' only: set stepping.scheme = 'mts' "
+                "or fracture.enabled = false (equations 7, quirk Q25)"
+            )
+        if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
+            raise ValueError(
+                "grounding.law = 'quadratic' needs grounding.quadratic_coefficient > 0, and has neither ramp_height nor "
+                "torque: they are of the linear law"
+            )
+        if self.footloose.enabled and self.stepping.scheme == "runge_kutta" and quirks.zero_start:
+            raise ValueError(
+                "footloose calving needs stepping.scheme = 'verlet' or 'mts' with the reference's numerics (files 2)"
+            )
+        if quirks.births_at_centre and self.stepping.interactions and not quirks.zero_start:
+            raise ValueError(
+                "compatibility.births_at_centre lays bergs on top of each other, and contact would never part them: "
+                "set stepping.interactions = false with it"
+            )
+        return self
+
+    def _derived_of_engine(self) -> dict[str, Any]:
+        p, g = self, self.grounding
+        multiple = p.stepping.scheme == "mts"
+        fast_contact = multiple and p.contact.on_substeps and p.stepping.explicit_substeps
+        of_packing = 6 if p.bonds.packing == "hexagonal" else 4
+        return {
+            "multiple_steps": multiple,
+            "rigid_bodies": False,
+            "ice_capture": OF_REFERENCE,
+            "ground_coefficient": g.coefficient if g.law == "linear" else 0.0,
+            "ground_quadratic": g.quadratic_coefficient if g.law == "quadratic" else 0.0,
+            # Implicit sub-steps solve for the bonds alone; the long step takes the sea floor implicitly too.
+            "ground_on_substeps": multiple and g.on_substeps and p.stepping.explicit_substeps,
+            "contact_spring": FROM_ELEMENTS if p.contact.spring is None else p.contact.spring,
             # What a long step can resolve, where contact between bergs acts in it.
-            contact_stiffest=math.inf if fast_contact else (CONTACT_PHASE / p.stepping.time_step) ** 2,
-            contact_on_substeps=fast_contact,
-            normal_strength=p.fracture.normal_strength or 0.0,
-            crevasse_strength=p.fracture.crevasse_strength or 0.0,
-            dem=p.bonds.law == "dem",
-            bonds_on=p.bonds.law != "none",
-            hexagonal=hexagonal,
-            spring=FROM_ELEMENTS if p.bonds.spring is None else p.bonds.spring,
-            max_bonds=(6 if hexagonal else 4) if p.bonds.max_bonds is None else p.bonds.max_bonds,
-        )
+            "contact_stiffest": math.inf if fast_contact else (CONTACT_PHASE / p.stepping.time_step) ** 2,
+            "contact_on_substeps": fast_contact,
+            "crevasse_strength": 0.0,
+            "spring": FROM_ELEMENTS if p.bonds.spring is None else p.bonds.spring,
+            "max_bonds": of_packing if p.bonds.max_bonds is None else p.bonds.max_bonds,
+        }
 
 
-def without_idle_keys(values: Any, *, all_of_them: bool = False) -> Any:
-    """Return parameters as a file of Riftberg has them, without keys that act no more and have their default.
+ENGINES: Final = (QuasiStaticParameters, ExplicitParameters)
 
-    Files hold all keys, those of the laws of other schemes too. ``all_of_them``: whatever their value, and without laws that
-    earlier versions had for the scheme: the parameters say what a run was, and no run goes on with them.
+GROUPS: Final = tuple(dict.fromkeys(name for engine in ENGINES for name in engine.model_fields))
+"""Names of all groups, of either engine."""
+
+
+def fields_by_path(*engines: type[Parameters]) -> dict[str, FieldInfo]:
+    """Return the field of each parameter of engines, by default both, by group and name."""
+    found: dict[str, FieldInfo] = {}
+    for engine in engines or ENGINES:
+        for group, held in engine.model_fields.items():
+            for name, field in _groups_of(held).model_fields.items():
+                found.setdefault(f"{group}.{name}", field)
+    return found
+
+
+def sections_of(group: str) -> tuple[type[Group], ...]:
+    """Return the classes of a group: one if the engines share it or one alone has it, else that of each engine."""
+    return tuple(dict.fromkeys(_groups_of(e.model_fields[group]) for e in ENGINES if group in e.model_fields))
+
+
+def kid_quirks() -> dict[str, dict[str, bool]]:
+    """Return all quirks of the reference by group and name, each switched on."""
+    found: dict[str, dict[str, bool]] = {}
+    for path, field in fields_by_path().items():
+        if extra_of(field, "quirk"):
+            group, name = path.split(".")
+            found.setdefault(group, {})[name] = True
+    return found
+
+
+def scheme_asked(groups: Mapping[str, Any]) -> str:
+    """Return the scheme that values by group name or ask for, by default the quasi-static one."""
+    stepping = _explicit_if_asked(groups).get("stepping", {})
+    scheme = stepping.get("scheme") if isinstance(stepping, Mapping) else getattr(stepping, "scheme", None)
+    return "quasi_static" if scheme is None else str(scheme)
+
+
+def engine_of(groups: Mapping[str, Any]) -> type[Parameters]:
+    """Return the parameters of the engine that values by group name or ask for, by default the quasi-static one."""
+    explicit = get_args(ExplicitStepping.model_fields["scheme"].annotation)
+    return ExplicitParameters if scheme_asked(groups) in explicit else QuasiStaticParameters
+
+
+def _groups_of(held: FieldInfo) -> type[Group]:
+    """Return the class of a group."""
+    kind: type[Group] = held.annotation  # type: ignore[assignment]
+    return kind
+
+
+def _keys_of(engine: type[Parameters], group: str) -> Mapping[str, FieldInfo]:
+    """Return the fields of a group, none where an engine has not got it."""
+    held = engine.model_fields.get(group)
+    return {} if held is None else _groups_of(held).model_fields
+
+
+def _choices(field: FieldInfo) -> list[str]:
+    """Return the words among which a field chooses."""
+    return [choice for kind in kinds_of(field.annotation) for choice in get_args(kind) if isinstance(choice, str)]
+
+
+def _tell_of_other_engine() -> None:
+    """Let each group say of parameters and choices of the other engine whose they are, and what to write."""
+    for engine, other, whose, scheme in (
+        (QuasiStaticParameters, ExplicitParameters, "the explicit schemes", "mts"),
+        (ExplicitParameters, QuasiStaticParameters, "quasi_static", "quasi_static"),
+    ):
+        ending = f", or set stepping.scheme = {scheme!r}"
+        engine._foreign = {
+            group: f"it is of {whose}: leave it out{ending}" for group in GROUPS if group not in engine.model_fields
+        }
+        for group, held in engine.model_fields.items():
+            kind = _groups_of(held)
+            foreign: dict[str, str] = {}
+            for name, field in _keys_of(other, group).items():
+                if name not in kind.model_fields:
+                    foreign[name] = f"it is of {whose}: {kind._instead.get(name, 'leave it out')}{ending}"
+                    continue
+                own = kind.model_fields[name]
+                for choice in set(_choices(field)) - set(_choices(own)):
+                    told = f"{name} = {choice!r}"
+                    foreign[told] = f"{choice!r} is of {whose}: {kind._instead.get(told, allowed(own))}{ending}"
+            kind._foreign = foreign
+
+
+_tell_of_other_engine()
+
+_KERNEL_NAMES: Final = {
+    str(extra_of(field, "kernel")): (*path.split("."), field.get_default())
+    for path, field in fields_by_path().items() if extra_of(field, "kernel")
+}  # fmt: skip
+"""Names in compiled code of parameters that it reads as they stand: group, name, and the value for the engine without it."""
+
+_DERIVED: Final = (
+    "multiple_steps", "rigid_bodies", "forces_by_element", "hexagonal", "max_sides",
+    "ice_capture",  # what a pack of sea ice does beside its drag (`riftberg.physics.sea_ice`)
+    "ice_drift_known",  # whether the forcing says how sea ice moves; else it exerts no force on rigid fragments
+    "ground_coefficient", "ground_quadratic", "ground_on_substeps", "modulus",
+    "contact_spring", "contact_stiffest", "contact_distance", "contact_on_substeps", "dem", "bonds_on", "spring", "max_bonds",
+    "normal_strength",  # 0 where crevasse_strength is above 0
+    "crevasse_strength",  # 0 where there is none
+    "land_inset",  # how far inside the water land puts an element back, as part of a cell
+)  # fmt: skip
+"""What `Parameters.kernel_values` derives."""
+
+if TYPE_CHECKING:
+
+    class KernelParameters:
+        """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees."""
+
+        def __init__(self, **values: Any) -> None: ...  # fmt: skip
+        def __getattr__(self, name: str) -> Any: ...  # fmt: skip
+        def _replace(self, **values: Any) -> KernelParameters: ...  # fmt: skip
+
+else:
+    KernelParameters = namedtuple("KernelParameters", (*_DERIVED, *_KERNEL_NAMES))
+    KernelParameters.__doc__ = (
+        "Scalars that compiled code reads; SI units, angles in degrees where the state has degrees."
+    )
+
+
+def _carried_over(
+    parameters: Parameters, values: dict[str, Any], engine: type[Parameters]
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the values that another engine has too, and the paths of the others where they are not as by default.
+
+    What is switched off by the word none is not lost: the other engine has not got it.
+    """
+    carried: dict[str, Any] = {}
+    left_out: list[str] = []
+    for group, inner in values.items():
+        keys, own = _keys_of(engine, group), type(getattr(parameters, group)).model_fields
+        for name, value in inner.items():
+            if f"{group}.{name}" == "stepping.scheme":
+                continue
+            if name in keys and _may_hold(keys[name], value):
+                carried.setdefault(group, {})[name] = value
+            elif value != own[name].get_default() and value != "none":
+                left_out.append(f"{group}.{name}")
+    return carried, left_out
+
+
+def _may_hold(field: FieldInfo, value: Any) -> bool:
+    """Whether a field has a value among its choices, where it has choices."""
+    choices = _choices(field)
+    return not (choices and isinstance(value, str)) or value in choices
+
+
+def from_file(values: Any, *, goes_on: bool) -> Parameters:
+    """Return parameters as a file of Riftberg has them, which may hold those of the other engine too; these never acted.
+
+    ``goes_on``: a run goes on with them; else they say what it was, and what earlier versions had is left out.
     """
     if not isinstance(values, dict):
-        return values
-    quasi_static = values.get("stepping", {}).get("scheme") == "quasi_static"
-    # Values that change nothing, of keys and choices of earlier versions, and of the drag in the scheme without one.
-    idle: dict[tuple[str, str], tuple[Any, ...]] = {
-        ("stepping", "landing_steps"): (8,), ("grounding", "cell"): (50.0,),
-        ("contact", "law"): (None, "crushing" if quasi_static else "spring"),
-        ("bonds", "elasticity"): (None, "cells" if quasi_static else "bonds"),
-    }  # fmt: skip
-    former = set(idle)
-    if quasi_static:
-        drag = {("grounding", name): (Grounding.model_fields[name].get_default(),) for name in DRAG_KEYS}
-        idle, former = idle | drag, former | set(drag)
-        choices: dict[tuple[str, str], Any] = {
-            ("grounding", "law"): "linear", ("grounding", "start"): "settle", ("fracture", "criterion"): "bond",
-        }  # fmt: skip
-    else:
-        may_break = values.get("fracture", {}).get("enabled")
-        idle["fracture", "criterion"] = ("bond",) if may_break else ("bond", "ice", "toughness")
-        choices = {("damage", "enabled"): True}
-
-    def acts(group: str, name: str, value: Any) -> bool:
-        key = group, name
-        if value in idle.get(key, ()):
-            return False
-        return not (all_of_them and (key in former or (key in choices and value == choices[key])))
-
-    left = {
-        group: {name: value for name, value in inner.items() if acts(group, name, value)} if isinstance(inner, dict) else inner
-        for group, inner in values.items()
-    }  # fmt: skip
-    if not all_of_them and _had_isotropic_bonds(values):
+        return Parameters(**{"parameters": values})
+    engine, left = engine_of(values), dict[str, Any]()
+    for group, inner in values.items():
+        if not isinstance(inner, dict):
+            left[group] = inner
+            continue
+        for name, value in inner.items():
+            moved = group == "compatibility" and name in _QUIRKS_OF_LIFE
+            home = _QUIRKS_OF_LIFE[name] if moved else group
+            if not _is_idle(engine, home, name, value, goes_on):
+                left.setdefault(home, {})[name] = value
+    if goes_on and _had_isotropic_bonds(values):
         left["bonds"] = {**left["bonds"], "elasticity": "isotropic"}
-    return left
+    return engine(**left)
+
+
+_QUIRKS_OF_LIFE: Final = {
+    name: group
+    for group in ("melt", "rolling", "footloose", "calving")
+    for name in Parameters.model_fields[group].annotation.model_fields  # type: ignore[union-attr]
+    if extra_of(fields_by_path()[f"{group}.{name}"], "hidden")
+}
+"""Group of the quirks of melt and calving, which stood under `compatibility` in earlier versions."""
+
+Compatibility._gone = {
+    name: f"It is {group}.{name}, which 'riftberg kid' alone sets" for name, group in _QUIRKS_OF_LIFE.items()
+}
+
+
+def _is_idle(engine: type[Parameters], group: str, name: str, value: Any, goes_on: bool) -> bool:
+    """Whether what a file says changes nothing, or is to be left out because no run goes on with it."""
+    rigid = engine is QuasiStaticParameters
+    # Keys and choices of earlier versions, with the values that they had by default.
+    former: dict[tuple[str, str], tuple[Any, ...]] = {
+        ("stepping", "landing_steps"): (8,), ("grounding", "cell"): (50.0,), ("grounding", "law"): (None,),
+        ("contact", "law"): (None, "crushing" if rigid else "spring"),
+        ("bonds", "elasticity"): (None, "cells" if rigid else "bonds"),
+    }  # fmt: skip
+    acted: dict[tuple[str, str], tuple[Any, ...]] = {
+        ("grounding", "law"): ("linear", "quadratic") if rigid else (),
+        ("grounding", "start"): ("settle",), ("fracture", "criterion"): ("bond",) if rigid else (),
+        ("damage", "enabled"): () if rigid else (True,),
+    }  # fmt: skip
+    if value in former.get((group, name), ()) or (not rigid and (name, value) == ("criterion", "bond")):
+        return True
+    if value in acted.get((group, name), ()):
+        return not goes_on
+    if (group, name) in former and name not in _keys_of(engine, group):
+        return not goes_on
+    other = ExplicitParameters if rigid else QuasiStaticParameters
+    foreign = _keys_of(other, group).get(name)
+    if foreign is None or name in _keys_of(engine, group):
+        return False
+    refused_before = group in engine.model_fields and name in _groups_of(engine.model_fields[group])._instead
+    return not refused_before or value == foreign.get_default() or not goes_on
 
 
 def _had_isotropic_bonds(values: dict[str, Any]) -> bool:
@@ -545,12 +617,12 @@ def _merged(values: dict[str, Any], groups: Mapping[str, Any]) -> dict[str, Any]
 def _without_replaced_strength(fracture: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return values of the group without tensile strengths where changes give one: the two exclude each other."""
     names = ("normal_strength", "crevasse_strength")
-    nothing = words_for_nothing(Fracture.model_fields[names[1]])
+    nothing = words_for_nothing(IceFracture.model_fields[names[1]])
     gives = any(changes.get(name) is not None and str(changes[name]).lower() not in nothing for name in names)
     return {name: value for name, value in fracture.items() if not (gives and name in names)}
 
 
-def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:
+def _explicit_if_asked(groups: Mapping[str, Any]) -> Mapping[str, Any]:
     """Add ``stepping.scheme = "mts"`` to values by group that name no scheme and ask for what only the explicit one has."""
 
     def asked(group: str, name: str) -> Any:
@@ -561,7 +633,7 @@ def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:
     wants = wants or asked("stepping", "substeps") is not None or asked("stepping", "explicit_substeps") is False
     stepping = groups.get("stepping", {})
     if isinstance(stepping, Stepping):
-        stepping = stepping.model_dump(exclude_unset=True)
+        stepping = {name: getattr(stepping, name) for name in stepping.model_fields_set}
     if not wants or not isinstance(stepping, Mapping) or "scheme" in stepping:
         return groups
     return {**groups, "stepping": {"scheme": "mts", **stepping}}
@@ -578,13 +650,12 @@ PUBLISHED_DRAG: Final[Mapping[str, float]] = MappingProxyType(
 )
 """Group ``drag`` with the coefficients of KID, of the paper and of its experiments (equations 0.1)."""
 
-A68A_2022 = Parameters(
-    drag=Drag(**PUBLISHED_DRAG, ocean_scale=17.8),
-    sea_ice=PackIce(capture="none"),
-    contact=Contact(**PUBLISHED_SPRINGS, tolerance=1e-4),
-    bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),
-    fracture=Fracture(normal_strength=11e3, shear_strength=100e3),
-    stepping=Stepping(scheme="quasi_static", time_step=1800.0, substeps=90),
+A68A_2022 = QuasiStaticParameters(
+    drag={**PUBLISHED_DRAG, "ocean_scale": 17.8},
+    sea_ice={"capture": "none"},
+    bonds={"constant_size": True},
+    fracture={"normal_strength": 11e3, "shear_strength": 100e3},
+    stepping={"time_step": 1800.0},
 )
 """Physics of the published A68a run (equations 10.5) with Riftberg's numerics; see `A68A_2022_KID` for the reference's.
 
@@ -592,12 +663,25 @@ The published strength, 18 kPa, is one of bonds. 11 kPa is one of the ice: with 
 (docs/explanation/a68a-story.md).
 """
 
-A68A_2022_KID = A68A_2022.changed(
-    drag={"rotational": False},
-    grounding={"implicit": False},
-    bonds={"objective_damping": False},
-    fracture={"normal_strength": 18e3},
-    stepping={"scheme": "mts", "skip_first_long_force": True},
-    compatibility=Compatibility.kid().model_dump(),
+PUBLISHED_SPRINGS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
+    {
+        "contact": {"spring": 1e-7, "distance": 4000.0, "on_substeps": False},
+        "bonds": {"linear_bending": False, "spring": 0.00065359477124183},
+    }
+)
+"""Contact and bonds of the published A68a run (equations 10.5)."""
+
+A68A_2022_MTS = A68A_2022.changed(**PUBLISHED_SPRINGS, stepping={"scheme": "mts", "substeps": 90})
+"""The same physics in the explicit engine, with the published springs (equations 10.5) and none of the reference's quirks."""
+
+A68A_2022_KID = A68A_2022_MTS.changed(
+    **{
+        **kid_quirks(),
+        "drag": {"rotational": False},
+        "grounding": {"implicit": False},
+        "bonds": {"objective_damping": False},
+        "fracture": {"normal_strength": 18e3},
+        "stepping": {"skip_first_long_force": True},
+    }
 )
 """The published A68a run with the numerics and quirks of the reference."""

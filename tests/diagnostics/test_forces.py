@@ -10,10 +10,10 @@ import xarray as xr
 
 from riftberg import Iceberg, Model, Steady
 from riftberg.diagnostics.cut import FORCES, accelerations, external_forces
-from riftberg.parameters import A68A_2022
+from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.run_file import RunWriter, open_run
 
-P = A68A_2022.changed(stepping={"scheme": "mts", "substeps": None}, bonds={"constant_size": False})
+P = A68A_2022_MTS.changed(stepping={"substeps": None}, bonds={"constant_size": False})
 
 
 @pytest.fixture(scope="module")

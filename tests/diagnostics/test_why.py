@@ -383,7 +383,7 @@ def test_the_line_of_a_crack_is_told_by_length_and_direction() -> None:
     berg = Iceberg.rectangle("30 km", "9 km", thickness="200 m", placement=(-38.0, -56.0))
     force = np.sign(berg.elements.lon + 38.0)
     berg.elements.load_x[:] = 4e9 * force / np.abs(force).sum()
-    p = Parameters(fracture={"normal_strength": 1e3, "not_in_first_step": True}, stepping={"only_interactions": True})
+    p = Parameters(fracture={"normal_strength": 1e3}, stepping={"only_interactions": True})
     run = Model(berg, Steady(), p, start="2020-12-09").run(days=2 / 24, every_hours=0.5)
     (breakup, *_) = why.explain(run).breakups
     assert breakup.crack_km == pytest.approx(9.0, rel=0.01)

@@ -273,7 +273,7 @@ def test_impossible_combinations_and_what_an_experiment_keeps_are_refused(tmp_pa
     ):
         planned("a68a", ["grounding.law=seabed,quadratic"], Options(), 6.0)
     with pytest.raises(
-        InputError, match=r"grounding.coefficient = .* is of the explicit schemes: .*grounding.law: none"
+        InputError, match=r"grounding.coefficient: it is of the explicit schemes: .*grounding.law: none"
     ):
         planned("a68a", ["grounding.coefficient=0,1e4"], Options(), 6.0)
     with pytest.raises(InputError, match=r"member with bonds.packing = 'hexagonal': .*the berg has square elements"):

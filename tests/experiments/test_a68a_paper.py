@@ -22,7 +22,7 @@ from riftberg.experiments.a68a import FILES, PAPER_DAYS, START_RECORD, ZONE, pap
 from riftberg.fetching.fetch import HOURLY
 from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
 from riftberg.kid.parameters import read_namelist, to_parameters
-from riftberg.parameters import A68A_2022, A68A_2022_KID
+from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS
 from riftberg.runs.model import Model
 
 ZONE_OF_STORY = (-37.305, -54.982)
@@ -124,8 +124,6 @@ def test_parameters_are_those_of_the_reference_namelist(shared: Path) -> None:
     given = to_parameters(namelist)
     # The namelist has melt rates set to zero; what it says of melt and calving is no part of the preset.
     life = {name: getattr(given, name).model_dump() for name in ("melt", "rolling", "footloose", "calving")}
-    rates = ("zero_rates", "keep_shape", "sea_ice_shift", "one_draw")
-    life["compatibility"] = {name: getattr(given.compatibility, name) for name in rates}
     assert given == A68A_2022_KID.changed(bonds={"max_bonds": 4}, **life)
     assert given.kernel_values() == A68A_2022_KID.changed(**life).kernel_values()
     driver, icebergs = namelist.driver, namelist.icebergs
@@ -137,7 +135,7 @@ def test_parameters_are_those_of_the_reference_namelist(shared: Path) -> None:
 
 def test_parameters_are_those_of_the_publication_to_the_digit() -> None:
     """Equations 10.5 (table S1 of the paper)."""
-    for p in (A68A_2022_KID, A68A_2022):
+    for p in (A68A_2022_KID, A68A_2022_MTS):
         assert p.ice.density == 850.0
         assert p.earth.radius == 6_363_827.0
         assert p.earth.period == 360.0
@@ -150,7 +148,7 @@ def test_parameters_are_those_of_the_publication_to_the_digit() -> None:
         assert p.bonds.constant_size
         assert (p.contact.spring, p.contact.distance, p.contact.tolerance) == (1e-7, 4000.0, 1e-4)
         assert (p.contact.critical_damping, p.contact.tangential_critical_damping) == (True, False)
-        assert (p.contact.tangential_damping, p.compatibility.damping_by_speed, p.contact.iterate) == (0.0, False, True)
+        assert (p.contact.tangential_damping, p.quirks.damping_by_speed, p.contact.iterate) == (0.0, False, True)
         assert (p.grounding.coefficient, p.grounding.ramp_height, p.grounding.on_substeps) == (1e4, 0.0, True)
         assert p.fracture.shear_strength == 100e3
         assert p.fracture.enabled
@@ -164,7 +162,7 @@ def test_parameters_are_those_of_the_publication_to_the_digit() -> None:
     assert A68A_2022.drag.ocean_scale * OCEAN_DRAG_BASE == pytest.approx(0.02136, rel=1e-12)
     assert A68A_2022.drag.ocean_scale * OCEAN_DRAG_SIDE == pytest.approx(16.02, rel=1e-12)
     # k = E / (rho 4 R2), 14 significant digits.
-    assert pytest.approx(5e6 / (850.0 * 4 * 1500.0**2), rel=1e-13) == A68A_2022.bonds.spring
+    assert pytest.approx(5e6 / (850.0 * 4 * 1500.0**2), rel=1e-13) == A68A_2022_MTS.bonds.spring
 
 
 def test_the_berg_and_the_set_up_are_the_published_ones(shared: Path, folder: Path) -> None:
@@ -219,7 +217,7 @@ def test_the_numerics_are_the_references_unless_riftbergs_are_asked_for(small: P
 
     assert parameters(None) == parameters("reference")
     assert parameters(None).compatibility == A68A_2022_KID.compatibility
-    assert parameters("own").compatibility == A68A_2022.compatibility
+    assert parameters("own").quirks == A68A_2022.quirks
     assert parameters("own").bonds.objective_damping
     changed = build("a68a-paper", Options({"fracture": {"normal_strength": 2e4}}, days=1.0, data=small))[0].parameters
     assert changed.fracture.normal_strength == 2e4

@@ -25,6 +25,7 @@ from riftberg.experiments.yaml_file import build_berg, read_file
 from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.formulas import FORMULAS
+from riftberg.parameters import GROUPS, sections_of
 
 SLAB = """\
 start: 2020-12-09 13:00
@@ -166,7 +167,7 @@ WRONG: list[Any] = [
 SECTIONS: list[type[BaseModel]] = [
     Experiment, Berg, OutlineFile, Mask, Shelf, Rift, Strength, Rectangle, FieldOfBergs, LatticeRows, ConstantForcing,
     FileForcing, NamedFiles, ExperimentForcing, *FORMULAS.values(),
-    *(field.annotation for field in Parameters.model_fields.values() if isinstance(field.annotation, type)),
+    *(section for group in GROUPS for section in sections_of(group)),
 ]  # fmt: skip
 FIELDS = [(section, name) for section in SECTIONS for name in fields_of(section)]
 

@@ -14,7 +14,7 @@ from riftberg.errors import InputError
 from riftberg.experiments import EXPERIMENTS, Options, build, find, names
 from riftberg.experiments.changes import changed, parse_settings, reference_numerics
 from riftberg.ocean.forcing import sea_level
-from riftberg.parameters import A68A_2022, A68A_2022_KID
+from riftberg.parameters import A68A_2022, A68A_2022_KID, PUBLISHED_SPRINGS
 
 
 def test_settings_are_converted_to_the_unit_of_the_parameter() -> None:
@@ -59,7 +59,9 @@ def test_impossible_values_are_explained(setting: str, message: str) -> None:
 
 
 def test_reference_numerics_are_those_of_the_preset() -> None:
-    assert reference_numerics(A68A_2022.changed(fracture={"normal_strength": 18e3})) == A68A_2022_KID
+    published = A68A_2022.changed(fracture={"normal_strength": 18e3})
+    made = reference_numerics(published, springs=PUBLISHED_SPRINGS)
+    assert made.changed(stepping={"substeps": 90}) == A68A_2022_KID
 
 
 def test_unknown_experiments_and_parts_are_explained() -> None:

@@ -52,9 +52,10 @@ def test_a_file_is_read_with_its_units(slab: Path) -> None:
     assert experiment.forcing.current == (0.2, 0.0)
     assert (parameters.fracture.normal_strength, parameters.bonds.youngs_modulus) == (20e3, 5e6)
     assert parameters.drag.ocean_scale == 1.0  # what was tuned to A68a belongs to its preset
-    assert parameters.contact.distance == 0.0
     slab.write_text(SLAB.replace("parameters:", "parameters:\n  preset: a68a-2022"))
-    assert (read_file(slab)[1].drag.ocean_scale, read_file(slab)[1].contact.distance) == (17.8, 4000.0)
+    assert read_file(slab)[1].drag.ocean_scale == 17.8
+    slab.write_text(SLAB.replace("parameters:", "parameters:\n  preset: a68a-2022\n  stepping: {scheme: mts}"))
+    assert (read_file(slab)[1].contact.distance, read_file(slab)[1].stepping.substeps) == (4000.0, None)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +83,7 @@ def test_the_model_is_what_the_file_says(slab: Path) -> None:
 def test_hexagons_are_bonded_as_hexagons(slab: Path) -> None:
     slab.write_text(SLAB.replace("rotation: 20", "packing: hexagonal"))
     model, _ = build(str(slab))
-    assert (model.parameters.bonds.packing, model.parameters.bonds.max_bonds) == ("hexagonal", 6)
+    assert (model.parameters.bonds.packing, model.constants.max_bonds) == ("hexagonal", 6)
 
 
 def test_the_quadratic_sea_floor_is_chosen_in_a_file(slab: Path) -> None:

@@ -19,7 +19,7 @@ from fuzz.judging import Kind, flipped
 from riftberg.config.values import Section
 from riftberg.experiments import schema
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.parameters import Parameters
+from riftberg.parameters import fields_by_path
 
 RUN = ["run", "bad.yaml", "-o", "out", "-q", "--no-map"]
 WRONG: dict[str, Any] = {
@@ -105,15 +105,15 @@ def schema_values() -> Iterator[Kind]:
 def parameter_values() -> Iterator[Kind]:
     """Give wrong values of every parameter on the command line."""
     wrongs = ("nan", "-1", "0", "1e30", "1e-300", "true", "nonsense", "", "[1, 2]", "5 furlong", "1e400")
-    for group, found in Parameters.model_fields.items():
-        for name in getattr(found.annotation, "model_fields", {}):
-            for wrong in wrongs:
+    for path in fields_by_path():
+        group, _, name = path.partition(".")
+        for wrong in wrongs:
 
-                def make(folder: Path, setting: str = f"{group}.{name}={wrong}") -> list[str]:
-                    copied(folder, "good.yaml")
-                    return ["run", "good.yaml", "-o", "out", "-q", "--no-map", "--set", setting]
+            def make(folder: Path, setting: str = f"{path}={wrong}") -> list[str]:
+                copied(folder, "good.yaml")
+                return ["run", "good.yaml", "-o", "out", "-q", "--no-map", "--set", setting]
 
-                yield Kind(f"parameter of {group}", f"{name} = {wrong!r}", make, (), False)
+            yield Kind(f"parameter of {group}", f"{name} = {wrong!r}", make, (), False)
 
 
 # --- fields of forcing ---------------------------------------------------------------------------------------------------

@@ -25,8 +25,8 @@ def mapped(tmp_path: Path, driver: dict[str, Any] | None = None, **icebergs: Any
 def test_the_a68_namelist_is_the_preset(shared: Path, name: str) -> None:
     found = to_parameters(read_namelist(shared / "reference" / name / "input.nml"))
     life = {name: getattr(found, name).model_dump() for name in ("melt", "rolling", "footloose", "calving")}
-    assert found == A68A_2022_KID.changed(bonds={"max_bonds": 4}, compatibility={"zero_rates": True}, **life)
-    assert found.compatibility.zero_rates
+    assert found == A68A_2022_KID.changed(bonds={"max_bonds": 4}, **life)
+    assert found.melt.zero_rates
     assert not found.footloose.enabled
 
 
@@ -107,7 +107,6 @@ def test_fracture_on_substeps_takes_thresholds_as_they_are(tmp_path: Path) -> No
     assert p.fracture.enabled
     assert p.fracture.normal_strength == 0.0
     assert p.fracture.shear_strength == 5e3
-    assert not p.damage.enabled  # Riftberg's own, without an entry in the namelist
 
 
 def test_fracture_needs_the_stress_criterion(tmp_path: Path) -> None:

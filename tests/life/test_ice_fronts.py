@@ -275,7 +275,10 @@ def test_the_feet_of_what_has_melted_go_to_what_is_left_of_the_same_berg():
 
 def test_runs_with_forces_by_element_keep_the_law_of_the_reference():
     """A side that no bond covers takes from the length and the width of its element."""
-    model = standing(berg_of("rectangle", 3e3), {**CHANGES, "compatibility": {"forces_by_element": True}})
+    model = standing(
+        berg_of("rectangle", 3e3),
+        {**CHANGES, "stepping": {"scheme": "mts", "time_step": 86400.0}, "compatibility": {"forces_by_element": True}},
+    )
     assert (model.elements.front == ALONE).all()
     assert SHAPES not in model.remembered
     before = model.elements.copy()

@@ -14,19 +14,19 @@ from riftberg.life.ice_fronts import REACH
 from riftberg.life.melt import base_spans, life_values
 from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
 from riftberg.ocean.analytic import Steady
-from riftberg.parameters import A68A_2022, Parameters
+from riftberg.parameters import A68A_2022, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, open_run
 
 SIDE = 3000.0
 PLANE = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
 # Spring bonds and a short step: quick without compilation too; the melt of a step is made large by warm water.
-QUICK = A68A_2022.changed(
+QUICK = A68A_2022_MTS.changed(
     earth=PLANE, bonds={"law": "spring"}, fracture={"enabled": False}, melt={"enabled": True},
     stepping={"scheme": "verlet", "time_step": 20.0},
 )  # fmt: skip
 DEM = A68A_2022.changed(
-    earth=PLANE, fracture={"enabled": False}, melt={"enabled": True}, stepping={"substeps": None, "time_step": 1800.0}
+    earth=PLANE, fracture={"enabled": False}, melt={"enabled": True}, stepping={"time_step": 1800.0}
 )
 
 
@@ -215,7 +215,7 @@ def test_children_are_let_go_to_collide_only_where_bergs_act_on_each_other(inter
 
 
 def test_numerics_of_the_reference_refuse_bonded_bergs_that_calve_and_no_others() -> None:
-    p = lively().changed(compatibility={"footloose_sets_density": True})
+    p = lively().changed(footloose={"footloose_sets_density": True})
     lone = Model(block(1, 1), sea(temperature=12.0), p)
     lone.step()
     assert lone.elements.size >= 1

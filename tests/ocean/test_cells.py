@@ -33,7 +33,7 @@ def point_in_cell(x, y, i, j, grid):
 
 PARAMS = Parameters().kernel_values()
 
-TWENTIETH = Parameters(compatibility={"elements_stopped_alone": True}).kernel_values()
+TWENTIETH = Parameters(stepping={"scheme": "mts"}, compatibility={"elements_stopped_alone": True}).kernel_values()
 
 
 def lake(ni=8, nj=8, land=(), period=0.0, mask=None):

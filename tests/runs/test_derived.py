@@ -12,11 +12,11 @@ from riftberg import Iceberg, Model, Steady
 from riftberg.diagnostics.cut import FORCES, applied_forces, external_forces, forces_recorded
 from riftberg.errors import RunError
 from riftberg.experiments import Options, build
-from riftberg.parameters import A68A_2022
+from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.derived import force_variables
 from riftberg.runs.run_file import RunWriter, open_run
 
-P = A68A_2022.changed(stepping={"substeps": 90, "time_step": 1800.0}, bonds={"constant_size": False})
+P = A68A_2022_MTS.changed(stepping={"substeps": 90, "time_step": 1800.0}, bonds={"constant_size": False})
 SEA = {
     "current": (0.3, -0.1),
     "wind": (8.0, -4.0),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg, Model, Steady
-from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
 
 RADIUS = A68A_2022.earth.radius
 
@@ -19,7 +19,7 @@ def inertial(parameters: Parameters, size: float = 6e3) -> Model:
 
 def loose(scheme: str) -> Parameters:
     """Parameters of single elements for the single-step schemes."""
-    return A68A_2022.changed(
+    return A68A_2022_MTS.changed(
         stepping={"scheme": scheme, "time_step": 900.0, "substeps": None},
         bonds={"law": "none"},
         fracture={"enabled": False},

@@ -10,7 +10,7 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
-from riftberg.parameters import A68A_2022, Parameters
+from riftberg.parameters import A68A_2022, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter
 
@@ -19,7 +19,7 @@ DT = A68A_2022.stepping.time_step
 WEAK = {"fracture": {"normal_strength": 2e3, "shear_strength": 2e3}}
 WEAKER = {"fracture": {"normal_strength": 630.0, "shear_strength": 630.0}}
 WEAR = {"damage": {"enabled": True, "threshold": 0.1, "time_scale": 3600.0}}
-EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"})
+EXPLICIT = A68A_2022_MTS
 LAWS = {"breaking": EXPLICIT.changed(**WEAK), "wearing": A68A_2022.changed(**WEAKER, **WEAR)}
 MADE_ANEW = {"history", "date_created"}
 """Attributes that say when a file was written."""

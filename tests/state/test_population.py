@@ -186,7 +186,7 @@ def test_a_long_step_changes_only_what_is_said_to_change(scheme: str) -> None:
         if scheme in ("mts", "quasi_static")
         else {"bonds": {"law": "spring", "spring": 1e-8}, "fracture": {"enabled": False}}
     )
-    weak = {"fracture": {"enabled": True, "normal_strength": 5.0, "not_in_first_step": False}}
+    weak = {"fracture": {"enabled": True, "normal_strength": 5.0}}
     model = square_berg(12, lambda p: p.changed(stepping={"scheme": scheme}, **{**weak, **law}))
     model.advance(steps=1)
     before = model.population.saved()

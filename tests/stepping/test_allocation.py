@@ -7,8 +7,9 @@ import pytest
 from numba.core.errors import NumbaError
 from numba.core.runtime import _nrt_python, rtsys
 
-from riftberg import A68A_2022, Forcing, Iceberg, Model
+from riftberg import Forcing, Iceberg, Model
 from riftberg.compiled.kernels import borrower, kernel
+from riftberg.parameters import A68A_2022_MTS
 
 pytestmark = pytest.mark.compiled
 
@@ -17,7 +18,7 @@ def _allocations(substeps: int, grounded: bool) -> int:
     """Return how often compiled code takes memory in the third long step of a berg."""
     berg = Iceberg.rectangle("24 km", "12 km", thickness="200 m", placement=(-38.0, -56.0), velocity=(0.1, 0.0))
     sea = Forcing.uniform((0.2, 0.0), depth=150.0 if grounded else 3000.0)
-    model = Model(berg, sea, A68A_2022.changed(stepping={"substeps": substeps}))
+    model = Model(berg, sea, A68A_2022_MTS.changed(stepping={"substeps": substeps}))
     model.advance(steps=2)
     _nrt_python.memsys_enable_stats()
     try:

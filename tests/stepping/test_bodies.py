@@ -133,7 +133,10 @@ def test_the_only_bond_between_two_parts_bears_their_moment() -> None:
 @pytest.mark.parametrize(("distance", "cells"), [(900.0, 1), (1900.0, 2), (2500.0, 3)])
 def test_contact_by_cells_looks_as_far_as_the_distance_of_contact(distance: float, cells: int) -> None:
     p = Parameters(
-        earth={"latlon": False, "period": 0.0}, contact={"distance": distance}, compatibility={"contact_by_cells": True}
+        stepping={"scheme": "mts"},
+        earth={"latlon": False, "period": 0.0},
+        contact={"distance": distance},
+        compatibility={"contact_by_cells": True},
     )
     x, y = np.meshgrid(np.arange(0.0, 12_001.0, 1000.0), np.arange(0.0, 9001.0, 1000.0))
     grid = Grid.from_corners(x, y, latlon=False)

@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.config.parameter_groups import Grounding
+from riftberg.config.quasi_static_groups import Seabed
 from riftberg.constants import GRAVITY, RHO_SEAWATER
 from riftberg.physics.seabed import bending_length
 from riftberg.stepping.bodies.pose import Bodies, bodies_from_elements, place_elements, tangent_coordinates
@@ -95,7 +95,7 @@ def bed(*, stiffness: float = 2e4, strength: float = 1e4, shear: float = 0.0) ->
     return Bed(stiffness, strength, 0.4, shear, grip, 1.0, 9e9, 0.3)
 
 
-ROCK = bed_of(Grounding(law="seabed", sediment="rock"))
+ROCK = bed_of(Seabed(sediment="rock"))
 
 
 def tilted(x: Any, y: Any) -> Any:
@@ -335,7 +335,7 @@ def test_a_ramp_of_any_width_bears_what_the_plate_does(width: float, modulus: fl
 @pytest.mark.parametrize("modulus", [9e9, 1e9])
 def test_a_bank_bears_what_the_plate_does(modulus: float, sediment: str) -> None:
     """The end quarter of 40 x 30 km on a floor that rises by 1e-3: thousands of pads, in squares of 2 lambda, bear too little."""
-    berg, how = Berg(20, 15, 2e3, modulus=modulus), bed_of(Grounding(law="seabed", sediment=sediment))
+    berg, how = Berg(20, 15, 2e3, modulus=modulus), bed_of(Seabed(sediment=sediment))
     near = np.flatnonzero(berg.points()[0][len(berg.pads.corner) :] > 10e3 - 500.0)
     now = berg.press(lambda x, y: DRAFT - 1e-3 * (x - 10e3), how, polygons=near)
     assert now.load == pytest.approx(of_plate(f"bank, {modulus / 1e9:g} GPa, {sediment}"), rel=0.09)
@@ -389,7 +389,7 @@ def test_land_of_no_known_depth_is_dry_for_the_bed() -> None:
 @pytest.mark.parametrize("thickness", [100.0, 250.0])
 def test_ice_bends_over_the_length_of_a_floating_plate(thickness: float) -> None:
     """``(E H^3 / (12 (1 - nu^2) rho g))^(1/4)`` with Poisson's ratio 0.3, as in the plate for which edges were found."""
-    given = bed_of(Grounding(law="seabed", ice_modulus=2e9))
+    given = bed_of(Seabed(ice_modulus=2e9))
     rigidity = 2e9 * thickness**3 / (12.0 * (1.0 - 0.3**2))
     asked = (rigidity / (RHO_SEAWATER * GRAVITY)) ** 0.25
     assert bending_length(given.modulus, given.poisson, thickness) == pytest.approx(asked, rel=1e-12)

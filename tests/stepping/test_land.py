@@ -9,11 +9,10 @@ import pytest
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.config.parameter_groups import Compatibility
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
-from riftberg.parameters import Parameters
+from riftberg.parameters import Compatibility, Parameters
 from riftberg.runs.model import Model
 from riftberg.stepping.contact.land import rotate_along
 
@@ -57,12 +56,10 @@ def parameters(scheme: str, spring: float | None = None, **groups: Any) -> Param
     """Contact as soft as published, or as stiff as the ice; in the default scheme by crushing."""
     if scheme in ("verlet", "runge_kutta"):
         groups = {"bonds": {"law": "spring", "spring": 1e-8}, "fracture": {"enabled": False}, **groups}
-    if (
-        scheme == "quasi_static"
-    ):  # the bed would take the edge of a berg at dry land before the coast takes its elements
-        groups = {"grounding": {"law": "none"}, **groups}
-    stepping = {"scheme": scheme, "time_step": 1800.0}
-    return Parameters(**{"earth": PLANE, **groups}, stepping=stepping, contact={"spring": spring})
+    # A bed would take the edge of a berg at dry land before the coast takes its elements.
+    floor = {"grounding": {"law": "none"}}
+    own = floor if scheme == "quasi_static" else {"contact": {"spring": spring}}
+    return Parameters(**{"earth": PLANE, **own, **groups}, stepping={"scheme": scheme, "time_step": 1800.0})
 
 
 @pytest.mark.parametrize(

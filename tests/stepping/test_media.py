@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg, Laws, Model, Steady
-from riftberg.parameters import A68A_2022
+from riftberg.parameters import A68A_2022_MTS
 from riftberg.stepping.forces import media
 from riftberg.stepping.forces.media import FORCES, MEDIA, SEA_FLOOR, Medium, allocate_surroundings, find_surroundings
 from riftberg.stepping.forces.sizes import interaction_sizes
@@ -44,7 +44,7 @@ def uneven(elements, time):
 
 def model(scheme, *, depth=150.0, **changes):
     """Return a berg of two by two elements adrift in everything, aground unless the water is deep."""
-    p = A68A_2022.changed(
+    p = A68A_2022_MTS.changed(
         earth=PLANE, bonds={"constant_size": False}, fracture={"enabled": False}, stepping={"substeps": 40, "time_step": 600.0},
     )  # fmt: skip
     p = p.changed(**SCHEMES[scheme])

@@ -328,7 +328,7 @@ def test_a_large_berg_that_does_not_turn_is_stepped() -> None:
 @pytest.mark.parametrize("where", ["process", "forcing"])
 def test_a_step_that_was_taken_back_is_taken_again_as_if_it_had_not_failed(where, monkeypatch) -> None:
     """It was lost: bodies and what was known of the lattice stayed those of the failed step."""
-    weak = {"enabled": True, "normal_strength": 40.0, "not_in_first_step": False}
+    weak = {"enabled": True, "normal_strength": 40.0}
     smooth, rough = (
         square_berg(30, lambda p: p.changed(stepping={"scheme": "quasi_static"}, fracture=weak)) for _ in range(2)
     )

@@ -11,7 +11,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
 from riftberg.ocean.analytic import Steady
-from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.parameters import A68A_2022_KID, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.stepping.explicit.stability import (
     SubstepMatrix,
@@ -35,7 +35,7 @@ def _parameters(**groups):
     }
     for group, values in groups.items():
         base[group] = {**base.get(group, {}), **values}
-    return A68A_2022.changed(**base)
+    return A68A_2022_MTS.changed(**base)
 
 
 def _berg(packing="square", thickness=200.0, side=4, **kwargs):
@@ -143,7 +143,7 @@ def test_limit_is_that_of_the_whole_matrix() -> None:
 
 def test_published_run_is_within_the_limit() -> None:
     """The sub-step of the paper (20 s) is stable with either damper; an earlier bound of single bonds refused it."""
-    for preset, limit in ((A68A_2022, 27.4), (A68A_2022_KID, 30.2)):
+    for preset, limit in ((A68A_2022_MTS, 27.4), (A68A_2022_KID, 30.2)):
         p = preset.changed(earth={"latlon": False, "period": 0.0},
                            bonds={"constant_length": 2 * RADIUS, "constant_width": 2 * RADIUS})  # fmt: skip
         found = _limit(_berg(side=20), p)
@@ -201,7 +201,7 @@ def test_choice_takes_little_time() -> None:
 
 
 def test_defaults_need_no_number_of_substeps() -> None:
-    assert Parameters().stepping.substeps is None
+    assert Parameters(stepping={"scheme": "mts"}).stepping.substeps is None
 
 
 def _loose(scheme, packing, step, spring=None, **groups):

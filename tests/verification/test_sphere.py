@@ -9,7 +9,7 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
-from riftberg.parameters import A68A_2022
+from riftberg.parameters import A68A_2022, A68A_2022_MTS
 from riftberg.runs.model import Model
 
 RADIUS = A68A_2022.earth.radius
@@ -30,9 +30,9 @@ def turning(packing: str, flat: bool) -> Model:
     for name in ("v", "v_pair", "v_sync"):
         getattr(e, name)[:] = v * np.cos(angle) - u * np.sin(angle)
     e.spin[:] = TURN
-    stepping = {"scheme": "mts", "only_interactions": True, "substeps": None}
+    stepping = {"only_interactions": True, "substeps": None}
     changes = {"stepping": stepping, "fracture": {"enabled": False}}
-    return Model(berg, Steady(), A68A_2022.changed(**changes, compatibility={"flat_relative_velocity": flat}))
+    return Model(berg, Steady(), A68A_2022_MTS.changed(**changes, compatibility={"flat_relative_velocity": flat}))
 
 
 @pytest.mark.quick(1)

@@ -378,10 +378,9 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
     changes = {f"without {part}": ["--without", part] for part in parts if part not in left_out}
     stepping = parameters_of(run).stepping
     half: dict[str, object] = {"time_step": stepping.time_step / 2.0}
-    if (
-        stepping.substeps is not None and stepping.scheme == "mts"
-    ):  # the sub-step stays; where none are made, they ask for mts
-        half["substeps"] = max(1, round(stepping.substeps / 2))
+    substeps = getattr(stepping, "substeps", None)
+    if substeps is not None and stepping.scheme == "mts":  # the sub-step stays
+        half["substeps"] = max(1, round(substeps / 2))
     changes["with half the long step"] = [w for name in half for w in ("--set", f"stepping.{name}={half[name]}")]
     days = float((run["time"].values[-1] - np.datetime64(run.attrs["start"])) / np.timedelta64(1, "s")) / 86400.0
     with TemporaryDirectory(prefix="riftberg-controls-") as scratch:

@@ -203,9 +203,8 @@ def parted(settings: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
     from riftberg.experiments.changes import parse_settings
 
     own = [setting for setting in settings if is_uncertain(setting.partition("=")[0].strip())]
-    errors = {
-        f"{g}.{name}": value for g, inner in parse_settings(own, UNCERTAIN).items() for name, value in inner.items()
-    }
+    given = parse_settings(own, {group: (kind,) for group, kind in UNCERTAIN.items()})
+    errors = {f"{group}.{name}": value for group, inner in given.items() for name, value in inner.items()}
     return errors, [setting for setting in settings if setting not in own]
 
 
@@ -224,7 +223,10 @@ def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path
     _print_notices(info, model, options, wanted)
     # A state knows the parameters that were set for it, and takes no others.
     old, new = (p.model_dump(mode="json") for p in (parameters, model.parameters))
-    own = {g: {name: value for name, value in values.items() if value != old[g][name]} for g, values in new.items()}
+    own = {
+        g: {name: value for name, value in values.items() if value != old.get(g, {}).get(name)}
+        for g, values in new.items()
+    }
     wanted = wanted._replace(settings=[*wanted.settings, *settings_of(own)])
     folder = resume if goes_on and resume is not None else output_folder(wanted.output, info.name)
     placed = goes_on or wanted.output is not None

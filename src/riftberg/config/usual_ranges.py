@@ -1,8 +1,7 @@
 """Usual ranges of what a run is given, and what is said of a value outside: a slip of units is seldom impossible.
 
-One table for all numbers that have a usual magnitude; what is physically impossible is refused where the parameter or key is
-defined. Names are those of parameters (``group.name``), of a berg and its elements (``berg.name``), and of formulas of
-forcing (``Class.name``).
+Usual ranges of parameters stand in their fields; here are those of a berg and its elements (``berg.name``) and of formulas of
+forcing (``Class.name``). What is physically impossible is refused where the parameter or key is defined.
 """
 
 from __future__ import annotations
@@ -12,96 +11,17 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from riftberg.config.values import unit_of
-
-
-class Usual(NamedTuple):
-    """Smallest and largest usual value, their unit where no field has it, and where the range comes from.
-
-    A value of 0 that leaves a law out (``off``) is as usual.
-    """
-
-    low: float
-    high: float
-    source: str
-    unit: str = ""
-    off: bool = False
-
+from riftberg.config.explicit_groups import Compatibility
+from riftberg.config.values import Usual, extra_of, unit_of
 
 _CURRENT: Final = Usual(-3.0, 3.0, "the Gulf Stream reaches 2.5 m s-1", "m s-1")
 _WIND: Final = Usual(-50.0, 50.0, "a hurricane begins at 33 m s-1", "m s-1")
 _ACROSS: Final = Usual(1e3, 5e5, "fronts and eddies are some to some hundred km wide", "m")
 _DEPTH: Final = Usual(1.0, 11_000.0, "the deepest sea floor", "m", off=True)
-_SPRING: Final = Usual(1e-9, 10.0, "E / (rho (R1 + R2)^2) of elements of 10 m to 10 km")
-_SIZE: Final = Usual(5.0, 2e4, "elements of lattices are some m to some km wide", off=True)
 _SEA: Final = Usual(-2.0, 15.0, "freezing point of sea water, and where the last bergs melt", "degree_Celsius")
 _SALT: Final = Usual(20.0, 37.0, "from fjords to the open Atlantic", "1e-3")
 
 USUAL: Final[dict[str, Usual]] = {
-    "ice.density": Usual(800.0, 920.0, "from firn-covered shelves (850, Silva et al. 2006) to solid ice (917)"),
-    "drag.water_side": Usual(0.2, 2.0, "0.25 in Keghouche et al. 2010, 0.9 in Gladstone et al. 2001", off=True),
-    "drag.water_base": Usual(
-        5e-4, 0.01, "0.0012, Gladstone et al. 2001, to 0.0097 under a shelf, Jenkins et al. 2010", off=True
-    ),
-    "drag.air_side": Usual(0.2, 2.6, "0.8 in Keghouche et al. 2010, 1.3 in Gladstone et al. 2001", off=True),
-    "drag.air_top": Usual(5e-4, 0.006, "0.0013 over smooth snow to 0.0055 in Gladstone et al. 2001", off=True),
-    "drag.ice_side": Usual(0.1, 10.0, "0.9 in Gladstone et al. 2001", off=True),
-    "drag.ocean_scale": Usual(0.05, 20.0, "A68a was fitted with 17.8 (Huth et al. 2022)", off=True),
-    "sea_ice.strength": Usual(5e3, 5e4, "5 to 27.5 kPa in models of sea ice (Hibler 1979)", off=True),
-    "sea_ice.decay": Usual(5.0, 40.0, "20 in models of sea ice (Hibler 1979)"),
-    "sea_ice.locked_strength": Usual(1e3, 1e5, "10 to 13 kN m-1 in models of icebergs", off=True),
-    "grounding.coefficient": Usual(1e2, 1e6, "1e4 in Huth et al. 2022", off=True),
-    "grounding.quadratic_coefficient": Usual(
-        1.0, 1e6, "of the order of 1e3: as much drag as 1e4 at some m and m s-1", off=True
-    ),
-    "grounding.ramp_height": Usual(0.1, 100.0, "KID's h_to_init_grounding: a part of the draft", off=True),
-    "grounding.stiffness": Usual(1e5, 1e10, "1e6 clay to 1e9 rock"),
-    "grounding.bearing_strength": Usual(1e4, 5e7, "1.2e5 clay to 1e7 rock, on which ice is crushed first"),
-    "grounding.friction": Usual(0.1, 0.8, "0.3 to 0.6 between keels and beds", off=True),
-    "grounding.shear_strength": Usual(2e3, 2e5, "5 to 50 kPa of marine clay"),
-    "grounding.ice_modulus": Usual(5e8, 1e10, "1 GPa of warm, crevassed ice, 9 GPa in laboratories"),
-    "contact.spring": _SPRING,
-    "contact.crushing_strength": Usual(1e5, 5e7, "1.5 MPa for faces of kilometres; 25 to 41 MPa in small impacts"),
-    "contact.crushing_depth": Usual(0.1, 200.0, "20 m for faces of kilometres"),
-    "contact.unloading_ratio": Usual(4.0, 1e4, "100, a restitution of 0.1"),
-    "contact.friction": Usual(0.01, 1.0, "0.2 by default, a choice", off=True),
-    "contact.distance": Usual(1.0, 1e4, "4000 m in Huth et al. 2022", off=True),
-    "contact.tolerance": Usual(1e-12, 1e-2, "1e-4 in KID"),
-    "bonds.spring": _SPRING,
-    "bonds.youngs_modulus": Usual(1e6, 1e10, "5 MPa in Huth et al. 2022, 9 GPa in laboratories"),
-    "bonds.poisson": Usual(0.2, 0.4, "0.3 of ice in laboratories"),
-    "bonds.damping": Usual(0.01, 2.0, "1 is critical damping", off=True),
-    "bonds.constant_length": _SIZE,
-    "bonds.constant_width": _SIZE,
-    "fracture.normal_strength": Usual(
-        1e3, 2e6, "18 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories (Petrovic 2003)"
-    ),
-    "fracture.crevasse_strength": Usual(
-        2e4, 1e6, "90 to 320 kPa where crevasses are seen (Vaughan 1993); 79 kPa for A68a"
-    ),
-    "fracture.shear_strength": Usual(1e3, 5e6, "100 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories"),
-    "fracture.flexural_strength": Usual(
-        5e4, 3e6, "90 to 320 kPa of glaciers (Vaughan 1993), 1 to 2 MPa in laboratories"
-    ),
-    "fracture.toughness": Usual(3e4, 5e5, "5e4 to 1.5e5 in laboratories (Petrovic 2003)", off=True),
-    "damage.time_scale": Usual(60.0, 3.2e7, "from a minute to a year"),
-    "damage.exponent": Usual(0.5, 10.0, "laws of creep and fatigue have 1 to 4"),
-    "stepping.time_step": Usual(0.1, 7200.0, "steps of an hour resolve tides and inertial motion"),
-    "stepping.fixed_velocity": Usual(-3.0, 3.0, "bergs drift at some dm s-1"),
-    "earth.radius": Usual(6.35e6, 6.39e6, "the radius of the Earth"),
-    "melt.temperature": _SEA,
-    "melt.salinity": _SALT,
-    "melt.gamma_t": Usual(1e-3, 0.1, "0.011 to 0.031 under ice shelves (Jenkins et al. 2010)"),
-    "melt.friction_drag": Usual(5e-4, 0.02, "1e-3 to 1e-2 under ice shelves", off=True),
-    "melt.least_friction": Usual(1e-5, 0.05, "1e-3 in KID", off=True),
-    "melt.tide": Usual(0.01, 1.0, "speeds of tides on shelves", off=True),
-    "melt.least_gap": Usual(0.1, 100.0, "some m in ocean models", off=True),
-    "rolling.tip": Usual(0.5, 1.5, "0.8 to 1 by the densities of ice and water", off=True),
-    "footloose.youngs": Usual(1e6, 1e10, "10 MPa in KID, 9 GPa in laboratories"),
-    "footloose.strength": Usual(1e4, 2e6, "250 kPa in KID, 1 MPa in laboratories"),
-    "footloose.berg_mass": Usual(1e6, 1e14, "1e12 kg in KID"),
-    "calving.length_over_width": Usual(1.0, 4.0, "1.5 in KID"),
-    "calving.smoothing_time": Usual(3600.0, 3.2e8, "from an hour to ten years", off=True),
     "berg.thickness": Usual(20.0, 600.0, "tabular bergs are 100 to 400 m thick", "m"),
     "berg.radius": Usual(5.0, 1e4, "half the width of an element: some m to some km", "m"),
     "berg.area": Usual(100.0, 1.2e10, "B-15, the largest berg seen, had 1.1e10 m2", "m2"),
@@ -148,8 +68,8 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
     """Return what lies outside its usual range or is set without effect, a sentence for each name."""
     said: dict[str, str] = {}
     given = [*_of_parameters(parameters), *_of_forcing(forcing), *(_of_bergs(parameters, elements) if placed else [])]
-    for name, values, unit in given:
-        usual, array = USUAL[name], np.ravel(np.asarray(values, np.float64))
+    for name, usual, values, unit in given:
+        array = np.ravel(np.asarray(values, np.float64))
         low, high = usual.low, usual.high
         bad = array[((array < low) | (array > high)) & ~((array == 0.0) & usual.off)]
         if bad.size:
@@ -215,25 +135,25 @@ _DEPTHS: Final = ("water", "plain", "middle")
 """What the classes of forcing call the depth that they are given."""
 
 
-def _of_parameters(parameters: Any) -> Iterator[tuple[str, Any, str]]:
-    """Give the parameters that have a usual range and are neither left open nor as by default."""
-    for name in USUAL:
-        group, _, key = name.partition(".")
-        section = getattr(parameters, group) if group in type(parameters).model_fields else None
-        value = getattr(section, key, None)
-        if section is None or value is None or (name == "earth.radius" and not section.latlon):
-            continue
-        yield name, value, unit_of(type(section).model_fields[key])
+def _of_parameters(parameters: Any) -> Iterator[tuple[str, Usual, Any, str]]:
+    """Give the parameters that have a usual range and are not left open, each with its range."""
+    for group in type(parameters).model_fields:
+        section = getattr(parameters, group)
+        for key, field in type(section).model_fields.items():
+            usual, value = extra_of(field, "usual"), getattr(section, key)
+            on_plane = (group, key) == ("earth", "radius") and not section.latlon
+            if usual is not None and value is not None and not on_plane:
+                yield f"{group}.{key}", usual, value, unit_of(field)
 
 
-def _of_forcing(forcing: Any) -> Iterator[tuple[str, Any, str]]:
+def _of_forcing(forcing: Any) -> Iterator[tuple[str, Usual, Any, str]]:
     """Give the values of formulas that have a usual range."""
     for part in getattr(forcing, "parts", (forcing,)):
         for kind in _own_kinds(part):
             for name, usual in USUAL.items():
                 value = getattr(part, name.partition(".")[2], None) if name.startswith(f"{kind}.") else None
                 if value is not None and value != np.inf:
-                    yield name, value, usual.unit
+                    yield name, usual, value, usual.unit
 
 
 def _own_kinds(part: Any) -> list[str]:
@@ -241,7 +161,7 @@ def _own_kinds(part: Any) -> list[str]:
     return [kind.__name__ for kind in type(part).__mro__ if kind.__module__.startswith("riftberg.")]
 
 
-def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Any, str]]:
+def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Usual, Any, str]]:
     """Give what the bergs and their elements are like."""
     body, place = elements.body, elements.place
     area = body.length * body.width
@@ -251,7 +171,8 @@ def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Any, str]]:
         "speed": np.hypot(elements.u, elements.v), "latitude": np.abs(place.lat) if parameters.earth.latlon else [],
     }  # fmt: skip
     for key, value in values.items():
-        yield f"berg.{key}", value, USUAL[f"berg.{key}"].unit
+        usual = USUAL[f"berg.{key}"]
+        yield f"berg.{key}", usual, value, usual.unit
 
 
 def _changes(forcing: Any) -> Iterator[tuple[str, float, float]]:
@@ -265,7 +186,7 @@ def _changes(forcing: Any) -> Iterator[tuple[str, float, float]]:
             yield "a tide with a period of", part.period, part.period / STEPS_IN_A_TIDE
 
 
-# Parameters that only one law reads: a user who sets the friction of crushing faces while springs act is told before the run.
+# Parameters that only one law reads: a user who sets the exponent of damage while there is none is told before the run.
 
 
 class Law(NamedTuple):
@@ -278,21 +199,14 @@ class Law(NamedTuple):
 
 
 LAWS: Final = (
-    Law("stepping.scheme = 'quasi_static'", lambda p: p.stepping.scheme == "quasi_static", "sea_ice", (
-        "strength", "decay", "least_concentration", "locked_concentration", "locked_strength")),
     Law("sea_ice.capture = 'limited' or 'locked'", lambda p: p.sea_ice.capture != "none", "sea_ice", ("strength", "decay")),
     Law("sea_ice.capture = 'locked'", lambda p: p.sea_ice.capture == "locked", "sea_ice", (
         "locked_concentration", "locked_strength")),
-    Law("grounding.law = 'seabed'", lambda p: p.grounding_law == "seabed", "grounding", (
+    Law("grounding.law = 'seabed'", lambda p: p.grounding.law == "seabed", "grounding", (
         "sediment", "stiffness", "bearing_strength", "friction", "shear_strength", "adhesion", "anchor_way", "bending",
         "ice_modulus", "start")),
-    Law("grounding.law = 'quadratic'", lambda p: p.grounding_law == "quadratic", "grounding", ("quadratic_coefficient",)),
-    Law("grounding.law = 'linear'", lambda p: p.grounding_law == "linear", "grounding", ("coefficient", "ramp_height", "torque")),
-    Law("stepping.scheme = 'quasi_static'", lambda p: p.stepping.scheme == "quasi_static", "contact", (
-        "crushing_strength", "crushing_depth", "unloading_ratio", "friction")),
-    Law("a scheme other than quasi_static", lambda p: p.stepping.scheme != "quasi_static", "contact", (
-        "spring", "distance", "on_substeps", "critical_damping", "tangential_critical_damping", "radial_damping",
-        "tangential_damping", "iterate", "tolerance", "max_iterations")),
+    Law("grounding.law = 'quadratic'", lambda p: p.grounding.law == "quadratic", "grounding", ("quadratic_coefficient",)),
+    Law("grounding.law = 'linear'", lambda p: p.grounding.law == "linear", "grounding", ("coefficient", "ramp_height", "torque")),
     Law("bonds.law = 'dem'", lambda p: p.bonds.law == "dem", "bonds", ("poisson", "damping")),
     Law("fracture.criterion = 'toughness'", lambda p: p.fracture.criterion == "toughness", "fracture", ("toughness",)),
     Law("damage.enabled", lambda p: p.damage.enabled, "damage", ("threshold", "time_scale", "exponent")),
@@ -303,31 +217,25 @@ LAWS: Final = (
         "mode", "base", "split", "bits_fraction", "const_gamma", "gamma_t", "friction_drag", "least_friction", "tide",
         "least_gap")),
 )  # fmt: skip
-"""Parameters that other laws leave unread."""
-
-
-PUBLISHED_SPRINGS: Final[dict[str, Any]] = {"spring": 1e-7, "distance": 4000.0, "on_substeps": False}
-"""Contact of the published A68a run (equations 10.5), which its preset has for the schemes with springs."""
+"""Parameters that other laws of the same engine leave unread."""
 
 
 def without_effect(parameters: Any) -> dict[str, str]:
     """Return what is set otherwise than by default although nothing reads it, a sentence for each name.
 
-    Runs with the numerics of the reference are left out: a namelist gives values for laws that it switches off. So are the
-    springs of the preset, which no user has given.
+    Runs with the numerics of the reference are left out: a namelist gives values for laws that it switches off.
     """
-    default = type(parameters)()
-    if parameters.compatibility != default.compatibility:
+    if parameters.quirks != Compatibility():
         return {}
     said = {}
-    if all(getattr(parameters.contact, name) == value for name, value in PUBLISHED_SPRINGS.items()):
-        default = default.changed(contact=PUBLISHED_SPRINGS)
     for law in LAWS:
-        if not law.acts(parameters):
-            group, usual = getattr(parameters, law.group), getattr(default, law.group)
-            for name in law.names:
+        group = getattr(parameters, law.group) if law.group in type(parameters).model_fields else None
+        keys = {} if group is None else type(group).model_fields
+        names = [name for name in law.names if name in keys]
+        if names and not law.acts(parameters):
+            for name in names:
                 value = getattr(group, name)
-                if value != getattr(usual, name):
+                if value != keys[name].get_default():
                     shown = f"{value:g}" if isinstance(value, float) else str(value).lower()
                     said[f"{law.group}.{name}"] = f"{law.group}.{name} = {shown} has no effect: it needs {law.needs}"
     return said

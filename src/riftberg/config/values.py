@@ -12,7 +12,7 @@ import types
 from collections.abc import Mapping
 from datetime import UTC, date, datetime, timedelta
 from functools import cache
-from typing import Annotated, Any, ClassVar, Final, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, Union, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,14 +71,15 @@ def finding_text(finding: Any) -> str:
     return f"{value_shown(finding['input'])} is {'no finite number' if kind == 'finite_number' else 'not possible'}"
 
 
-def _extra(field: FieldInfo, name: str) -> Any:
+def extra_of(field: FieldInfo, name: str) -> Any:
+    """Return something else that is said of a field, such as its usual range; None where nothing is."""
     extra = field.json_schema_extra
     return extra.get(name) if isinstance(extra, dict) else None
 
 
 def unit_of(field: FieldInfo) -> str:
     """Return the unit of a field, empty where it has none."""
-    return str(_extra(field, "unit") or "")
+    return str(extra_of(field, "unit") or "")
 
 
 def fields_of(section: Any) -> dict[str, FieldInfo]:
@@ -203,10 +204,10 @@ def words_for_nothing(field: FieldInfo) -> tuple[str, ...]:
 
 def _units_of_parts(field: FieldInfo, size: int, metres: bool) -> list[tuple[str, str]]:
     """Return the unit of each of several numbers, and the letters that may stand behind it."""
-    units = _extra(field, "units")
+    units = extra_of(field, "units")
     if units and len(units) == size:  # velocity and thickness of sea ice
         return [(unit, "") for unit in units]
-    if metres and _extra(field, "place"):
+    if metres and extra_of(field, "place"):
         return [("m", "")] * size
     letters = _COMPASS.get(size) if unit_of(field) == "degree" else None
     return [(unit_of(field), letter) for letter in letters or ("",) * size]
@@ -268,7 +269,7 @@ def allowed(field: FieldInfo, *, metres: bool = False) -> str:
             limits.append("not empty")
     kinds = [_kind_name(kind) for kind in kinds_of(field.annotation)]
     text = "Allowed: " + " or ".join(kinds) + (" " + " and ".join(limits) if limits else "")
-    unit = "m" if metres and _extra(field, "place") else unit_of(field)
+    unit = "m" if metres and extra_of(field, "place") else unit_of(field)
     text += f", in {unit}" if unit not in ("", "1") else ""
     text += f" or {words_for_nothing(field)[0]}" if type(None) in get_args(field.annotation) else ""
     # What follows a semicolon is about special cases, which are hard to read in brackets.
@@ -352,6 +353,11 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
         elif unknown:
             what, remedy, meant = _unknown(place, inner, section)
             known += meant
+        elif (
+            finding["type"] == "literal_error"
+            and (elsewhere := absent_key(inner, f"{place[-1]} = {finding['input']!r}"))[0]
+        ):
+            what, remedy = elsewhere
         elif field is not None and finding["type"].startswith("union_tag"):
             sections = sections_in(field.annotation)
             kinds = [kind for one in sections for kind in get_args(fields_of(one)["kind"].annotation)]
@@ -394,17 +400,19 @@ def _names_of(section: Any) -> dict[str, FieldInfo]:
     return {field.alias or name: field for name, field in fields_of(section).items()}
 
 
-def gone_keys(section: Any) -> dict[str, str]:
-    """Return what to write in place of keys of a section that earlier versions had, a sentence each."""
-    found: dict[str, str] = getattr(section, "_gone", {})
-    return found
+def absent_key(section: Any, name: str) -> tuple[str, str]:
+    """Return why a section has not got a key that there was, or is elsewhere, and what to write; empty for any other name."""
+    if now := getattr(section, "_gone", {}).get(name):
+        return "there is no such parameter any more", now
+    return getattr(section, "_foreign", {}).get(name, ""), ""
 
 
 def _unknown(place: Place, section: Any, outer: Any) -> tuple[str, str, list[Place]]:
     """Say that a key is not known, and return the places that may have been meant by it."""
-    names = [name for name, field in _names_of(section).items() if not _extra(field, "hidden")]
-    if now := gone_keys(section).get(str(place[-1])):
-        return "there is no such parameter any more", now, []
+    names = [name for name, field in _names_of(section).items() if not extra_of(field, "hidden")]
+    why, now = absent_key(section, str(place[-1]))
+    if why:
+        return why, now, []
     what, has = getattr(section, "_unknown_key", ("there is no such key", "Allowed here: "))
     hint = nearest(str(place[-1]), names)
     holder = str(place[-2]) if len(place) > 1 else section.__name__
@@ -603,6 +611,20 @@ def _number_in(value: Any, unit: str) -> float:
 
 # Sections of what users set, in files and in Python alike: keys with a default, a unit, a meaning and limits.
 
+
+class Usual(NamedTuple):
+    """Smallest and largest usual value, their unit where no field has it, and where the range comes from.
+
+    A value of 0 that leaves a law out (``off``) is as usual.
+    """
+
+    low: float
+    high: float
+    source: str
+    unit: str = ""
+    off: bool = False
+
+
 Pair = tuple[float, float]
 
 
@@ -643,7 +665,9 @@ def about(unit: str, meaning: str, **options: Any) -> Any:
 def key(default: Any, unit: str, meaning: str, **options: Any) -> Any:
     """Describe one key of a section: default and what `about` takes."""
     extra: dict[str, Any] = {
-        name: options.pop(name) for name in ("place", "units", "hidden", "source") if name in options
+        name: options.pop(name)
+        for name in ("place", "units", "hidden", "source", "usual", "kernel", "trial", "quirk")
+        if name in options
     }
     return Field(default, description=meaning, json_schema_extra={"unit": unit, **extra}, **options)
 

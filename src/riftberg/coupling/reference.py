@@ -302,7 +302,7 @@ class ReferenceExchange:
                 cover = np.minimum(gather(parts[1], self.grid)[domain], 1.0)
                 u, v = (gather(q, self.grid)[domain] for q in parts[2:])
         if rules.melt_by_mass:
-            after = self._after_melt() if p.compatibility.keep_shape else mass
+            after = self._after_melt() if p.melt.keep_shape else mass
             melt = np.maximum((self._before[domain] - after) / dt, 0.0)
             heat = melt * LATENT_HEAT_KID
         if rules.fields:

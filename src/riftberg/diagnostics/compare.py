@@ -26,6 +26,7 @@ from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.score import root_mean_square
 from riftberg.diagnostics.summary import read_summary
 from riftberg.ocean.grid import haversine
+from riftberg.parameters import GROUPS
 from riftberg.runs.accessor import Course, Event, aligned, apart, course_of
 from riftberg.runs.layout import COMMAND, FILE, parameters_of
 from riftberg.runs.opendrift import Trajectory
@@ -60,7 +61,11 @@ def differences(summaries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
         for summary in summaries
     ]  # fmt: skip
     own = [one for one in flat if one]  # other programs have parameters of their own
-    names = sorted({name for one in own for name in one if any(other.get(name) != one[name] for other in own)})
+    # What one engine alone has does not differ.
+    names = sorted({
+        name for one in own for name in one
+        if any(other.get(name, one[name] if name.partition(".")[0] in GROUPS else None) != one[name] for other in own)
+    })  # fmt: skip
     if names:
         more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
         rows["parameters that differ"] = [

@@ -53,7 +53,7 @@ from riftberg.errors import InputError, without_secrets
 from riftberg.experiments.changes import changed, origin, settings_of
 from riftberg.experiments.registry import Options
 from riftberg.ocean.files_forcing import forget_forcings
-from riftberg.parameters import Parameters
+from riftberg.parameters import GROUPS
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.progress import SweepBar
 from riftberg.state import Floats
@@ -322,8 +322,8 @@ def planned(
         # What the experiment sets itself, such as the packing of its bonds, cannot be varied.
         for model, values in ((first, members[0]), (last, members[-1])):
             for group, inner in grouped(values).items():
-                for key, value in inner.items() if group in Parameters.model_fields else ():
-                    taken = getattr(getattr(model.parameters, group), key)
+                for key, value in inner.items() if group in GROUPS else ():
+                    taken = getattr(getattr(model.parameters, group, None), key, None)
                     if taken != value and value:  # 0 and none mean: find it
                         raise InputError(
                             f"{named} keeps {group}.{key} = {value_shown(taken)} whatever is given",
@@ -403,7 +403,7 @@ def _check_members(first: Model, members: Sequence[dict[str, Any]], varied: Sequ
     All combinations of listed values; of what is drawn, each value of which was checked by itself, the members with the
     smallest and the largest. To check every one of 10,000 draws took half a minute.
     """
-    own = [v for v in varied if v.name.partition(".")[0] in Parameters.model_fields]
+    own = [v for v in varied if v.name.partition(".")[0] in GROUPS]
     drawn = [v.name for v in own if v.distribution is not None and not v.distribution.choices]
     orders = [np.argsort([values[v.name] for values in members]) for v in own if v.name in drawn and v.parts == 1]
     ends = {int(order[end]) for order in orders for end in (0, -1)}

@@ -12,7 +12,7 @@ from typing import Any, Final, get_args, get_origin
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from riftberg.config.values import allowed, given, kinds_of, native, number, required, unit_of
+from riftberg.config.values import allowed, fields_of, kinds_of, native, number, required, unit_of
 from riftberg.ensembles.distributions import EXAMPLE as EXAMPLE_DRAWN
 from riftberg.ensembles.distributions import (
     OF_VALUES,
@@ -28,7 +28,7 @@ from riftberg.ensembles.distributions import (
 )
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain, read_starts
 from riftberg.errors import InputError
-from riftberg.experiments.changes import SETTABLE, file_field, file_value, find_field, is_of_file
+from riftberg.experiments.changes import SETTABLE, checked_value, file_field, file_value, is_of_file, sections_with
 from riftberg.system.input_files import refuse_large, rows_of_csv, value_shown
 
 MOST_MEMBERS: Final = 10_000
@@ -163,14 +163,17 @@ def _free(name: str, values: Any, where: str) -> Varied:
     return Varied(name, _distinct(native(list(values)), where))
 
 
-def _field_of(name: str, where: str) -> tuple[Any, FieldInfo]:
-    """Return the section of a parameter, and its field there."""
+SECTIONS: Final = {**SETTABLE, **{group: (kind,) for group, kind in UNCERTAIN.items()}}
+"""Sections of all groups of which something can be varied."""
+
+
+def _field_of(name: str, where: str) -> FieldInfo:
+    """Return the field of a parameter."""
     group, dot, key = name.partition(".")
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
-    settable = {**SETTABLE, **UNCERTAIN}
-    field = find_field(group, key, where=where, settable=settable)
-    return settable[group], field
+    section = sections_with(group, key, where=where, settable=SECTIONS)[0]
+    return fields_of(section)[key]
 
 
 def _of_parameter(name: str, values: Any, where: str) -> Varied:
@@ -186,17 +189,18 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
                 )  # fmt: skip
             return _drawn(name, values[1:], field, lambda part: file_value(part, where), where)
         return Varied(name, _distinct(_of_file(values, where), where), meaning="key of the experiment file")
-    section, field = _field_of(name, where)
+    field = _field_of(name, where)
     if isinstance(values, str) and values.startswith("~"):
 
         def value(part: str) -> Any:  # a place in brackets, as the file has it, or a number with its unit
-            return given(file_value(part, where) if part[:1] == "[" else part, section, key, where=where)
+            part = file_value(part, where) if part[:1] == "[" else part
+            return checked_value(part, group, key, where=where, settable=SECTIONS)
 
         return _drawn(f"{group}.{key}", values[1:], field, value, where)
     if any(get_origin(kind) is tuple for kind in kinds_of(field.annotation)) and isinstance(values, str):
         values = _of_file(values, where)  # such as [-39, -55],[-38, -55]
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
-    plain = [given(value, section, key, where=where) for value in several]
+    plain = [checked_value(value, group, key, where=where, settable=SECTIONS) for value in several]
     return Varied(f"{group}.{key}", _distinct(plain, where), unit_of(field), field.description or "")
 
 
@@ -389,9 +393,9 @@ def designed(
             own = [file_value(value, where) if isinstance(value, str) else value for value in values]
             varied.append(Varied(name, tuple(own), meaning="key of the experiment file"))
             continue
-        section, field = _field_of(name, where)
+        field, (group, _, key) = _field_of(name, where), name.partition(".")
         refuse_bare_numbers([str(value) for value in values], where)
-        plain = tuple(given(value, section, key, where=where) for value in values)
+        plain = tuple(checked_value(value, group, key, where=where, settable=SECTIONS) for value in values)
         varied.append(Varied(name, plain, unit_of(field), field.description or ""))
     names = [v.name for v in varied]
     found: dict[str, Any] = {v.name: v.values for v in varied}
@@ -428,9 +432,10 @@ def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[
             columns[name] = [list(value) if isinstance(value, tuple) else value for value in values]
             continue
         group, _, key = name.partition(".")
-        section = {**SETTABLE, **UNCERTAIN}.get(group)
-        if key and section is not None:
-            columns[name] = [given(value, section, key, where=f"--vary {name}") for value in values]
+        if key and group in SECTIONS:
+            columns[name] = [
+                checked_value(value, group, key, where=f"--vary {name}", settable=SECTIONS) for value in values
+            ]
     return columns, seeds
 
 

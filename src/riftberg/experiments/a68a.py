@@ -68,7 +68,7 @@ from riftberg.ocean.forcing import Forcing, WrappedForcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
-from riftberg.parameters import A68A_2022, A68A_2022_KID, Packing, Parameters
+from riftberg.parameters import A68A_2022, A68A_2022_KID, ExplicitParameters, Packing, Parameters
 from riftberg.physics.floating import draft_of
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.model import Model
@@ -229,10 +229,11 @@ def story_model(
     berg = a68a_berg(**lattice, density=options.apply(parameters).ice.density)
     if own:
         turn_rigidly(berg.elements, math.radians(TURN) / SECONDS_PER_DAY, Metric(True, berg.earth_radius))
-    if lattice != {"radius": 1500.0, "packing": "square"}:
-        # The number of sub-steps of the publication belongs to its lattice.
-        parameters = parameters.changed(stepping={"substeps": None})
-    return Model(berg, ocean_here, options.apply(parameters))
+    made, asked = options.apply(parameters), options.changes.get("stepping", {})
+    other_lattice = lattice != {"radius": 1500.0, "packing": "square"}
+    if isinstance(made, ExplicitParameters) and other_lattice and "substeps" not in asked:
+        made = made.changed(stepping={"substeps": None})  # the published number belongs to its lattice
+    return Model(berg, ocean_here, made)
 
 
 def build_a68a(options: Options) -> tuple[Model, Info]:
@@ -349,9 +350,7 @@ def melting_a68a(options: Options, *, radius: float = 1500.0, sea: TrackSea | No
     from riftberg.runs.model import Model
 
     here = sea or TrackSea()
-    parameters = options.apply(
-        A68A_2022.changed(melt={"enabled": True, "tide": 0.1}, fracture={"enabled": False}, stepping={"substeps": None})
-    )
+    parameters = options.apply(A68A_2022.changed(melt={"enabled": True, "tide": 0.1}, fracture={"enabled": False}))
     berg = a68a_berg(
         **{"radius": radius, **options.lattice}, thickness=MELT_THICKNESS, velocity=(0.1, 0.05),
         density=parameters.ice.density,

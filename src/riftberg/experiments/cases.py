@@ -19,7 +19,7 @@ from riftberg.experiments.changes import reference_numerics
 from riftberg.experiments.registry import Info, Options
 from riftberg.ocean.analytic import Convergence, Steady
 from riftberg.ocean.formulas import Seamount
-from riftberg.parameters import PUBLISHED_DRAG, Compatibility, Contact, Parameters
+from riftberg.parameters import PUBLISHED_DRAG, Parameters, kid_quirks
 from riftberg.runs.model import Model
 
 # ---- beams ------------------------------------------------------------------------------------------------------------
@@ -77,13 +77,11 @@ class Beam:
         )
         if numerics == "own":
             return own
-        return own.changed(
-            grounding={"coefficient": 0.0, "implicit": False},
-            contact={"critical_damping": False},
-            bonds={"objective_damping": False, "damping": self.damping, "spring": 1e-5},
-            stepping={"substeps": self.substeps},
-            compatibility=Compatibility.kid().model_dump(),
-        )
+        return own.changed(**{
+            **kid_quirks(), "grounding": {"coefficient": 0.0, "implicit": False}, "contact": {"critical_damping": False},
+            "bonds": {"objective_damping": False, "damping": self.damping, "spring": 1e-5},
+            "stepping": {"substeps": self.substeps},
+        })  # fmt: skip
 
 
 SUPPORTED = Beam(
@@ -216,7 +214,7 @@ GROUNDING = Parameters(
 )
 """Physics of the reference's case."""
 
-GROUNDING_OWN = GROUNDING.changed(contact=Contact().model_dump(), stepping={"scheme": "quasi_static"})
+GROUNDING_OWN, _ = GROUNDING.adapted(stepping={"scheme": "quasi_static"})
 """With Riftberg's numerics the lattice stands in equilibrium with the loads, and the seamount is a bed of sand."""
 
 SEAMOUNT_HEIGHT = {"reference": 950.0, "own": 850.0}

@@ -12,6 +12,7 @@ import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -22,9 +23,18 @@ from riftberg.bergs.bonding import Metric, give_velocity, separations, turn_rigi
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.keys import BergKeys
 from riftberg.bergs.regions import turned
-from riftberg.config.values import fields_of, given, gone_keys, sections_in
+from riftberg.config.values import absent_key, extra_of, fields_of, given, sections_in
 from riftberg.errors import InputError, nearest, together, without_secrets
-from riftberg.parameters import A68A_2022_KID, Parameters
+from riftberg.parameters import (
+    A68A_2022,
+    A68A_2022_MTS,
+    GROUPS,
+    ExplicitParameters,
+    Parameters,
+    kid_quirks,
+    scheme_asked,
+    sections_of,
+)
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.layout import COMMAND, FILE, PLACE
 from riftberg.state import copy_state
@@ -39,10 +49,11 @@ Changes = dict[str, dict[str, Any]]
 BERG: Final = "berg"
 """Group of what may be changed of an experiment's berg; all others are groups of parameters."""
 
-SETTABLE: Final[dict[str, Any]] = {
-    **{name: field.annotation for name, field in Parameters.model_fields.items()}, BERG: BergKeys
-}  # fmt: skip
-"""Section of each group that ``--set`` and ``--vary`` know."""
+SETTABLE: Final[dict[str, tuple[Any, ...]]] = {**{name: sections_of(name) for name in GROUPS}, BERG: (BergKeys,)}
+"""Sections of each group that ``--set`` and ``--vary`` know: of a group of parameters, that of each engine."""
+
+
+OF_NAMELISTS: Final = "Leave it out, or set it in input.nml and run that folder with 'riftberg kid'"
 
 
 def is_of_file(name: str) -> bool:
@@ -91,7 +102,7 @@ def changed_document(values: dict[str, Any], changes: Mapping[str, Mapping[str, 
     """Return what an experiment file says with changes of its keys made; ``berg`` means each of several bergs."""
     values = _own(values)
     for group, inner in changes.items():
-        if group in Parameters.model_fields:
+        if group in GROUPS:
             continue
         for key, value in inner.items():
             path = [group, *key.split(".")] if key else [group]
@@ -120,8 +131,8 @@ def _put(values: Any, path: list[Any], value: Any) -> None:
         raise InputError("no section that has keys stands there", where=".".join(map(str, path))) from error
 
 
-def parse_settings(settings: Iterable[str], settable: Mapping[str, Any] = SETTABLE) -> Changes:
-    """Read ``group.name=value`` as given to ``--set``; ``settable``: the section of each group."""
+def parse_settings(settings: Iterable[str], settable: Mapping[str, tuple[Any, ...]] = SETTABLE) -> Changes:
+    """Read ``group.name=value`` as given to ``--set``; ``settable``: the sections of each group."""
     changes: Changes = {}
     faults = []
     for setting in settings:
@@ -132,8 +143,7 @@ def parse_settings(settings: Iterable[str], settable: Mapping[str, Any] = SETTAB
             if equals and is_of_file(key):
                 value = file_value(text, where)
             elif equals and dot:
-                find_field(group, name, where=where, settable=settable)
-                value = given(text, settable[group], name, where=where)
+                value = checked_value(text, group, name, where=where, settable=settable)
             else:
                 what = f"{setting!r} is not of the form group.name=value"
                 raise InputError(what, where="--set", remedy="For example --set stepping.time_step=900")
@@ -145,24 +155,44 @@ def parse_settings(settings: Iterable[str], settable: Mapping[str, Any] = SETTAB
     return changes
 
 
-def find_field(group: str, name: str, *, where: str, settable: Mapping[str, Any] = SETTABLE) -> FieldInfo:
-    """Return the field of a parameter, or explain that there is none."""
+def checked_value(
+    value: Any, group: str, name: str, *, where: str, settable: Mapping[str, tuple[Any, ...]] = SETTABLE
+) -> Any:
+    """Return a value as a parameter of either engine holds it, or explain why none does."""
+    sections = sections_with(group, name, where=where, settable=settable)
+    for section in sections[:-1]:
+        try:
+            return given(value, section, name, where=where)
+        except InputError:  # a choice that the other engine has
+            continue
+    return given(value, sections[-1], name, where=where)
+
+
+def sections_with(
+    group: str, name: str, *, where: str, settable: Mapping[str, tuple[Any, ...]] = SETTABLE
+) -> list[Any]:
+    """Return the sections of a group that have a parameter, or explain that there is none."""
     if group not in settable:
         raise InputError(
             f"no group of parameters is called {group!r}",
             where=where,
             remedy=f"{nearest(group, settable)}Groups are {', '.join(settable)}",
         )
-    fields = fields_of(settable[group])
-    if now := gone_keys(settable[group]).get(name):
-        raise InputError(f"group {group} has no parameter {name!r} any more", where=where, remedy=now)
-    if name not in fields:
+    sections = [section for section in settable[group] if name in fields_of(section)]
+    if not sections:
+        gone = [now for section in settable[group] if (now := absent_key(section, name)[1])]
+        if gone:
+            raise InputError(f"group {group} has no parameter {name!r} any more", where=where, remedy=gone[0])
+        fields = [item for section in settable[group] for item in fields_of(section).items()]
+        known = list(dict.fromkeys(key for key, field in fields if not extra_of(field, "hidden")))
         raise InputError(
             f"group {group} has no parameter {name!r}",
             where=where,
-            remedy=f"{nearest(name, fields)}It has {', '.join(fields)}",
+            remedy=f"{nearest(name, known)}It has {', '.join(known)}",
         )
-    return fields[name]
+    if extra_of(fields_of(sections[0])[name], "hidden"):
+        raise InputError(f"{group}.{name} is an option of KID's namelists", where=where, remedy=OF_NAMELISTS)
+    return sections
 
 
 def changed(
@@ -172,27 +202,40 @@ def changed(
 
     ``notices``: takes a sentence that names what another scheme has not, which is left out.
     """
-    groups = {group: dict(values) for group, values in changes.items() if group in Parameters.model_fields}
+    groups = {group: dict(values) for group, values in changes.items() if group in GROUPS}
+    if parameters == A68A_2022 and scheme_asked(groups) != "quasi_static":
+        parameters = A68A_2022_MTS  # with the published springs
     try:
         made, left_out = parameters.adapted(**groups)
     except InputError as error:
-        named = f"{error.where} = " if error.where and error.where != where else ""
+        sign = ":" if error.what.startswith("it is") else " ="
+        named = f"{error.where}{sign} " if error.where and error.where != where else ""
         raise InputError(named + error.what, where=where, remedy=error.remedy) from error
     if left_out and notices is not None:
-        notices.append(f"stepping.scheme = {made.stepping.scheme!r} has no {', '.join(left_out)}: left out")
+        notices.append(_left_out(made, left_out))
     return made
 
 
-def reference_numerics(parameters: Parameters) -> Parameters:
-    """Return the same physics with the numerics and quirks of the reference, as `A68A_2022_KID` has them."""
-    return parameters.changed(
-        drag={"rotational": False},
-        grounding={"implicit": False},
-        bonds={"objective_damping": False},
-        contact={"on_substeps": False},
-        stepping={"scheme": "mts", "skip_first_long_force": True},
-        compatibility={name: value for name, value in A68A_2022_KID.compatibility if value},
-    )
+def _left_out(made: Parameters, paths: Sequence[str]) -> str:
+    return f"stepping.scheme = {made.stepping.scheme!r} has no {', '.join(paths)}: left out"
+
+
+def reference_numerics(
+    parameters: Parameters, *, springs: Mapping[str, Any] = MappingProxyType({}), notices: list[str] | None = None
+) -> Parameters:
+    """Return the same physics with the numerics and quirks of the reference, as `A68A_2022_KID` has them.
+
+    ``springs``: groups that parameters of the other engine do not say, such as `PUBLISHED_SPRINGS`. ``notices``: takes a
+    sentence that names what the explicit engine has not.
+    """
+    springs = {} if isinstance(parameters, ExplicitParameters) else springs
+    explicit, left_out = parameters.adapted(**{**springs, "stepping": {"scheme": "mts"}})
+    if left_out and notices is not None:
+        notices.append(_left_out(explicit, left_out))
+    return explicit.changed(**{
+        **kid_quirks(), "drag": {"rotational": False}, "grounding": {"implicit": False}, "contact": {"on_substeps": False},
+        "bonds": {"objective_damping": False}, "stepping": {"skip_first_long_force": True},
+    })  # fmt: skip
 
 
 def origin(

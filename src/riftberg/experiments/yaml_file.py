@@ -21,9 +21,9 @@ from pydantic.fields import FieldInfo
 
 from riftberg.bergs.bonded import lost_in_lattice
 from riftberg.bergs.keys import CloudOfBergs, FieldOfBergs
-from riftberg.config.values import Place, findings, sections_in
+from riftberg.config.values import Place, extra_of, findings, sections_in
 from riftberg.errors import BergError, InputError, nearest, together
-from riftberg.experiments.changes import changed_document, reference_numerics
+from riftberg.experiments.changes import OF_NAMELISTS, changed_document, reference_numerics
 from riftberg.experiments.registry import Info, Options, find
 from riftberg.experiments.schema import (
     PRESETS,
@@ -40,7 +40,16 @@ from riftberg.experiments.schema import (
 from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.formulas import Sum
-from riftberg.parameters import Earth, Parameters
+from riftberg.parameters import (
+    A68A_2022,
+    A68A_2022_MTS,
+    PUBLISHED_SPRINGS,
+    Earth,
+    ExplicitParameters,
+    Parameters,
+    fields_by_path,
+    scheme_asked,
+)
 from riftberg.system.input_files import MOST_YAML, check_file, in_folder, shown, value_shown
 from riftberg.system.netcdf_lock import closing_files
 
@@ -313,18 +322,25 @@ def _parameters(groups: Any) -> Parameters:
             f"preset {value_shown(preset)} is not known", where="preset",
             remedy=f"{nearest(str(preset), PRESETS)}Use {', '.join(PRESETS)}",
         )  # fmt: skip
-    stepping = groups.get("stepping", {})
-    if isinstance(stepping, dict):  # the number of sub-steps of a preset belongs to its lattice
-        groups["stepping"] = {"substeps": None, **stepping}
-    return PRESETS[preset].changed(**groups)
+    for group, values in groups.items():
+        for name in values if isinstance(values, dict) else ():
+            field = fields_by_path().get(f"{group}.{name}")
+            if field is not None and extra_of(field, "hidden"):
+                raise InputError(
+                    "it is an option of KID's namelists alone", where=f"{group}.{name}", remedy=OF_NAMELISTS
+                )
+    usual = PRESETS[preset]
+    if usual is A68A_2022 and scheme_asked(groups) != "quasi_static":
+        usual = A68A_2022_MTS
+    if isinstance(usual, ExplicitParameters):  # the number of sub-steps of a preset belongs to its lattice
+        usual = usual.changed(stepping={"substeps": None})
+    return usual.changed(**groups)
 
 
 def _packed(parameters: Parameters, experiment: Experiment) -> Parameters:
     """Return the parameters with the packing of the bergs, but for what the file says itself."""
     hexagonal = any(berg.packing == "hexagonal" for _, berg in experiment.all_bergs)
-    shape: dict[str, Any] = (
-        {"packing": "hexagonal", "max_bonds": 6} if hexagonal else {"packing": "square", "max_bonds": 4}
-    )
+    shape = {"packing": "hexagonal" if hexagonal else "square"}
     return parameters.changed(bonds={**shape, **experiment.parameters.get("bonds", {})})
 
 
@@ -345,11 +361,12 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     from riftberg.runs.model import Model
 
     experiment, parameters, _ = read_file(path, options.changes, options.data)
+    notices: list[str] = []
     if options.numerics == "reference":
-        parameters = reference_numerics(parameters)
+        springs = PUBLISHED_SPRINGS if experiment.parameters.get("preset") == "a68a-2022" else {}
+        parameters = reference_numerics(parameters, springs=springs, notices=notices)
     parameters = options.apply(parameters)
     folder = options.data or Path(path).parent
-    notices: list[str] = []
     berg = build_berg(experiment, parameters, folder, notices)
     days = options.days or experiment.days
     check_span(experiment.start, days, where="--days" if options.days else str(path))
@@ -421,7 +438,7 @@ def _one_berg(
                 source = read_raster(path, rift.variable) if is_map(path) else path
             made = made.with_rifts(
                 source, strength=rift.strength if "strength" in rift.model_fields_set else None, broken=rift.broken,
-                depth=rift.depth, crevasse_strength=parameters.fracture.crevasse_strength, crs=rift.crs,
+                depth=rift.depth, crevasse_strength=getattr(parameters.fracture, "crevasse_strength", None), crs=rift.crs,
                 threshold=rift.threshold,
             )  # fmt: skip
             notices += [f"{place}.rifts.{index}: {text}" for text in _without_effect(made.report["rifts"][-1])]

@@ -250,10 +250,10 @@ def without_idle_life(p: Parameters, elements: Elements, bonds: Bonds, passive: 
     if p.footloose.enabled:
         return p
     off = p.changed(melt={"enabled": False}, rolling={"enabled": False})
-    if p.compatibility.keep_shape:
+    if p.melt.keep_shape:
         return off if passive else p
     bits = p.melt.bits_fraction > 0.0 and (elements.life.mass_of_bits > 0.0).any()
-    if not p.compatibility.zero_rates or bits:
+    if not p.melt.zero_rates or bits:
         return p
     count = np.bincount(np.concatenate([bonds.first, bonds.second]), minlength=elements.size)
     free = (elements.static < 0.5) & ((count == 0) | p.fracture.enabled)

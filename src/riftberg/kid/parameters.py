@@ -49,7 +49,7 @@ from riftberg.kid.restart import (
 )
 from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid
-from riftberg.parameters import PUBLISHED_DRAG, Compatibility, Packing, Parameters, Scheme
+from riftberg.parameters import PUBLISHED_DRAG, Compatibility, Packing, Parameters, Scheme, kid_quirks
 from riftberg.state import Bonds, Elements
 from riftberg.stepping.speed_limit import DEBRIS_SPEED
 from riftberg.system.input_files import MOST_YAML, check_file, extreme_allowed, reading
@@ -539,7 +539,6 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
             "broken_as_contact": flag("use_broken_bonds_for_substep_contact") and inline,
             "not_in_first_step": flag("no_frac_first_ts"),
         },
-        "sea_ice": {"capture": "none"},  # its law has no hold of a pack
         "stepping": {
             "scheme": scheme(group),
             "time_step": dt,
@@ -569,17 +568,13 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
             plain_kid_branch=plain,
             radius_based=flag("radius_based_drag") and flag("hexagonal_icebergs") and dem,
             damping_by_speed=flag("scale_damping_by_pmag"),
-            sea_ice_shift=number("sicn_shift"),
-            zero_rates=flag("set_melt_rates_to_zero"),
-            keep_shape=flag("Iceberg_melt_without_decay"),
-            one_draw=flag("fl_init_child_xy_by_pe"),
         ).model_dump(),
     }
 
 
 def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
     """Melt, rolling, footloose calving and calving from land ice (files 1, 2, 3)."""
-    flag, number = group.flag, group.number
+    flag, number, quirks = group.flag, group.number, kid_quirks()
     shelf, mixed = flag("melt_icebergs_as_ice_shelf"), flag("use_mixed_melting")
     equations = "three_equation" if flag("Use_three_equation_model") else "two_equation"
     cutoff, tip = number("melt_cutoff"), number("tip_parameter")
@@ -605,11 +600,16 @@ def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
             "least_friction": number("ustar_icebergs_bg"),
             "tide": number("utide_icebergs"),
             "least_gap": cutoff if cutoff >= 0.0 and flag("apply_thickness_cutoff_to_bergs_melt") else None,
+            "sea_ice_shift": number("sicn_shift"),
+            "zero_rates": flag("set_melt_rates_to_zero"),
+            "keep_shape": flag("Iceberg_melt_without_decay"),
+            **quirks["melt"],
         },
         "rolling": {
             "enabled": flag("allow_bergs_to_roll"),
             "scheme": "updated" if flag("use_updated_rolling_scheme") else older,
             "tip": tip,
+            **quirks["rolling"],
         },
         "footloose": {
             "enabled": flag("footloose"),
@@ -618,6 +618,8 @@ def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
             "style": "bergs" if group.text("fl_style") == "new_bergs" else "bits",
             "displace": flag("displace_fl_bergs"),
             "berg_mass": number("new_berg_from_fl_bits_mass_thres"),
+            "one_draw": flag("fl_init_child_xy_by_pe"),
+            **quirks["footloose"],
         },
         "calving": {
             "south": south,
@@ -626,6 +628,7 @@ def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
             "length_over_width": number("LoW_ratio"),
             # Given in years; KID divides by the seconds of a year all the same (quirk T14).
             "smoothing_time": max(number("tau_calving"), 0.0) / (365.0 * 24.0 * 60.0 * 60.0),
+            **quirks["calving"],
         },
     }
 
@@ -697,10 +700,10 @@ def check_both_sides(elements: Elements, bonds: Bonds, group: NamelistGroup, p: 
 
     So it is with equal sizes, where the side that is not its own gives the thickness (quirk Q11).
     """
-    if p.bonds.law != "dem" or p.compatibility.shared_shear_lever:
+    if p.bonds.law != "dem" or p.quirks.shared_shear_lever:
         return
     body, i, j = elements.body, bonds.first, bonds.second
-    melts = p.melt.enabled and not p.compatibility.zero_rates  # elements with bonds never roll
+    melts = p.melt.enabled and not p.melt.zero_rates  # elements with bonds never roll
     area = body.length * body.width
     alike = p.bonds.constant_size | np.isclose(area[i], area[j], rtol=ROUND_OFF, atol=0.0)
     unequal = alike & (~np.isclose(body.thickness[i], body.thickness[j], rtol=ROUND_OFF, atol=0.0) | melts)

@@ -137,7 +137,7 @@ class FluxCalving:
         self.south = size_classes(calving.south, calving, density)
         self.north = size_classes(calving.north or calving.south, calving, density)
         self.stores = Stores.empty(self.south.mass.size, grid) if stores is None else stores
-        g, corner = grid.arrays, parameters.compatibility.hemisphere_by_corner
+        g, corner = grid.arrays, parameters.calving.hemisphere_by_corner
         self.is_south = np.ascontiguousarray((g.lat if corner else g.lat_centre)[grid.domain] < 0.0)
         self._area = np.ascontiguousarray(g.area[grid.domain])
         self._mask = np.ascontiguousarray(g.mask[grid.domain])
@@ -195,7 +195,7 @@ class FluxCalving:
                         break
                     # The reference gives a berg the heat of all classes over the ice of its own (quirk T16).
                     ice = self.stores.ice[:, j, i]
-                    held = ice[k] if self.parameters.compatibility.heat_of_one_class else ice.sum()
+                    held = ice[k] if self.parameters.calving.heat_of_one_class else ice.sum()
                     warmth = float(self.stores.heat[j, i] / held)
                     rows.append(_Birth(k, j, i, day + offset / 86400.0, warmth, s.next_identifier(i, j), spot))
                     s.heat[j, i] -= need[j, i] * warmth
@@ -220,7 +220,7 @@ class FluxCalving:
         """
         g = self.grid.arrays
         row, column = j + g.halo, i + g.halo
-        if self.parameters.compatibility.births_at_centre:
+        if self.parameters.quirks.births_at_centre:
             lon, lat = float(g.lon_centre[row, column]), float(g.lat_centre[row, column])
             xi, eta, _ = position_in_cell(lon, lat, column, row, g)
             return lon, lat, xi, eta

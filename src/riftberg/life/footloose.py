@@ -143,10 +143,10 @@ class _Calving:
     def __init__(self, model: Living, p: Parameters, values: LifeValues, when: Circumstances) -> None:
         self.model, self.p, self.values, self.when = model, p, values, when
         self.el = model.elements
-        self.reference = p.compatibility.footloose_sets_density
+        self.reference = p.footloose.footloose_sets_density
         self.born: list[tuple[Elements, int]] = []
         self.gained = 0.0
-        beside = p.stepping.interactions and not p.compatibility.births_at_centre
+        beside = p.stepping.interactions and not p.quirks.births_at_centre
         self.free = FreePlaces(self.el, p) if beside else None
 
     def run(self) -> float:
@@ -346,7 +346,7 @@ class _Calving:
             return 0.0, 0.0
         rank = self._rank(int(self.el.cell_i[e]), int(self.el.cell_j[e]))
         draw = self.when.draws.draw(rank, int(self.el.body.id[e]), self.when.step)
-        x, y = rim_place(draw, float(width), float(length), self.p.compatibility.half_west_rim)
+        x, y = rim_place(draw, float(width), float(length), self.p.footloose.half_west_rim)
         return (x, y) if self.reference else self._as_turned(e, x, y)
 
     def _as_turned(self, e: int, x: float, y: float) -> tuple[float, float]:
@@ -408,7 +408,7 @@ class _Calving:
         half = 0.5 * float(self.el.length[e]), 0.5 * float(self.el.width[e])
         # The place that was drawn, then the four corners of the parent, in the order of the reference.
         tried = [place, *((sx * half[0], sy * half[1]) for sx, sy in ((-1, -1), (-1, 1), (1, 1), (1, -1)))]
-        in_metres = self.p.compatibility.unplaced_child_in_metres
+        in_metres = self.p.footloose.unplaced_child_in_metres
         for k, (dx, dy) in enumerate(tried):
             if k > 0 and in_metres:
                 x, y = lon + dx, lat + dy

@@ -74,7 +74,7 @@ class LifeValues(NamedTuple):
 
 def life_values(p: Parameters) -> LifeValues:
     """Flatten the groups ``melt``, ``rolling`` and ``footloose`` and what else they need."""
-    melt, quirks = p.melt, p.compatibility
+    melt = p.melt
     exchange = ExchangeValues(
         three_equation=melt.base == "three_equation",
         const_gamma=melt.const_gamma,
@@ -82,8 +82,8 @@ def life_values(p: Parameters) -> LifeValues:
         least_friction=melt.least_friction,
         drag=melt.friction_drag,
         tide=melt.tide,
-        as_reference=quirks.plain_basal_search,
-        scaled_laminar=quirks.scaled_laminar_layer,
+        as_reference=melt.plain_basal_search,
+        scaled_laminar=melt.scaled_laminar_layer,
     )
     return LifeValues(
         rho_ice=p.ice.density,
@@ -95,25 +95,25 @@ def life_values(p: Parameters) -> LifeValues:
         salinity=_number(melt.salinity),
         salinity_from_ocean=melt.salinity_from_ocean,
         split=melt.split,
-        sea_ice_shift=quirks.sea_ice_shift,
+        sea_ice_shift=melt.sea_ice_shift,
         bits_fraction=melt.bits_fraction,
-        zero_rates=quirks.zero_rates or not melt.enabled,
-        bits_melt_at_zero_rates=quirks.bits_melt_at_zero_rates and melt.enabled,
-        keep_shape=quirks.keep_shape,
+        zero_rates=melt.zero_rates or not melt.enabled,
+        bits_melt_at_zero_rates=melt.bits_melt_at_zero_rates and melt.enabled,
+        keep_shape=melt.keep_shape,
         least_gap=_number(melt.least_gap),
-        by_front=melt.mode == "exposed" and not quirks.forces_by_element,
+        by_front=melt.mode == "exposed" and not p.quirks.forces_by_element,
         most_bonds=6 if p.bonds.packing == "hexagonal" else 4,
         bonds_on=p.bonds.law != "none",
         rolls=p.rolling.enabled,
         rolling_scheme=_SCHEMES[p.rolling.scheme],
         tip=p.rolling.tip,
-        rolls_on=quirks.rolls_on,
+        rolls_on=p.rolling.rolls_on,
         footloose=p.footloose.enabled,
         youngs=p.footloose.youngs,
         strength=p.footloose.strength,
-        bits_always_roll=quirks.bits_always_roll,
-        drop_orphan_bits=quirks.drop_orphan_bits,
-        element_length=quirks.element_length_in_base_law,
+        bits_always_roll=p.footloose.bits_always_roll,
+        drop_orphan_bits=melt.drop_orphan_bits,
+        element_length=melt.element_length_in_base_law,
         latlon=p.earth.latlon,
         f_plane=p.earth.f_plane,
         reference_latitude=p.earth.reference_latitude,

@@ -206,7 +206,7 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
 
     Runs with the reference's numerics take what their driver hands over.
     """
-    missing = {} if p.compatibility.zero_start else missing_water(p, provided(forcing))
+    missing = {} if p.quirks.zero_start else missing_water(p, provided(forcing))
     if missing:
         fields = " and ".join(missing.values())
         raise InputError(
@@ -220,7 +220,7 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
 def missing_water(p: Parameters, known: Container[str]) -> dict[str, str]:
     """Return what melt needs of the sea and has neither as a number nor from the known fields: field by name."""
     melt = p.melt
-    if not melt.enabled or p.compatibility.zero_rates:
+    if not melt.enabled or p.melt.zero_rates:
         return {}
     salty = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
     wanted = [("temperature", "sst", melt.temperature), *([("salinity", "sss", melt.salinity)] if salty else [])]
@@ -278,7 +278,7 @@ class LifeProcess:
         # Depth of the floor of each cell (m), against which ``melt.least_gap`` is held; None for that at the elements.
         self.floor: Floats | None = None
         self.born: Callable[[LifeModel], tuple[int, float]] = date_of_birth
-        self.draws: CalvingDraws = OwnDraws(own.seed, parameters.compatibility.one_draw)
+        self.draws: CalvingDraws = OwnDraws(own.seed, parameters.footloose.one_draw)
         self.ranks: tuple[int, int] = (1, 1)
         self.names: Callable[[int, int], int] | None = None
         self._ledger: Ledger | None = None

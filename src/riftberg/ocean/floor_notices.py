@@ -30,7 +30,7 @@ def floor_notices(forcing: Forcing, elements: Elements, parameters: Parameters, 
 
     ``placed``: whether the bergs are where they start.
     """
-    if parameters.grounding_law != "seabed" or elements.size == 0:
+    if parameters.grounding.law != "seabed" or elements.size == 0:
         return
     if placed:
         yield from _deep_keel(forcing, elements, parameters.ice.density)

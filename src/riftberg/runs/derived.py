@@ -186,7 +186,7 @@ def ledgers_of(model: BareModel) -> tuple[Derived, ...]:
         motion = (*motion, _own_totals(names))
     if motion and bonds_vibrate(model):
         motion = (*motion, IN_BONDS)
-    if motion and model.parameters.grounding_law == "seabed":
+    if motion and model.parameters.grounding.law == "seabed":
         motion = (*motion, IN_THE_BED)
     return motion if model.life is None else (*motion, *ICE)
 

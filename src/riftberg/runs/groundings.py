@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.config.units import POINTS, duration_text, minute_text, place_text
-from riftberg.parameters import Grounding, Parameters
+from riftberg.parameters import Parameters, QuasiStaticParameters, Seabed
 from riftberg.physics.floating import draft_of
 from riftberg.runs.layout import called
 from riftberg.stepping.forces.media import on_the_floor
@@ -119,7 +119,7 @@ def summarize_ground(model: BareModel) -> dict[str, Any]:
     clearance = model.groundings.clearance
     spacing = getattr(model.forcing, "depth_spacing", None)
     found: dict[str, Any] = {
-        "law": p.grounding_law,
+        "law": p.grounding.law,
         "least_clearance": None if math.isinf(clearance) else clearance,
         "bathymetry_spacing": None if spacing is None else spacing(),
         "first": None,
@@ -144,7 +144,7 @@ def summarize_ground(model: BareModel) -> dict[str, Any]:
         },
         "way_aground": max(stay.event.way for stay in stays),
     }
-    if p.grounding_law == "seabed":
+    if p.grounding.law == "seabed":
         found["sediment"] = p.grounding.sediment
         found["capacity_on"] = {name: load * holding(name) for name in OTHER_BEDS if name != p.grounding.sediment}
     return found
@@ -157,7 +157,7 @@ def holding(sediment: str) -> float:
     """
     from riftberg.stepping.ground.seabed import bed_of  # with SciPy, which the command line loads where it runs
 
-    bed = bed_of(Grounding(sediment=sediment))
+    bed = bed_of(Seabed(sediment=sediment))
     adhesion = bed.shear_strength / bed.strength if bed.shear_strength > 0.0 else math.inf
     return min(bed.friction, adhesion)
 
@@ -233,7 +233,7 @@ def ground_lines(ground: dict[str, Any]) -> list[str]:
 def keel_line(model: BareModel) -> str:
     """Return how deep the keel is at the start, and the chart under the berg and near it; nothing where no depth is known."""
     el, p = model.elements, model.parameters
-    if p.grounding_law == "none" or el.size == 0:
+    if p.grounding.law == "none" or el.size == 0:
         return ""
     draft = float(draft_of(el.thickness, p.ice.density).max())
     earth, lon0, lat0 = p.earth, float(el.lon.mean()), float(el.lat.mean())
@@ -282,7 +282,7 @@ def why_lines(stays: list[Stay], parameters: Parameters, *, latlon: bool) -> lis
         if row.capacity > 0.0:
             said.append(f"held by up to {force_text(row.capacity)} against {force_text(row.pressing)}")
         else:
-            law = parameters.grounding_law
+            law = parameters.grounding.law
             said.append(f"the law {law} brakes it and holds nothing; the sea presses with {force_text(row.pressing)}")
         if row.stress > 0.0:
             said.append(bending_words(row.stress, parameters))
@@ -292,7 +292,7 @@ def why_lines(stays: list[Stay], parameters: Parameters, *, latlon: bool) -> lis
 
 def bending_words(stress: float, parameters: Parameters) -> str:
     """Return how much the ice bends on the floor, and what it bears; ``stress``: the largest, Pa."""
-    strength = parameters.fracture.flexural_strength
+    strength = parameters.fracture.flexural_strength if isinstance(parameters, QuasiStaticParameters) else None
     said = f"bending of the ice {_megapascals(stress)}"
     if strength is not None:
         return f"{said} (breaks at {_megapascals(strength)})"
@@ -369,6 +369,6 @@ class GroundTeller:
             return []
         self._deep = True
         return [
-            f"the keel is up to {below.max():.0f} m below the floor: the law {p.grounding_law} does not hold it "
+            f"the keel is up to {below.max():.0f} m below the floor: the law {p.grounding.law} does not hold it "
             "(grounding.law)"
         ]

@@ -23,7 +23,7 @@ from pydantic import ValidationError
 
 from riftberg.config.values import explained
 from riftberg.errors import InputError
-from riftberg.parameters import Parameters, without_idle_keys
+from riftberg.parameters import Parameters, from_file
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
 from riftberg.state.population import rows_of
 from riftberg.state.variables import ABOVE_0, GONE, LARGEST, LARGEST_WHOLE
@@ -444,7 +444,7 @@ def read_parameters(text: Any, file: Path, *, goes_on: bool = False) -> Paramete
         raise _error("missing, or no text", file, place)
     try:
         values = json.loads(text)
-        return Parameters.model_validate(without_idle_keys(values, all_of_them=not goes_on))
+        return from_file(values, goes_on=goes_on)
     except json.JSONDecodeError as error:
         raise _error("no JSON of parameters", file, place) from error
     except (InputError, ValidationError) as error:

@@ -40,6 +40,7 @@ from numpy.typing import NDArray
 
 from riftberg.config.values import required
 from riftberg.errors import InputError, RunError
+from riftberg.parameters import QuasiStaticParameters
 from riftberg.runs.derived import (
     APPLIED,
     Means,
@@ -295,7 +296,7 @@ class RunWriter:
             gap = missing_records(old["time"][:], kept, self.interval)
             if gap:
                 raise InputError(gap, where=place, remedy=_ANEW)
-            on_bed = ON_BED if model.parameters.grounding_law == "seabed" else ()
+            on_bed = ON_BED if model.parameters.grounding.law == "seabed" else ()
             if self.forces != (APPLIED.variables[0].name in old.variables):
                 raise InputError(
                     f"its records have {'no ' if self.forces else ''}forces", where=place,
@@ -462,12 +463,13 @@ class _Record:
 
 def histories(model: BareModel) -> list[Variable]:
     """Return the variables of the elements that every record of this run holds."""
-    return [v for v in element_history() if v.name not in ON_BED or model.parameters.grounding_law == "seabed"]
+    return [v for v in element_history() if v.name not in ON_BED or model.parameters.grounding.law == "seabed"]
 
 
 def bond_history(model: BareModel) -> tuple[str, ...]:
     """Return the variables of the bonds that every record of this run holds."""
-    return (*BOND_HISTORY, "damage") if model.parameters.damage.enabled else BOND_HISTORY
+    p = model.parameters
+    return (*BOND_HISTORY, "damage") if isinstance(p, QuasiStaticParameters) and p.damage.enabled else BOND_HISTORY
 
 
 def open_run(path: str | Path) -> xr.Dataset:

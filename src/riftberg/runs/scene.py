@@ -420,7 +420,7 @@ class Scene:
     def has_floor(self) -> bool:
         """Whether the sea floor acts on the ice at all in this run."""
         p = self.parameters.kernel_values()
-        bed = self.parameters.grounding_law == "seabed"
+        bed = self.parameters.grounding.law == "seabed"
         return bool(bed or p.ground_coefficient > 0.0 or p.ground_quadratic > 0.0)
 
     def chosen_records(self, count: int) -> list[int]:

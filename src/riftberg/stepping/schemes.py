@@ -75,7 +75,7 @@ class ImposedStepper(FrozenStepper):
         moving, kicks = el.static < 0.5, el.kicks
         for kick in kicks:
             kick[moving] = 0.0
-        if imposed is not None and not p.compatibility.imposed_velocity_late:
+        if imposed is not None and not p.quirks.imposed_velocity_late:
             el.u[moving], el.v[moving] = imposed
         count = int(el.substeps.max(initial=1))
         for _ in range(count):

@@ -43,7 +43,7 @@ def refuse_fast_start(el: Elements, p: Parameters) -> None:
     if fixed is not None and math.hypot(*fixed) > limit:
         raise InputError(f"fixed_velocity of {math.hypot(*fixed):g} m/s", where="stepping", remedy=remedy)
     speed = np.hypot(el.u, el.v)
-    if p.compatibility.flung_debris and el.size and np.median(speed) <= limit:  # some may be debris, not most
+    if p.quirks.flung_debris and el.size and np.median(speed) <= limit:  # some may be debris, not most
         limit = max(limit, DEBRIS_SPEED)
     if (fast := speed > limit).any():
         k = int(np.argmax(fast))
@@ -77,7 +77,7 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
         nowhere = ~np.isfinite(el.lon + el.lat + speed)
         # Static elements may keep any velocity; it moves nothing.
         fast = nowhere | ((speed > limit) & (el.static < 0.5))
-        if fast.any() and run.parameters.compatibility.flung_debris:
+        if fast.any() and run.parameters.quirks.flung_debris:
             fast &= nowhere | (speed > max(limit, DEBRIS_SPEED)) | ~_by_neighbours(run, before, applied)
         if fast.any():
             raise _error(run, before, applied, int(np.argmax(fast)))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.ocean.cells import round_trip, settle_elements
+from riftberg.parameters import ExplicitParameters
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import enter_cells
@@ -98,7 +99,7 @@ class Stateless:
 def sample_between_steps(run: RunState, elements: Elements) -> None:
     """Sample the forcing at the positions and the time between two steps, or with the lag of Q5 that of the step just taken."""
     p = run.parameters
-    lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
+    lag = p.stepping.time_step if p.quirks.forcing_lag else 0.0
     run.forcing.sample(elements, run.time - lag)
 
 
@@ -113,7 +114,7 @@ def apply_boundaries(run: RunState, cells: tuple[Ints, Ints] | None = None) -> N
     """Find the cells after a move from ``cells``, stop bergs at land, wrap longitudes (equations 8)."""
     el, grid = run.elements, run.forcing.grid
     if grid is not None:
-        if run.parameters.compatibility.elements_stopped_alone:
+        if run.parameters.quirks.elements_stopped_alone:
             columns, rows = (el.cell_i.copy(), el.cell_j.copy()) if cells is None else cells
             settle_elements(el, grid.arrays, run.constants)
             enter_cells(el, columns, rows)
@@ -127,12 +128,12 @@ def apply_boundaries(run: RunState, cells: tuple[Ints, Ints] | None = None) -> N
 
 def update_fragments(run: RunState) -> None:
     """Number fragments after bonds have broken, and forget broken bonds whose ends have parted (equations 1.5)."""
-    el, bonds, c, fracture = run.elements, run.bonds, run.constants, run.parameters.fracture
+    el, bonds, c, p = run.elements, run.bonds, run.constants, run.parameters
     if c.broken_as_contact and c.fracture_on_substeps:
         drop_parted_bonds(bonds, connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status))
-    elif not run.parameters.compatibility.inline_break_in_first_step:
+    elif not p.quirks.inline_break_in_first_step:
         drop_broken_bonds(bonds)
-    elif run.step_number > 0 or not fracture.not_in_first_step:
+    elif run.step_number > 0 or not (isinstance(p, ExplicitParameters) and p.fracture.not_in_first_step):
         # The reference drops by the test of its long step, for which a threshold <= 0 is none (equations 7.1, quirk Q9).
         normal, shear = (s if s > 0.0 else np.inf for s in (c.normal_strength, c.shear_strength))
         over = (bonds.normal_stress > normal) | (bonds.shear_stress > shear)
@@ -166,19 +167,20 @@ def _set_lengths(run: RunState) -> None:
 
 def _set_bond_areas(run: RunState) -> None:
     """Constant area of all bonds of a berg: as the parameters say, or from the mean sides of the berg (equations 1.4, v)."""
-    body, b = run.elements.body, run.parameters.bonds
+    body, c = run.elements.body, run.constants
     unknown = body.bond_area == 0.0
     if not unknown.any():
         return
-    if not b.constant_size:
+    if not c.constant_size:
         body.bond_area[unknown] = body.length[unknown] * body.width[unknown]
-    elif b.constant_length > 0.0 and b.constant_width > 0.0:
-        body.bond_area[unknown] = b.constant_length * b.constant_width
+    elif c.constant_length > 0.0 and c.constant_width > 0.0:
+        body.bond_area[unknown] = c.constant_length * c.constant_width
     else:
         bonds = run.bonds
         part = connected_parts(run.elements.size, bonds.first, bonds.second, bonds.status)
         count = np.bincount(part)
-        length, width = (np.bincount(part, side) / count for side in (body.length, body.width))
+        sides = (body.length, body.width)
+        length, width = (np.bincount(part, side) / count if part.any() else side.mean(keepdims=True) for side in sides)
         area = length * width
         # What joins a berg takes the area that its elements have.
         area[part[~unknown]] = body.bond_area[~unknown]

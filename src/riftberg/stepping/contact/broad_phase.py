@@ -61,7 +61,7 @@ def contact_cells(p: Parameters, grid: Grid | None) -> CellSearch | None:
 
     As many columns as bring any corner of the grid ``contact.distance`` farther east, as many rows as it has in the south.
     """
-    if grid is None or not p.compatibility.contact_by_cells:
+    if grid is None or not p.quirks.contact_by_cells:
         return None
     g, distance = grid.arrays, p.contact.distance
     degree = math.radians(p.earth.radius) if g.latlon else 1.0

@@ -254,7 +254,7 @@ class MultipleStepper(Stateless):
         if c.contact_on_substeps:
             return NeighbourLists(none, none, none, np.zeros(0), np.zeros(0, np.int64))
         near_by = near.collisions(run.elements, sizes, c, self._cells)
-        one_group = run.parameters.compatibility.bergs_coupled
+        one_group = run.parameters.quirks.bergs_coupled
         group = np.zeros(0, np.int64) if one_group else contact_groups(run.elements, near_by, sizes.radius, c)
         return NeighbourLists(none, none, near_by, np.zeros(0), group)
 
@@ -265,7 +265,7 @@ class MultipleStepper(Stateless):
             # Number of sub-steps and nearness in one whole number: even away from the pole, odd near it. A batch near the pole
             # drifts on the tangent plane, element by element; the others shall not lose their vector instructions for it.
             key = 2 * key + _has_berg_north_of(run.elements, POLAR_LATITUDE)
-        together = bool((key == key[0]).all()) or run.parameters.compatibility.bergs_coupled
+        together = bool((key == key[0]).all()) or run.parameters.quirks.bergs_coupled
         # As long as no row comes or goes and the keys stay, so do the batches, with their workspaces and their lists.
         batch_key = run.population.version, b"" if together else key.tobytes()
         if self._batch_key == batch_key:
@@ -280,7 +280,7 @@ class MultipleStepper(Stateless):
 
     def _plan(self, run: RunState) -> StepPlan:
         p, first = run.parameters, run.step_number == 0
-        quirks = p.compatibility
+        quirks = p.quirks
         unbreakable = first and p.fracture.not_in_first_step
         inline = p.fracture.on_substeps and (not unbreakable or quirks.inline_break_in_first_step)
         after = not p.fracture.on_substeps and not unbreakable

@@ -148,7 +148,7 @@ class RungeKuttaStepper(SingleStepper):
             self._allocate(el.size)
         imposed = run.parameters.stepping.fixed_velocity
         # The reference imposes it at the end of a step, so that its first one still moves as forces have it.
-        if imposed is not None and not run.parameters.compatibility.imposed_velocity_late:
+        if imposed is not None and not run.parameters.quirks.imposed_velocity_late:
             impose_velocity(el, *imposed)
         begin_stages(el, self._stages)
         self._applied[:] = 0.0
@@ -156,7 +156,7 @@ class RungeKuttaStepper(SingleStepper):
             if stage > 0:
                 go_to_stage(el, self._stages, stage, AHEAD[stage], dt, c)
                 self._locate_stage(run, cells, pair_positions)
-            ahead = 0.0 if run.parameters.compatibility.forcing_lag else AHEAD[stage] * dt
+            ahead = 0.0 if run.parameters.quirks.forcing_lag else AHEAD[stage] * dt
             if isinstance(run.forcing, GriddedForcing):  # no other draws random numbers: one pair for all stages
                 run.forcing.sample(el, run.time + ahead, drawn_in=cells[:2])
             else:
@@ -169,7 +169,7 @@ class RungeKuttaStepper(SingleStepper):
         combine_stages(el, self._stages, dt, c)
         if imposed is not None:
             impose_velocity(el, *imposed)
-        if run.parameters.compatibility.elements_stopped_alone:
+        if run.parameters.quirks.elements_stopped_alone:
             self._locate_stage(run, cells, pair_positions)
         else:
             el.cell_i[:], el.cell_j[:], el.xi[:], el.eta[:] = cells

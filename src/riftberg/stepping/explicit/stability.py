@@ -102,7 +102,7 @@ def _dem_stiffness(
     width = 2.0 * (np.minimum(r1, r2) + reach * np.abs(r1 - r2))
     of_smaller, of_larger = np.where(r2 <= r1, (thickness[j], thickness[i]), (thickness[i], thickness[j]))
     height = of_smaller + reach * (of_larger - of_smaller)
-    if p.compatibility.bond_thickness_of_second:
+    if p.quirks.bond_thickness_of_second:
         height = np.maximum(thickness[i], thickness[j]) + reach * np.abs(thickness[i] - thickness[j])
     beam = p.bonds.youngs_modulus * height * width / rest
     shear = 0.0 * beam if p.bonds.no_shear else beam * (0.5 / (1.0 + p.bonds.poisson))
@@ -111,7 +111,7 @@ def _dem_stiffness(
 
 def _radii_when_formed(p: Parameters, rest: Floats, r1: Floats, r2: Floats) -> tuple[Floats, Floats]:
     """Radii (m) of both ends as the bond knows them; it keeps the shape with which it formed."""
-    formed = np.where(np.isnan(rest) | p.compatibility.rest_length_from_sizes, 1.0, rest / (r1 + r2))
+    formed = np.where(np.isnan(rest) | p.quirks.rest_length_from_sizes, 1.0, rest / (r1 + r2))
     return r1 * formed, r2 * formed
 
 
@@ -132,7 +132,7 @@ def _spring_stiffness(p: Parameters, rest: Floats) -> Floats:
 def _spring_damping(p: Parameters, stiffness: Floats) -> tuple[Floats, Floats]:
     """Radial and tangential damping (s-1) of spring bonds; 0 where it is quadratic and has no linear part (equations 5.2)."""
     c, one = p.contact, np.ones_like(stiffness)
-    if p.compatibility.damping_by_speed:
+    if p.quirks.damping_by_speed:
         return 0.0 * one, 0.0 * one
     if not c.critical_damping:
         return c.radial_damping * one, c.tangential_damping * one
@@ -227,8 +227,8 @@ def largest_eigenvalue(matrix: SubstepMatrix) -> float:
 
 def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> int:
     """Return the number of sub-steps in a long step: as given (and checked), or the smallest that is safe."""
-    fixed = p.stepping.substeps
-    if fixed is not None and (p.compatibility.zero_start or not p.stepping.explicit_substeps):
+    fixed: int | None = p.stepping.substeps
+    if fixed is not None and (p.quirks.zero_start or not p.stepping.explicit_substeps):
         return fixed
     dt, stable = p.stepping.time_step, critical_time_step(p, elements, bonds, sizes)
     wanted = dt / (p.stepping.safety * stable) if stable > 0.0 else math.inf
@@ -259,7 +259,7 @@ def check_long_step(run: RunState) -> None:
     p, dt = run.parameters, run.parameters.stepping.time_step
     scheme = p.stepping.scheme
     moves = not p.stepping.frozen and p.stepping.fixed_velocity is None
-    if p.compatibility.zero_start or scheme == "quasi_static" or not moves:
+    if p.quirks.zero_start or scheme == "quasi_static" or not moves:
         return
     if scheme in SINGLE_STEP and p.bonds.law != "none":
         longest = math.sqrt(SINGLE_STEP[scheme] / max(_spring_frequency(run), 1e-300))
@@ -339,7 +339,7 @@ def assign_substeps(run: RunState, chosen: NDArray[np.bool_]) -> None:
         elements.body.substeps[:] = 1
         return
     part = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
-    if p.compatibility.bergs_coupled or not part.any():
+    if p.quirks.bergs_coupled or not part.any():
         sizes = interaction_sizes(elements, run.constants)
         elements.body.substeps[:] = choose_substeps(p, elements, bonds, sizes)
         return
@@ -394,5 +394,5 @@ def _may_resonate(bonds: Bonds, p: Parameters) -> bool:
     """Whether outer kicks act on intact bonds; the reference's numerics are taken as they are."""
     s = p.stepping
     pushed = not (s.only_interactions or s.frozen or s.fixed_velocity)
-    explicit = s.scheme == "mts" and p.bonds.law == "dem" and not p.compatibility.zero_start
+    explicit = s.scheme == "mts" and p.bonds.law == "dem" and not p.quirks.zero_start
     return explicit and pushed and bool((bonds.status == 0).any())

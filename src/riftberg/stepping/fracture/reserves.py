@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from riftberg.config.quasi_static_groups import IceFracture
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.physics.crevasses import implied_crevasse_strength, prestress, reserve, reserves
 from riftberg.state import Floats, Ints
@@ -50,13 +51,14 @@ def berg_reserve(thickness: Floats, area: Floats, parameters: Parameters) -> Res
     """
     fracture, density = parameters.fracture, parameters.ice.density
     mean = prestress(float(np.average(thickness, weights=area)), density)
-    bears, tip = fracture.normal_strength, fracture.crevasse_strength
-    if tip is not None:
-        bears = reserve(tip, mean)
-    elif bears is not None and bears > 0.0:
-        tip = implied_crevasse_strength(bears, mean)
-    if not fracture.enabled or parameters.stepping.scheme != "quasi_static" or tip is None:
-        bears, tip = None, None
+    bears, tip = fracture.normal_strength, None
+    if isinstance(fracture, IceFracture) and fracture.enabled:
+        tip = fracture.crevasse_strength
+        if tip is not None:
+            bears = reserve(tip, mean)
+        elif bears is not None and bears > 0.0:
+            tip = implied_crevasse_strength(bears, mean)
+    bears = None if tip is None else bears
     return Reserve(mean, prestress(float(thickness.max()), density), bears, tip)
 
 

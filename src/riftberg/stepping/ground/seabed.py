@@ -12,9 +12,9 @@ import shapely
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
+from riftberg.config.quasi_static_groups import Seabed as SeabedParameters
 from riftberg.errors import InputError, RunError
 from riftberg.ocean.forcing import Forcing, land_at, sea_level
-from riftberg.parameters import Grounding
 from riftberg.physics.floating import draft_of
 from riftberg.physics.seabed import POISSON, UNBENT_MODULUS, bending_stress, friction_depth
 from riftberg.state import Floats, Ints
@@ -68,7 +68,7 @@ INSIDE: Final = 0.75
 """Share of ice around a load from which the ice cracks along the line of the load; elsewhere a piece of the edge breaks off."""
 
 
-def bed_of(g: Grounding) -> Bed:
+def bed_of(g: SeabedParameters) -> Bed:
     """Return the bed that the parameters describe."""
     values = {**SEDIMENTS[g.sediment]}
     for name in ("stiffness", "bearing_strength", "friction", "shear_strength"):
@@ -117,7 +117,8 @@ class Seabed:
 
     def __init__(self, model: RunState, footprints: FootprintBook) -> None:
         p, lon = model.parameters, model.elements.lon
-        self.bed = bed_of(p.grounding)
+        grounding: Any = p.grounding  # that of the engine which has a bed
+        self.bed = bed_of(grounding)
         self.depth = depth_of_bed(
             model.forcing, float(lon[0]) if lon.size else 0.0, 0.0 if p.earth.latlon else p.earth.period
         )

@@ -287,7 +287,7 @@ class FootprintBook:
     def __init__(self, model: RunState) -> None:
         self._footprints: Footprints | None = None
         # Without contact, a bed of sediment and bonds nothing asks for them.
-        asked = model.constants.interactions or model.parameters.grounding_law == "seabed" or model.bonds.first.size
+        asked = model.constants.interactions or model.parameters.grounding.law == "seabed" or model.bonds.first.size
         if model.step_number == 0 and asked:
             self.follow(model)
 

@@ -96,9 +96,8 @@ class TimeStep:
 
     def run(self) -> None:
         """Advance to the end of the time step."""
-        fracture, first_step = self.model.parameters.fracture, self.model.step_number == 0
-        may_break = fracture.enabled and not (first_step and fracture.not_in_first_step)
-        if may_break and first_step:
+        may_break = self.model.parameters.fracture.enabled
+        if may_break and self.model.step_number == 0:
             self._propagate_crack()
         self._max_dt = longest_trial_step(self.state.operators.forcing, self.dt)
         end, next_dt = self.start + self.dt, math.inf

@@ -66,7 +66,7 @@ class QuasiStaticStepper:
             self._tips = tips_of_rifts(model.elements, model.bonds, model.constants)
         self._footprints = FootprintBook(model)
         self._faces = FaceContact(model, self._footprints)
-        aground = model.parameters.grounding_law == "seabed"
+        aground = model.parameters.grounding.law == "seabed"
         self._seabed = Seabed(model, self._footprints) if aground else None
         self._sides = FragmentSides(self._footprints)
         self._laws = LawsWithMemory(self._seabed, self._faces, self._sides)
