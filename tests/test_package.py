@@ -244,7 +244,11 @@ def test_paper_has_its_sections_and_its_citations() -> None:
             "constant forcing, whole (`a68_oras5`) | 1.75 | 0.149 | 12 |",
         ),
         ("8.6, 15.8 and 20.3 km", "docs/explanation/skill.md", "| Riftberg | 8.6 / 15.8 / 20.3 | |"),
-        ("10.1 | 18.7 | 23.3", "docs/explanation/skill.md", "10.1 / 18.7 / 23.3 | -1.5 (-3.1..-0.3), -2.9 (-5.7..-0.3)"),
+        (
+            "10.1 | 18.7 | 23.3",
+            "docs/explanation/skill.md",
+            "10.1 / 18.7 / 23.3 | -1.5 (-3.1..-0.3), -2.9 (-5.7..-0.3)",
+        ),
         ("53.4 km off", "docs/explanation/skill.md", "| Riftberg | 23.1 / 38.6 / 53.4"),
         ("thins by 17 m", "docs/evidence/melt.md", "(`a68a-melt`) | 69 | 60 | 9.3 | 0.02 | 16.7 |"),
         ("up to 22 m", "docs/howto/melting-a68a.md", "21.6 m in three"),
