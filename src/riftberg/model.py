@@ -145,7 +145,7 @@ class BareModel(RunState):
         )
         sized = _with_constant_size(packed, there, bonds)
         self._begin(Population(there, bonds), forcing, sized, began, bergs=named, outlines=berg.outlines, laws=laws)
-        self.remembered = later
+        self.remembered.update(later)
         # Runs with the reference's quirks must run as they stand, and bergs that do not act on each other may overlap.
         if not asked.quirks.zero_start and asked.stepping.interactions:
             earth = asked.earth

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from riftberg.bergs.bonding import Metric, separations
 from riftberg.config.units import count_text, minute_text
 from riftberg.errors import InputError
 from riftberg.state import ELEMENT_VARIABLES, Elements, Floats, new_elements
-
-if TYPE_CHECKING:
-    from riftberg.model import BareModel
 
 COMING: Final = "coming_bergs"
 """Name among what a run remembers."""
@@ -60,7 +57,7 @@ def coming(remembered: Mapping[str, Floats]) -> tuple[Floats, Elements]:
     return rows[:, 0], elements
 
 
-def bear(model: BareModel) -> None:
+def bear(model: Any) -> None:
     """Add the bergs whose time has come; where bergs act on each other, one waits until its place is free."""
     if COMING not in model.remembered:
         return
@@ -77,7 +74,7 @@ def bear(model: BareModel) -> None:
         model.remembered = {**rest, COMING: left} if len(left) else rest
 
 
-def _with_room(model: BareModel, elements: Elements, due: np.ndarray) -> np.ndarray:
+def _with_room(model: Any, elements: Elements, due: np.ndarray) -> np.ndarray:
     """Return which of them find their place free."""
     earth, el = model.parameters.earth, model.elements
     metric = Metric(earth.latlon, earth.radius, earth.period)

@@ -403,8 +403,8 @@ class DatasetForcing(DescribedForcing):
             u, v = (_values(self._balance, name, places, time, draft, unknown=0.0) for name in ("uo", "vo"))
             if self._slow_wind is not None:
                 where = self._slow_wind.mesh.locate(elements.lon, elements.lat)
-                wind = (_values(self._slow_wind, name, where, time, unknown=0.0) for name in ("ua", "va"))
-                east, north = wind_drift(elements.lat, *wind, self._wind_layer)
+                ua, va = (_values(self._slow_wind, name, where, time, unknown=0.0) for name in ("ua", "va"))
+                east, north = wind_drift(elements.lat, ua, va, self._wind_layer)
                 u, v = u - east, v - north
             elements.slope_x[:], elements.slope_y[:] = balancing_slope(elements.lat, u, v)
 

@@ -303,7 +303,7 @@ def outline_quadratic(forcing: ElementForcing, e: int) -> float:
     length, points = 0.0, forcing.sides[e]
     for i in range(points.shape[0]):
         length += points[i, SIDE_LENGTH]
-    return 0.5 * forcing.side_drag[e] * length / forcing.mass[e]
+    return float(0.5 * forcing.side_drag[e] * length / forcing.mass[e])
 
 
 @kernel
