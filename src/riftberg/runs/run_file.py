@@ -388,7 +388,8 @@ class RunWriter:
         events: tuple[Sequence[Any], ...] = (
             model.fragments.rows, model.contacts.rows, model.groundings.rows, model.rift_tips,
         )  # fmt: skip
-        file["rift_tip_crack"][:] = 0  # tips that stand no more keep their rows
+        if written := file.dimensions["rift_tip"].size:
+            file["rift_tip_crack"][:written] = 0  # tips that stand no more keep their rows
         for (kind, variables), rows in zip(TABLES, events, strict=True):
             for v in variables if rows else ():
                 values = [getattr(row, v.name) for row in rows]
