@@ -118,6 +118,8 @@ class BareModel(RunState):
         What recorders must know again to go on exactly; it is saved with the state.
     """
 
+    remembered: dict[str, Floats]
+
     def __init__(
         self,
         berg: Iceberg,
@@ -185,7 +187,7 @@ class BareModel(RunState):
         self._own: Floats | None = None  # Accelerations by each of several own forces, (elements, forces, 2)
         self.after_step: list[Process] = []
         self.departed: tuple[Elements, Bonds] | None = None
-        self.remembered: dict[str, Floats] = {}
+        self.remembered = {}
         self._saved: Saved | None = None  # the state before the last step
         self._visited = step_number > 0
         check_state(self.elements, self.bonds, self.parameters.earth.latlon)
