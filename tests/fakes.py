@@ -62,6 +62,7 @@ class FakeModel:
     motion: Any = None
     contacts = ContactLog()  # nothing touches
     groundings = GroundingLog()
+    rift_tips: tuple[()] = ()
     laws = Laws()
     sea_level_notice = ""
 

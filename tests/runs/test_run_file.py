@@ -37,7 +37,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[FakeModel, Path]:
 def test_opens_in_xarray_without_options(run: tuple[FakeModel, Path]) -> None:
     model, path = run
     with xr.open_dataset(path) as ds:
-        assert dict(ds.sizes) == {"trajectory": 24, "time": 17, "bond": 37, "fragment": 2, "contact": 0, "grounding": 0}
+        tables = {"fragment": 2, "contact": 0, "grounding": 0, "rift_tip": 0}
+        assert dict(ds.sizes) == {"trajectory": 24, "time": 17, "bond": 37, **tables}
         assert set(ds.coords) == {"trajectory", "time", "lon", "lat"}
         assert ds.time.values[0] == np.datetime64("2020-12-09T13:00:00")
         assert ds.time.values[-1] == np.datetime64("2020-12-11T13:00:00")
