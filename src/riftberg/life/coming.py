@@ -84,7 +84,7 @@ def _with_room(model: Any, elements: Elements, due: np.ndarray) -> np.ndarray:
     for n in range(el.size, reach.size):
         apart = np.hypot(*separations(metric, lon[stands], lat[stands], lon[n], lat[n]))
         stands[n] = bool((apart > reach[stands] + reach[n]).all())
-    return due[stands[el.size :]]
+    return np.asarray(due[stands[el.size :]])
 
 
 def coming_text(remembered: Mapping[str, Floats], start: datetime) -> str:
