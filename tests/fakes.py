@@ -170,7 +170,7 @@ class FakeModel:
         """Refuse nothing."""
         return 1
 
-    def advance(self, days: float | None = None, *, steps: int = 0, recorders: Any = ()) -> None:
+    def advance(self, days: float | None = None, *, steps: int = 0, recorders: Any = (), step: Any = None) -> None:
         """Run as the real model does."""
         end = self.time + (steps * self.parameters.stepping.time_step if days is None else days * 86_400.0)
         started = []
@@ -180,7 +180,7 @@ class FakeModel:
                 started.append(recorder)
             with held() as hold:
                 while self.time < end - 1e-6 and not hold.requested:
-                    self.step()
+                    (step or self.step)()
                     for recorder in recorders:
                         recorder.record(self)
         finally:

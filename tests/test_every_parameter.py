@@ -383,9 +383,7 @@ TRIALS: Final[dict[str, Trial]] = {
     "compatibility.rest_length_from_sizes": _quirk(with_(MELT, stepping={"time_step": 3600.0})),
     "compatibility.bergs_coupled": _quirk(),
     "compatibility.plain_kid_branch": _quirk(VERLET),
-    "melt.bits_melt_at_zero_rates": _quirk(
-        with_(MELT, melt={"bits_fraction": 0.5}, compatibility={"zero_rates": True})
-    ),
+    "melt.bits_melt_at_zero_rates": _quirk(with_(MELT, melt={"bits_fraction": 0.5, "zero_rates": True})),
     "melt.plain_basal_search": _quirk(with_(SHELF, melt={"const_gamma": False})),
     "melt.scaled_laminar_layer": _quirk(with_(SHELF, melt={"base": "two_equation"})),
     "rolling.rolls_on": _quirk(with_(ROLLS, ice={"density": 700.0}), more={"thickness": 500.0, "width": 505.0}),

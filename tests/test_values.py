@@ -337,7 +337,7 @@ def test_a_length_of_time_is_one_wherever_seconds_are(step: Any) -> None:
     assert Parameters(stepping={"time_step": step}).stepping.time_step == 600.0
     assert Forcing.tide(0.1, period=step).period == 600.0
     with pytest.raises(InputError, match="this is measured in m"):
-        Parameters(contact={"distance": step})
+        Parameters(earth={"radius": step})
 
 
 @pytest.mark.parametrize(("given", "held"), [("no", False), ("false", False), (np.False_, False), ("yes", True)])

@@ -381,10 +381,14 @@ def test_strengths_that_were_exceeded_are_told_where_it_was_not_tension_alone() 
 def test_the_line_of_a_crack_is_told_by_length_and_direction() -> None:
     """A berg pulled apart along its length cracks across: 9 km wide, from north to south."""
     berg = Iceberg.rectangle("30 km", "9 km", thickness="200 m", placement=(-38.0, -56.0))
-    force = np.sign(berg.elements.lon + 38.0)
-    berg.elements.load_x[:] = 4e9 * force / np.abs(force).sum()
     p = Parameters(fracture={"normal_strength": 1e3}, stepping={"only_interactions": True})
-    run = Model(berg, Steady(), p, start="2020-12-09").run(days=2 / 24, every_hours=0.5)
+    model, force = Model(berg, Steady(), p, start="2020-12-09"), np.sign(berg.elements.lon + 38.0)
+
+    def pull(model: Model) -> None:
+        model.elements.load_x[:] = 4e9 * force / np.abs(force).sum()
+
+    model.after_step.append(pull)
+    run = model.run(days=2 / 24, every_hours=0.5)
     (breakup, *_) = why.explain(run).breakups
     assert breakup.crack_km == pytest.approx(9.0, rel=0.01)
     assert breakup.crack_towards is not None

@@ -55,7 +55,7 @@ def test_outside_of_the_stored_box_nothing_is_known(tmp_path: Path) -> None:
 def test_the_main_group_stays_a_plain_trajectory_file(tmp_path: Path) -> None:
     path = finished(tmp_path, Turning())
     with xr.open_dataset(path) as ds:
-        assert set(ds.sizes) == {"trajectory", "time", "bond", "fragment", "contact", "grounding"}
+        assert set(ds.sizes) == {"trajectory", "time", "bond", "fragment", "contact", "grounding", "rift_tip"}
     assert path.stat().st_size < 400_000
     assert not list(tmp_path.glob(".*.part"))
 

@@ -187,7 +187,7 @@ def test_a_long_step_changes_only_what_is_said_to_change(scheme: str) -> None:
         else {"bonds": {"law": "spring", "spring": 1e-8}, "fracture": {"enabled": False}}
     )
     weak = {"fracture": {"enabled": True, "normal_strength": 5.0}}
-    model = square_berg(12, lambda p: p.changed(stepping={"scheme": scheme}, **{**weak, **law}))
+    model = square_berg(12, lambda p: p.adapted(stepping={"scheme": scheme}, **{**weak, **law})[0])
     model.advance(steps=1)
     before = model.population.saved()
     for _ in range(4):

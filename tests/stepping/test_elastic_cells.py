@@ -362,7 +362,7 @@ def test_criteria_of_the_ice_are_refused_where_stress_is_that_of_bonds() -> None
     for criterion in ("ice", "toughness"):
         fracture = {"criterion": criterion, "toughness": 1e5}
         assert Parameters(fracture=fracture).fracture.criterion == criterion
-        with pytest.raises(InputError, match=rf"fracture\.criterion = '{criterion}' .*leave it out"):
+        with pytest.raises(InputError, match=r"fracture\.criterion: it is of quasi_static: leave it out"):
             Parameters(fracture=fracture, stepping={"scheme": "mts"})
     for toughness in (0.0, -1.0):
         with pytest.raises(InputError, match="toughness"):

@@ -175,15 +175,6 @@ def test_a_front_in_steps_is_dragged_as_the_line_that_it_stands_for() -> None:
     np.testing.assert_allclose(got[:2], want[:2], rtol=0.06)
 
 
-def test_laws_by_element_keep_theirs() -> None:
-    """Those of the reference, in either scheme: on the sides that no bond covers, as they are counted."""
-    berg = Iceberg.rectangle(8e3, 4e3, thickness=THICKNESS, radius=500.0, latlon=False)
-    got = drag_on(adrift(berg, (0.2, 0.0), 0.0, compatibility={"forces_by_element": True}))
-    # Each open side of a cell of 1 km is one of four, and stands for a quarter of its width.
-    want = 0.5 * 1025.0 * COEFFICIENT * DRAFT * (2 * (8 + 4) / 4.0) * 1e3 * 0.04
-    np.testing.assert_allclose(got[:2], (-want, 0.0), rtol=1e-3, atol=1.0)
-
-
 def test_a_small_bonded_berg_takes_long_steps() -> None:
     """Two cells of 15 m in a current: its sides bring it to the water within minutes, and it is never flung past it."""
     for dt in (60.0, 1800.0):

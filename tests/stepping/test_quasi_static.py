@@ -303,7 +303,7 @@ def test_a_spin_that_is_round_off_does_not_keep_the_velocities_from_settling() -
 @pytest.mark.parametrize("guess", [1e-4, 1e-2, 0.3, 10.0])
 def test_newtons_method_ends_where_another_pass_would_bring_nothing(guess) -> None:
     """It ends without the pass that the last two say would change the velocities by less than 1e-11 of them."""
-    model = square_berg(30, lambda p: p.changed(stepping={"scheme": "quasi_static"}))
+    model = square_berg(30, lambda p: p.adapted(stepping={"scheme": "quasi_static"})[0])
     model.forcing = Forcing.uniform(current=(0.2, -0.1), wind=(9.0, 4.0))
     model.advance(steps=2)
     now = model._stepper._state  # type: ignore[attr-defined]
@@ -318,7 +318,7 @@ def test_newtons_method_ends_where_another_pass_would_bring_nothing(guess) -> No
 
 
 def test_a_large_berg_that_does_not_turn_is_stepped() -> None:
-    model = square_berg(2500, lambda p: p.changed(stepping={"scheme": "quasi_static"}))
+    model = square_berg(2500, lambda p: p.adapted(stepping={"scheme": "quasi_static"})[0])
     model.advance(steps=2)
     assert model.elements.u.min() > 0.0
     assert np.ptp(model.elements.u) < 1e-9
@@ -330,7 +330,7 @@ def test_a_step_that_was_taken_back_is_taken_again_as_if_it_had_not_failed(where
     """It was lost: bodies and what was known of the lattice stayed those of the failed step."""
     weak = {"enabled": True, "normal_strength": 40.0}
     smooth, rough = (
-        square_berg(30, lambda p: p.changed(stepping={"scheme": "quasi_static"}, fracture=weak)) for _ in range(2)
+        square_berg(30, lambda p: p.adapted(stepping={"scheme": "quasi_static"}, fracture=weak)[0]) for _ in range(2)
     )
     smooth.advance(steps=6)
     rough.advance(steps=3)

@@ -478,7 +478,7 @@ class Scene:
         run = self.run
         if "rift_tip_crack" not in run:
             return []
-        places = {"lon": "lon" if self.latlon else "x", "lat": "lat" if self.latlon else "y"}
+        places = {} if "rift_tip_lon" in run else {"lon": "x", "lat": "y"}
         columns = [run[f"rift_tip_{places.get(name, name)}"].values.tolist() for name in RiftTip.__dataclass_fields__]
         return [RiftTip(int(crack), *values) for crack, *values in zip(*columns, strict=True) if crack > 0]
 
