@@ -126,7 +126,7 @@ class Seabed:
         self.familiar: Ints | None = None  # Identifiers of the elements that were there in the last step; None at first
         # Work of friction since the start, J; least clearance of a keel, m.
         self.rubbed, self.clearance = np.zeros(1), np.full(1, np.inf)
-        self._footprints = footprints
+        self._footprints, self._divided = footprints, footprints.divided
         self._looked: tuple[Any, ...] = (None,) * 3
         self._looked_for = (math.nan, math.nan)
         self._found: tuple[NDArray[np.bool_], Floats, Shoal]
@@ -168,6 +168,9 @@ class Seabed:
         ``further``: factor of the way for which the floor is watched.
         """
         el, c, looked = model.elements, model.constants, (bodies.pose, bodies.twist, model.elements.keel)
+        if self._divided != self._footprints.divided:  # the same elements have other pads
+            self._divided = self._footprints.divided
+            self._shoals, self._looked_for = [], (math.nan, math.nan)
         # The stepper asks before it parts the bergs, then the trial step.
         if (h, further) == self._looked_for and all(map(operator.is_, looked, self._looked)):
             return self._found

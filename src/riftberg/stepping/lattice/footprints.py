@@ -282,21 +282,28 @@ def body_footprint(
 
 
 class FootprintBook:
-    """The footprints of a run, which grow with its elements: one for all laws that need them."""
+    """The footprints of a run, which grow with its elements: one for all laws that need them.
+
+    ``divided``: how often cracks have divided them. What is made of the footprints of known elements holds as long as it stays.
+    """
 
     def __init__(self, model: RunState) -> None:
         self._footprints: Footprints | None = None
+        self.divided = 0
+        if model.step_number == 0:
+            self.begin_step(model)
+
+    def begin_step(self, model: RunState) -> None:
+        """Bring them up to date: all of a time step sees the same, whoever asks first, and a resumed run those of the other."""
         # Without contact, a bed of sediment and bonds nothing asks for them.
-        asked = model.constants.interactions or model.parameters.grounding.law == "seabed" or model.bonds.first.size
-        if model.step_number == 0 and asked:
+        if model.constants.interactions or model.parameters.grounding.law == "seabed" or model.bonds.first.size:
             self.follow(model)
 
     def follow(self, model: RunState) -> Footprints:
-        """Make the footprints of elements that are new."""
-        self._footprints = divided_by_cracks(
-            with_new_footprints(self._footprints, model.elements, model.bonds, model.outlines, model.constants),
-            model.elements, model.bonds,
-        )  # fmt: skip
+        """Make the footprints of elements that are new, and divide them by cracks."""
+        whole = with_new_footprints(self._footprints, model.elements, model.bonds, model.outlines, model.constants)
+        self._footprints = divided_by_cracks(whole, model.elements, model.bonds)
+        self.divided += self._footprints is not whole
         return self._footprints
 
     def state_dict(self) -> dict[str, Any]:
@@ -309,3 +316,4 @@ class FootprintBook:
         arrays = [np.array(saved[name]) for name in FOOTPRINT_NAMES if name in saved]
         if len(arrays) >= len(FOOTPRINT_NAMES) - 1:
             self._footprints = Footprints._make([*arrays, NO_BONDS][: len(FOOTPRINT_NAMES)])
+            self.divided += 1

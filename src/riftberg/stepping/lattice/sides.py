@@ -41,6 +41,7 @@ class FragmentSides:
         self._footprints = footprints
         self._fragments: dict[bytes, tuple[Ints, Floats]] = {}
         self._latest: dict[tuple[bytes, ...], Floats] = {}  # of the groups that a population is stepped in
+        self._divided = footprints.divided
 
     def find(self, model: RunState, body: Ints, xy: Floats) -> Floats:
         """Return the points of all elements as `riftberg.stepping.bodies.dynamics.ElementForcing` has them.
@@ -48,6 +49,10 @@ class FragmentSides:
         ``body``: fragment of each element; ``xy``: where they stand in it without load, m.
         """
         el = model.elements
+        if self._divided != self._footprints.divided:  # a piece has the elements that it had, and another outline
+            self._divided = self._footprints.divided
+            self._fragments.clear()
+            self._latest.clear()
         key = el.body.id.tobytes(), body.tobytes(), xy.tobytes()
         if key not in self._latest:
             if len(self._latest) == MOST_GROUPS:

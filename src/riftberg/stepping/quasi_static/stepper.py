@@ -143,6 +143,7 @@ class QuasiStaticStepper:
         self._last_start = (
             model.time, self._bodies, self._snapshot, self._cells, self._tips, self._laws.checkpoint()
         )  # fmt: skip
+        self._footprints.begin_step(model)
         if self._seabed is not None and self._snapshot is not None:
             self._seabed.familiar = self._snapshot.id
         unknown = self._sync(model)
