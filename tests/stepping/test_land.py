@@ -70,12 +70,15 @@ def parameters(scheme: str, spring: float | None = None, **groups: Any) -> Param
 def test_a_berg_is_not_thrown_by_the_bed_of_dry_land_beside_deep_water(bend: float, steps: int) -> None:
     """Bug: a plane through a pad between land of no known depth and 10 km of water stood kilometres inside the keel."""
     model = Model(BERGS["one bonded berg"](), coast(bend=bend), parameters("quasi_static", grounding={}))
-    fastest = 0.0
+    fastest, energy = 0.0, _energy(model)
     for _ in range(steps):
         model.advance(steps=1)
+        assert _energy(model) < energy
         fastest = max(fastest, float(np.hypot(model.elements.u, model.elements.v).max()))
     assert model.elements.keel.floor_load.sum() > 0.0  # it lies on the land, with a corner
-    assert fastest < 1.5 * CURRENT
+    # With all its energy in drift and spin, v^2 + k^2 w^2 = u^2, the corner would go at u (1 + r^2 / k^2)^(1/2) = 1.6 u as the
+    # berg pivots; the water pushes on meanwhile. It was 1.61 u with the integral over the outline, 1.50 u without sides.
+    assert fastest < 1.75 * CURRENT
     assert _in_water(model)
 
 
@@ -109,8 +112,8 @@ def test_bergs_that_a_coast_stops_are_not_thrown(name: str, scheme: str, spring:
     # In `mts` a berg that is pressed against one that is held swings on the spring between them, and sends elastic waves through
     # it: rho c times the speed, over the vibrations of a berg in open water.
     wave = WAVE * swing if scheme == "mts" else 0.0
-    # Faces that meet again do so at a twentieth of the speed of the current.
-    again = 0.05 * largest if scheme == "quasi_static" else 0.0
+    # Faces that part and meet again within a step do so more slowly than at first: 109 Pa in the last step, of 1093 Pa.
+    again = 0.15 * largest if scheme == "quasi_static" else 0.0
     assert model.bonds.peak_stress.max(initial=0.0) < max(
         100.0, 1.3 * free.bonds.peak_stress.max(initial=0.0) + wave, again
     )

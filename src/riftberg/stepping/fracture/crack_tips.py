@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,9 @@ from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 from riftberg.stepping.fracture.stress_intensity import TipRing, tip_ring
-from riftberg.stepping.lattice.cell_stiffness import CellStiffness
+
+if TYPE_CHECKING:  # the lattice loads scipy.spatial, half a second that runs by explicit schemes do not wait for
+    from riftberg.stepping.lattice.cell_stiffness import CellStiffness
 
 REACH = 2.5
 """A bond that fails within this distance of a tip (in distances of elements) is the tip's: it goes on, and no crack starts."""

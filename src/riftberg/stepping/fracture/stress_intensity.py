@@ -15,14 +15,15 @@ So K is linear in displacements and loads, by weights that stay the same until a
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from riftberg.physics.crack_tip import crack_tip_fields
 from riftberg.state import Floats, Ints
-from riftberg.stepping.lattice.cell_stiffness import LaidTriangles
-from riftberg.stepping.lattice.triangles import plane_stress
+
+if TYPE_CHECKING:
+    from riftberg.stepping.lattice.cell_stiffness import LaidTriangles
 
 NONE = np.zeros(0, np.int64)
 
@@ -58,6 +59,8 @@ def tip_ring(
     tip, m; ``direction``: unit vector in which the crack ends; ``radius``: m; ``elastic``: modulus (Pa) and Poisson's ratio;
     ``reliable``, ``beside``: see `TipRing`.
     """
+    from riftberg.stepping.lattice.triangles import plane_stress  # with scipy.spatial, half a second
+
     youngs, poisson = elastic
     axes = np.array([direction, [-direction[1], direction[0]]])
     vertex = (ice.vertex - place) @ axes.T
