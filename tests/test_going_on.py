@@ -147,7 +147,7 @@ def test_a_lost_run_goes_on_without_a_gap(tmp_path: Path, wholes: dict[str, Path
     with xr.open_dataset(wholes[name] / "run.nc") as run:
         steps = (run.fragment_birth_time.values[1:] - run.time.values[0]) / np.timedelta64(30, "m")
         # Later ones are of ice that pieces crush where they touch.
-        assert np.floor(steps).tolist()[:2] == ([] if name == "melts" else [25, 33])
+        assert np.floor(steps).tolist()[:2] == ([] if name == "melts" else [25, 32])
 
 
 @pytest.mark.quick(1)

@@ -15,6 +15,7 @@ import pytest
 
 from riftberg import Iceberg, Model, Parameters
 from riftberg.diagnostics.summary import fragment_areas
+from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, PUBLISHED_DRAG
@@ -395,14 +396,10 @@ def test_means_of_what_breaks_in_a_converging_current_hang_on_neither_step_nor_m
     assert abs(np.mean(found) - bonds) <= 5.0
 
 
-def test_springs_of_contact_change_nothing_in_the_default_scheme() -> None:
+def test_springs_of_contact_are_refused_in_the_default_scheme() -> None:
     """Bug: a spring that was given made contact of springs, without a word; beside the law of crushing it did nothing."""
-    plain = meeting((0.3, 0.0), 5.0, 600.0)
-    given = meeting((0.3, 0.0), 5.0, 600.0, spring=1e-7, distance=4000.0)
-    for model in (plain, given):
-        model.advance(steps=1)
-    assert speeds(given) == speeds(plain)
-    assert [text for text in given.notices if "contact.spring = 1e-07 has no effect" in text]
+    with pytest.raises(InputError, match=r"contact\.spring: it is of the explicit schemes: leave it out"):
+        meeting((0.3, 0.0), 5.0, 600.0, spring=1e-7, distance=4000.0)
     preset = Model(Iceberg.rectangle(6e3, 6e3, thickness=200.0), Steady(), A68A_2022)
     assert not [text for text in preset.notices if "no effect" in text]
 
