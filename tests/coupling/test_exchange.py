@@ -126,7 +126,8 @@ def test_a_berg_leaves_an_open_edge_whole_is_counted_and_handed_over() -> None:
     assert here.model.elements.size == elements - gone.size
     balance = here.balance()
     assert balance.left == pytest.approx(ice[0] - here.stocks()[0], rel=1e-3)
-    assert balance.left == pytest.approx(large.elements.mass.sum(), rel=1e-3)
+    melted = large.elements.mass.sum() - balance.left  # on the way to the edge, within a day
+    assert 0.0 < melted < 2e-3 * large.elements.mass.sum()
     assert balance.heat_left == pytest.approx(-LATENT_HEAT * balance.left, rel=1e-12)
     assert abs(balance.error) < 1e-12
     assert abs(balance.heat_error) < 1e-12

@@ -108,8 +108,8 @@ def test_pieces_part_where_they_stand(scheme: str) -> None:
         speed = np.hypot(e.u_sync, e.v_sync)
         way = 111.07e3 * np.hypot((e.lon - at[0]) * math.cos(math.radians(55.0)), e.lat - at[1])
         assert way.max() < 0.3 * dt
-        # The tip pivots about where it stands, its far end no faster than the berg: 20 km away that makes a degree.
-        assert np.abs(e.rotation - turned).max() < math.radians(1.5)
+        # The tip pivots about where it stands, its far end no faster than the berg: 16 to 20 km away that makes 1.5 to 2 degrees.
+        assert np.abs(e.rotation - turned).max() < math.radians(2.0)
         assert speed.max() < 0.3
         at, turned = (e.lon.copy(), e.lat.copy()), e.rotation.copy()
         model.step()

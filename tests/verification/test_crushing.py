@@ -374,8 +374,11 @@ def broken_in_converging_current(strength: str, dt: float, modulus: float, aside
 @pytest.mark.compiled
 @pytest.mark.parametrize(("dt", "modulus"), [(10800.0, 5e6), (1800.0, 9e9)])
 def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(dt: float, modulus: float) -> None:
-    """At 700 Pa, half the largest stress of the impacts, 37 of 201 bonds break: 36 to 39 in 32 starts, steps and moduli."""
-    assert abs(broken_in_converging_current("700 Pa", dt, modulus) - 37) <= 3
+    """At 700 Pa, half the largest stress of the impacts, 18 of 201 bonds break: 17 to 19 in six starts, steps and moduli.
+
+    With teeth of the lattice along the cracks, which interlocked as pieces slid, they were 37.
+    """
+    assert abs(broken_in_converging_current("700 Pa", dt, modulus) - 18) <= 3
 
 
 @pytest.mark.slow
