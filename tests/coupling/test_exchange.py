@@ -125,9 +125,9 @@ def test_a_berg_leaves_an_open_edge_whole_is_counted_and_handed_over() -> None:
     assert gone.place.lon.min() < -40.0 < gone.place.lon.max()
     assert here.model.elements.size == elements - gone.size
     balance = here.balance()
-    assert balance.left == pytest.approx(ice[0] - here.stocks()[0], rel=1e-3)
-    melted = large.elements.mass.sum() - balance.left  # on the way to the edge, within a day
-    assert 0.0 < melted < 2e-3 * large.elements.mass.sum()
+    # Both bergs melt on the way to the edge, within a day.
+    for ice_before in (ice[0] - here.stocks()[0], large.elements.mass.sum()):
+        assert 0.0 < ice_before - balance.left < 2e-3 * balance.left
     assert balance.heat_left == pytest.approx(-LATENT_HEAT * balance.left, rel=1e-12)
     assert abs(balance.error) < 1e-12
     assert abs(balance.heat_error) < 1e-12
