@@ -140,7 +140,7 @@ class BondFracture(Fracture):
     }
 
     normal_strength: float = quantity(
-        18e3, "Pa", "largest tensile stress a bond bears; none where crevasse_strength is given", "paper; equations 10.5",
+        18e3, "Pa", "largest tensile stress a bond bears", "paper; equations 10.5",
         usual=Usual(1e3, 2e6, "18 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories (Petrovic 2003)"), trial=1e6,
     )  # fmt: skip
     on_substeps: bool = quantity(

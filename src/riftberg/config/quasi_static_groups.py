@@ -164,10 +164,6 @@ Criterion = Annotated[Literal["ice", "toughness"], BeforeValidator(_no_stress_of
 class IceFracture(Fracture):
     """When the ice breaks along a bond."""
 
-    normal_strength: float | None = quantity(
-        18e3, "Pa", "largest tensile stress a bond bears; none where crevasse_strength is given", "paper; equations 10.5",
-        usual=Usual(1e3, 2e6, "18 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories (Petrovic 2003)"), trial=1e6,
-    )  # fmt: skip
     crevasse_strength: float | None = quantity(
         None, "Pa",
         "tension at the tips of crevasses at which they go on; with it a bond in quasi_static bears the reserve that its "

@@ -85,8 +85,7 @@ class FaceContact:
         self._law = CrushingLaw(p.crushing_strength, p.crushing_depth, p.unloading_ratio, p.friction)
         self._footprints = footprints
         self._polygons: _Polygons | None = None
-        self._key: list[bytes] = []
-        self._divided = footprints.divided
+        self._key: tuple[object, ...] = ()
         self._reach: tuple[Footprints | None, Floats] = (None, np.zeros(0))  # of the footprints as they were made, m
         self.pairs = NO_FACE_PAIRS
 
@@ -195,9 +194,10 @@ class FaceContact:
     def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
         """Footprints about the centres of their elements, found anew where elements or fragments have changed."""
         el, c, body = model.elements, model.constants, model.elements.body
-        key = [a.tobytes() for a in (bodies.body, bodies.reference, body.id, body.length, body.width)]
-        if self._polygons is None or key != self._key or self._divided != self._footprints.divided:
-            self._key, self._divided = key, self._footprints.divided
+        arrays = bodies.body, bodies.reference, body.id, body.length, body.width
+        key = (self._footprints.divided, *(a.tobytes() for a in arrays))
+        if self._polygons is None or key != self._key:
+            self._key = key
             xy = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius)
             found = body_footprint(self._footprints.follow(model), el, np.arange(el.size), xy, bodies.body)
             size, order = np.diff(found.start), np.argsort(found.owner, kind="stable")

@@ -39,9 +39,10 @@ class FragmentSides:
 
     def __init__(self, footprints: FootprintBook) -> None:
         self._footprints = footprints
-        self._fragments: dict[bytes, tuple[Ints, Floats]] = {}
-        self._latest: dict[tuple[bytes, ...], Floats] = {}  # of the groups that a population is stepped in
-        self._divided = footprints.divided
+        self._fragments: dict[tuple[int, bytes, bytes], tuple[Ints, Floats]] = {}
+        self._latest: dict[
+            tuple[int, bytes, bytes, bytes], Floats
+        ] = {}  # of the groups that a population is stepped in
 
     def find(self, model: RunState, body: Ints, xy: Floats) -> Floats:
         """Return the points of all elements as `riftberg.stepping.bodies.dynamics.ElementForcing` has them.
@@ -49,11 +50,8 @@ class FragmentSides:
         ``body``: fragment of each element; ``xy``: where they stand in it without load, m.
         """
         el = model.elements
-        if self._divided != self._footprints.divided:  # a piece has the elements that it had, and another outline
-            self._divided = self._footprints.divided
-            self._fragments.clear()
-            self._latest.clear()
-        key = el.body.id.tobytes(), body.tobytes(), xy.tobytes()
+        # A piece that a crack has divided has the elements that it had, and another outline.
+        key = self._footprints.divided, el.body.id.tobytes(), body.tobytes(), xy.tobytes()
         if key not in self._latest:
             if len(self._latest) == MOST_GROUPS:
                 del self._latest[next(iter(self._latest))]
@@ -71,7 +69,7 @@ class FragmentSides:
         if len(self._fragments) > MOST_FRAGMENTS:
             self._fragments.clear()
         for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1):
-            key = el.body.id[rows].tobytes() + xy[rows].tobytes()
+            key = self._footprints.divided, el.body.id[rows].tobytes(), xy[rows].tobytes()
             found = self._fragments.get(key) or self._points_of(model, rows, xy)
             self._fragments[key] = found
             owners.append(rows[found[0]])
