@@ -289,7 +289,12 @@ class Keel(NamedTuple):
     ]
     floor_x: Annotated[Floats, _is("N", "eastward force of the sea floor: friction and slope")]
     floor_y: Annotated[Floats, _is("N", "northward force of the sea floor: friction and slope")]
-    floor_torque: Annotated[Floats, _is("N m", "torque of that force about the centre of the element")]
+    floor_arm_x: Annotated[
+        Floats, _is("m", "eastward way from the centre of the element to where the sea floor carries it")
+    ]
+    floor_arm_y: Annotated[
+        Floats, _is("m", "northward way from the centre of the element to where the sea floor carries it")
+    ]
     anchor_x: Annotated[Floats, _is("N", "eastward friction that anchors the keel")]
     anchor_y: Annotated[Floats, _is("N", "northward friction that anchors the keel")]
     anchor_capacity: Annotated[

@@ -12,8 +12,7 @@ velocity Verlet:
     q(1)   = q(1/2) + (h/2) M^-1 G(x1, q1)
 
 Drag and the Coriolis force are centred by both halves together. The second half is solved by Newton's method. Fragments in
-contact go through the step in `riftberg.stepping.contact.islands`, those on the sea floor in `riftberg.stepping.ground`. In
-the impacts of explicit schemes the sea floor is a drag ``L = sum m c B^T B`` with the rate c (s-1).
+contact go through the step in `riftberg.stepping.contact.islands`, those on the sea floor in `riftberg.stepping.ground`.
 
 The first half takes drag at the speed of the start. A berg of 30 m has its speed in the water within minutes: in half a
 step of a quarter of an hour it would be flung past it by ten times as much. So what an element loses of its speed through a
@@ -54,10 +53,8 @@ from riftberg.stepping.forces.media import (
     PUSH_X,
     PUSH_Y,
     QUADRATIC,
-    SEA_FLOOR,
     SEA_ICE,
     SPIN,
-    SPIN_LINEAR,
     SPIN_QUADRATIC,
     WATER,
     YIELD,
@@ -98,16 +95,13 @@ VELOCITY_SCALE = 1e-6
 class ElementForcing(NamedTuple):
     """Coefficients of all forces on the elements at one place and time, before velocities are known.
 
-    Media and Coriolis parameter are those of `riftberg.stepping.forces.media.Surroundings`, less the linear drag of the
-    sea floor, which is stiff and stands apart.
+    Media and Coriolis parameter are those of `riftberg.stepping.forces.media.Surroundings`.
     """
 
     media: Floats  # Rows of the media; shape (elements, media, columns)
     coriolis: Floats  # Coriolis parameter, s-1; shape (elements,), as all below
     mass: Floats  # kg
     inertia: Floats  # Moment of inertia of an element about its own centre, kg m2
-    floor_rate: Floats  # Rate of the linear drag of the sea floor, s-1
-    floor_spin_rate: Floats  # The same for the spin, s-1
     aground: Floats  # How far an element is aground, 0 to 1
     spin_drag: Floats  # Rotational drag of the water, rad-1
     water_spin: Floats  # Rotation of the water, rad s-1
@@ -118,11 +112,10 @@ class ElementForcing(NamedTuple):
     push_x: Floats  # Given force, east, N
     push_y: Floats  # Given force, north, N
     media_act: bool  # Whether the media act at all
-    floor_acts: bool  # Whether the sea floor does
 
 
 class ForceTerms(NamedTuple):
-    """The forces at the velocities of one moment, without contact and the linear drag of the sea floor."""
+    """The forces at the velocities of one moment, without contact and the sea floor."""
 
     accelerations: Floats  # By each of `riftberg.stepping.forces.media.FORCES`, m s-2; shape (elements, forces, 2)
     net_force: Floats  # On the fragments, N, N, N m; shape (fragments, 3)
@@ -132,11 +125,10 @@ class ForceTerms(NamedTuple):
 
 
 class BodyMatrices(NamedTuple):
-    """Inertia and drag of the fragments: the matrices of the equation of motion."""
+    """Inertia of the fragments: the matrices of the equation of motion."""
 
     inertia: Floats  # M; shape (fragments, 3, 3)
     mobility: Floats  # Inverse of M, without the freedoms that supports take; shape (fragments, 3, 3)
-    floor_drag: Floats  # L, the linear drag of the sea floor; shape (fragments, 3, 3)
 
 
 class BodyOperators(NamedTuple):
@@ -159,13 +151,12 @@ def longest_trial_step(forcing: ElementForcing, dt: float) -> float:
 def allocate_forcing(el: Elements, p: KernelParameters, sides: Floats | None = None) -> ElementForcing:
     """Return arrays for the forces on the elements at one moment; ``sides``: those of `ElementForcing`, where there are any."""
     count, body = el.size, el.body
-    inertia, floor_rate, floor_spin_rate, aground, drag, water_spin, side_drag = np.zeros((7, count))
+    inertia, aground, drag, water_spin, side_drag = np.zeros((5, count))
     if sides is None or p.forces_by_element:
         sides = np.zeros((count, 0, 4))
     return ElementForcing(
-        np.empty((count, len(MEDIA), len(Medium._fields))), np.empty(count), body.mass, inertia, floor_rate, floor_spin_rate,
-        aground, drag, water_spin, sides, side_drag, body.load_x, body.load_y, not p.only_interactions,
-        p.ground_on_substeps or not p.only_interactions,
+        np.empty((count, len(MEDIA), len(Medium._fields))), np.empty(count), body.mass, inertia, aground, drag, water_spin,
+        sides, side_drag, body.load_x, body.load_y, not p.only_interactions,
     )  # fmt: skip
 
 
@@ -178,7 +169,6 @@ def evaluate_forcing(
     ``acts`` (media,) and ``nothing`` (1, 0, 0) stand in for the results of a velocity solve: none is made here.
     """
     media, mass, inertia, aground = forcing.media, forcing.mass, forcing.inertia, forcing.aground
-    floor_rate, floor_spin_rate = forcing.floor_rate, forcing.floor_spin_rate
     find_surroundings(el, sizes, Surroundings(media, forcing.coriolis, acts, nothing[0], nothing), p)
     thickness, length, width, depth = el.body.thickness, el.body.length, el.body.width, el.environment.depth
     bonds, ice, fraction, own_drag = (
@@ -196,11 +186,6 @@ def evaluate_forcing(
         inertia[e] = rectangle_inertia(mass[e], length[e], width[e])
         aground[e] = grounded_part(thickness[e], depth[e], p)
         forcing.water_spin[e] = media[e, WATER, SPIN]
-        if forcing.floor_acts:
-            # The linear drag of the sea floor is the one stiff force: it is taken implicitly, apart from the others.
-            floor_rate[e] = media[e, SEA_FLOOR, LINEAR]
-        media[e, SEA_FLOOR, LINEAR] = 0.0
-        floor_spin_rate[e] = media[e, SEA_FLOOR, SPIN_LINEAR]
         if forcing.media_act:
             forcing.spin_drag[e] = media[e, WATER, SPIN_QUADRATIC]
 
@@ -223,19 +208,10 @@ def _add_element_inertia(into: Floats, mass: float, inertia: float, m: Floats) -
 
 
 @kernel
-def add_inertia_and_floor_drag(
-    body: Ints, levers: Floats, forcing: ElementForcing, inertia: Floats, floor_drag: Floats
-) -> None:
-    """Add to the matrices of inertia and of the drag of the sea floor of each fragment, shape (fragments, 3, 3)."""
+def add_inertia(body: Ints, levers: Floats, forcing: ElementForcing, inertia: Floats) -> None:
+    """Add the inertia of the elements to the matrices of their fragments, shape (fragments, 3, 3)."""
     for e in range(body.size):
-        b, m = body[e], levers[e]
-        u, v, w = m[0:3], m[3:6], m[6:9]
-        _add_element_inertia(inertia[b], forcing.mass[e], forcing.inertia[e], m)
-        if forcing.floor_rate[e] > 0.0:
-            _add_outer(floor_drag[b], forcing.mass[e] * forcing.floor_rate[e], u, u)
-            _add_outer(floor_drag[b], forcing.mass[e] * forcing.floor_rate[e], v, v)
-        if forcing.floor_spin_rate[e] > 0.0:
-            _add_outer(floor_drag[b], forcing.inertia[e] * forcing.floor_spin_rate[e], w, w)
+        _add_element_inertia(inertia[body[e]], forcing.mass[e], forcing.inertia[e], levers[e])
 
 
 @kernel
@@ -344,7 +320,7 @@ def add_forces(
     force: Floats,
     net_force: Floats,
 ) -> None:
-    """Find the forces on all elements but those of contact and the linear drag of the sea floor.
+    """Find the forces on all elements but those of contact and the sea floor.
 
     ``accelerations`` and ``drag_rate`` are those of `ForceTerms`; ``force`` (elements, 3) takes the force and the torque about
     the vertical (N, N, N m); sums over the fragments are added to ``net_force`` (fragments, 3).
@@ -358,7 +334,7 @@ def add_forces(
             ax, ay = forcing.coriolis[e] * v, -forcing.coriolis[e] * u
             accelerations[e, CORIOLIS, 0], accelerations[e, CORIOLIS, 1] = ax, ay
         for k in range(len(MEDIA)):
-            if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+            if forcing.media_act:
                 dx, dy, _, _, _, of_medium = drag_and_jacobian(media[e, k], u, v)
                 accelerations[e, k, 0], accelerations[e, k, 1] = dx, dy
                 ax += dx
@@ -386,20 +362,15 @@ def scatter_velocities(
     body: Ints,
     levers: Floats,
     twist: Floats,
-    forcing: ElementForcing,
-    force: Floats,
     motion: ElementMotion,
     shown: Shown,
 ) -> None:
-    """Give the elements the velocities of their fragments, and add to ``force`` the linear drag of the sea floor at these."""
+    """Give the elements the velocities of their fragments."""
     for e in range(body.size):
         u, v, w = element_velocity(levers[e], twist[body[e]])
         motion.u[e] = motion.u_sync[e] = shown.u_pair[e] = u
         motion.v[e] = motion.v_sync[e] = shown.v_pair[e] = v
         motion.spin[e] = w
-        force[e, 0] -= forcing.mass[e] * forcing.floor_rate[e] * u
-        force[e, 1] -= forcing.mass[e] * forcing.floor_rate[e] * v
-        force[e, 2] -= forcing.inertia[e] * forcing.floor_spin_rate[e] * w
 
 
 @kernel
@@ -438,7 +409,7 @@ def assemble_force_and_jacobian(
             f = forcing.coriolis[e]
             ax, ay = f * v, -f * u
         for k in range(len(MEDIA)):
-            if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+            if forcing.media_act:
                 dx, dy, dxx, dxy, dyy, _ = drag_and_jacobian(media[e, k], u, v)
                 ax += dx
                 ay += dy
@@ -548,7 +519,7 @@ def drag_rates(
     """
     least, rate = math.sqrt(acceleration / quadratic) if quadratic > 0.0 else 0.0, 0.0
     for k in range(len(MEDIA)):
-        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+        if forcing.media_act:
             rate += rate_through(forcing, e, k, u, v, least)
     return rate, least
 
@@ -567,7 +538,7 @@ def accumulate_excess(
     if excess == 0.0:
         return
     for k in range(len(MEDIA)):
-        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+        if forcing.media_act:
             of_medium = part * excess * rate_through(forcing, e, k, u, v, least) / rate
             applied[e, k, 0] -= of_medium * change[0]
             applied[e, k, 1] -= of_medium * change[1]

@@ -15,6 +15,7 @@ import numpy as np
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import face_stiffness
 from riftberg.state import Floats
+from riftberg.stepping.contact.anchors import MOST_TURNS, add_floor_force, agree, drag_anchors, find_grip
 from riftberg.stepping.contact.face_forces import (
     APART,
     AREA_AT_END,
@@ -34,6 +35,7 @@ from riftberg.stepping.contact.face_forces import (
     find_faces,
     find_free_motion,
     find_going,
+    find_mobilities,
     record_peak,
     set_apart,
     sweep_faces,
@@ -132,21 +134,18 @@ def _integrate_island(
                 return shortest
             evaluate_media(island, twist, about, work.everyone, work.accelerations, work.drag_rate, work.force)
             elapsed = 0.0
-        linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
+        linearised_force(about, twist, work.net_force)
+        add_floor_force(result.anchors, island.body_of, island.levers, work.net_force)
         if left == dt:
             _go_alone(island, twist, dt, work)
         h = _longest_substep(island, faces, pair_state, result, left, h, law, work)
         if left - h < 1e-9 * dt:
             h = left
         shortest = min(shortest, h)
-        find_free_motion(island, about.jacobian, h, twist, work)
-        for b in range(twist.shape[0]):
-            for i in range(3):
-                work.middle[b, i] = result.path[b, i] + 0.5 * h * twist[b, i]
-        count = find_faces(island, faces, pair_state, result, h, law, work)
-        sweep_faces(island, faces, pair_state, count, h, law, work)
+        count = _find_velocities(island, faces, pair_state, result, about.jacobian, h, law, work)
         find_going(island, pair_state, count, twist, work)
         update_faces(island, faces, pair_state, count, h, law, work, result)
+        drag_anchors(result.anchors, island.body_of, island.levers, h, work.new, work.going, result.rubbed)
         record_peak(island, pair_state, count, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
@@ -154,9 +153,40 @@ def _integrate_island(
                 result.path[b, i] += h * work.going[b, i]
                 twist[b, i] = work.new[b, i]
             work.travelled[b] += h * _speed_bound(work.going[b], work.arm[b])
-        accumulate_floor_impulse(island, twist, h, result.applied)
+        accumulate_floor_impulse(island, result.anchors, h, result.applied)
         elapsed += h
         left = left - h if left > h else 0.0
+
+
+@borrower
+def _find_velocities(
+    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, jacobian: Floats, h: float, law: CrushingLaw,
+    work: CrushingWorkspace,
+) -> int:  # fmt: skip
+    """Find the twists at the end of a sub-step and the forces of the faces that overlap; returns how many do.
+
+    By turns: the grip of the floor at the last twists, and the forces of the faces with it.
+    """
+    twist, count = result.twist, 0
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            work.middle[b, i] = result.path[b, i] + 0.5 * h * twist[b, i]
+            work.new[b, i] = twist[b, i]
+    for turn in range(MOST_TURNS):
+        for b in range(twist.shape[0]):
+            for i in range(3):
+                work.guess[b, i] = work.new[b, i]
+        aground = find_grip(
+            result.anchors, island.body_of, island.levers, h, twist, work.guess, work.floor_force, work.floor_drag
+        )  # fmt: skip
+        find_free_motion(island, jacobian, h, twist, work)
+        if turn == 0:
+            count = find_faces(island, faces, pair_state, result, h, law, work)
+        find_mobilities(island, faces, pair_state, count, h, law, work)
+        sweep_faces(island, faces, pair_state, count, h, law, work)
+        if not aground or agree(work.guess, work.new, work.arm):
+            break
+    return count
 
 
 @borrower

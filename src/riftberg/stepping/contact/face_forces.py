@@ -115,7 +115,7 @@ def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
         np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
         np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
         PairWorkspace(np.empty((corners, 2)), np.empty((corners, 2)), np.empty((2, 4 * corners, 3))),
-        np.empty((4, 3, 3)), np.zeros(1),
+        np.empty((4, 3, 3)), np.zeros(1), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.empty((bodies, 3)),
     )  # fmt: skip
 
 
@@ -133,7 +133,7 @@ def set_apart(state: Floats) -> None:
 
 @borrower
 def find_free_motion(island: Island, jacobian: Floats, h: float, twist: Floats, work: CrushingWorkspace) -> None:
-    """Velocities at the end of a sub-step without contact, and the compliance of each body with its media."""
+    """Velocities at the end of a sub-step without contact, and the compliance of each body with its media and the floor."""
     mobility, compliance = island.matrices.mobility, work.compliance
     matrix, x = work.scratch[0], work.scratch[1, 0]
     for b in range(twist.shape[0]):
@@ -141,17 +141,16 @@ def find_free_motion(island: Island, jacobian: Floats, h: float, twist: Floats, 
             for j in range(3):
                 matrix[i, j] = 1.0 if i == j else 0.0
                 for k in range(3):
-                    drag = 0.5 * jacobian[b, k, j] + island.matrices.floor_drag[b, k, j]
+                    drag = 0.5 * jacobian[b, k, j] + work.floor_drag[b, k, j]
                     matrix[i, j] += h * mobility[b, i, k] * drag
         for j in range(3):
             for i in range(3):
                 x[i] = mobility[b, i, j]
             compliance[b, 0, j], compliance[b, 1, j], compliance[b, 2, j] = solve(matrix, x)
         for i in range(3):
-            f = work.net_force[b]
-            work.new[b, i] = twist[b, i] + h * (
-                compliance[b, i, 0] * f[0] + compliance[b, i, 1] * f[1] + compliance[b, i, 2] * f[2]
-            )
+            work.new[b, i] = twist[b, i]
+            for j in range(3):
+                work.new[b, i] += h * compliance[b, i, j] * (work.net_force[b, j] + work.floor_force[b, j])
 
 
 @borrower
@@ -200,20 +199,28 @@ def find_faces(
         state[CHORD] = chord
         row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
         row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
-        row[MOBILITY_N] = _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b])
-        row[MOBILITY_T] = _mobility_along(row, ROW_T, work.compliance[a], work.compliance[b])
         row[SLIDING], row[CLOSING], row[BEFORE] = _speed(row, ROW_T, twist[a], twist[b]), closing, state[FORCE]
-        if row[MOBILITY_N] <= 0.0:
-            continue
-        if state[PHASE] == REST:
-            stiffness = face_stiffness(law.strength, min(faces.thickness[i], faces.thickness[j]), chord, law.depth)
-            row[AREA] = area - 0.5 * h * closing * chord
-            row[AREA_PER_SPEED] = chord * (h + 2.0 / math.sqrt(stiffness * row[MOBILITY_N]))
-        else:
-            row[AREA], row[AREA_PER_SPEED] = area, 0.5 * h * chord
-        work.active[count] = k
-        count += 1
+        row[AREA] = area - 0.5 * h * closing * chord if state[PHASE] == REST else area
+        if _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b]) > 0.0:  # else both are held
+            work.active[count] = k
+            count += 1
     return count
+
+
+@borrower
+def find_mobilities(
+    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
+) -> None:  # fmt: skip
+    """Find how the bodies give way to the faces that overlap."""
+    for f in range(count):
+        k, row = work.active[f], work.face[f]
+        i, j, chord = island.first[k], island.second[k], pair_state[k, CHORD]
+        one, two = work.compliance[island.body_of[i]], work.compliance[island.body_of[j]]
+        row[MOBILITY_N], row[MOBILITY_T] = _mobility_along(row, ROW_N, one, two), _mobility_along(row, ROW_T, one, two)
+        row[AREA_PER_SPEED] = 0.5 * h * chord
+        if pair_state[k, PHASE] == REST:
+            stiffness = face_stiffness(law.strength, min(faces.thickness[i], faces.thickness[j]), chord, law.depth)
+            row[AREA_PER_SPEED] = chord * (h + 2.0 / math.sqrt(stiffness * row[MOBILITY_N]))
 
 
 @kernel

@@ -67,6 +67,9 @@ class CrushingWorkspace(NamedTuple):
     pair: PairWorkspace
     scratch: Floats  # shape (4, 3, 3)
     dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
+    floor_force: Floats  # Of `riftberg.stepping.contact.anchors.find_grip`; shape (bodies, 3)
+    floor_drag: Floats  # shape (bodies, 3, 3)
+    guess: Floats  # Twists of the turn before; shape (bodies, 3)
 
 
 @kernel

@@ -128,9 +128,12 @@ class FaceContact:
         return out
 
     def resolve(
-        self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes
+        self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes, anchors: Floats
     ) -> SubcycledMotion | None:
-        """Take the bodies that may touch through ``h`` s of sub-steps, and keep the pairs of faces; None where none touch."""
+        """Take the bodies that may touch through ``h`` s of sub-steps, and keep the pairs of faces; None where none touch.
+
+        ``anchors``: of the elements on the sea floor (`riftberg.stepping.contact.anchors`).
+        """
         el, c, before = model.elements, model.constants, self.pairs
         self.forget_pairs()
         polygons = self._faces_of(model, bodies)
@@ -156,7 +159,7 @@ class FaceContact:
         faces = faces._replace(
             begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
         )
-        found = allocate_result(whole, bodies.twist[lists.members])
+        found = allocate_result(whole, bodies.twist[lists.members], anchors[rows])
         shortest, dissipated = integrate_faces(lists, whole, found, faces, pair_state, h, self._law)
         if not np.isfinite(found.twist).all():
             raise FloatingPointError

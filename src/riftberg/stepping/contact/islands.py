@@ -6,13 +6,13 @@ the whole step, as if alone, unless it would take them into each other: a long s
 takes up within minutes, and goes another way than the sub-steps. The others get their twist from the sub-steps, corrected here
 for the forces of the media at the end of the step.
 
-In the sub-steps media and sea floor are those of the start of the step, linear about the velocities at which they were evaluated
+In the sub-steps media are those of the start of the step, linear about the velocities at which they were evaluated
 last:
 
-    M (V1 - V0) = h (G(V0) - S (V1 - V0) / 2 - L V1 + contact)
+    M (V1 - V0) = h (G(V0) - S (V1 - V0) / 2 + floor + contact)
 
 with the twists V0 and V1 of the bodies before and after a sub-step of h s, the forces G by the media, S minus their derivative,
-and the drag L of the sea floor.
+and the friction of the sea floor by the loads that it carries at the start (`riftberg.stepping.contact.anchors`).
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from riftberg.stepping.bodies.dynamics import (
     add_forces,
     assemble_force_and_jacobian,
     drag_and_jacobian,
-    element_velocity,
     outline_force,
 )
+from riftberg.stepping.contact.anchors import ANCHOR_X, ANCHOR_Y, ARM_X, ARM_Y, SLOPE_X, SLOPE_Y, STIFFNESS
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, MEDIA, SEA_FLOOR, WATER
 from riftberg.stepping.fragments.connectivity import connected_parts
 
@@ -90,6 +90,8 @@ class IslandResult(NamedTuple):
     peak_axes: Floats  # Cosine and sine of the axis of their fragment then; shape (elements, 2)
     peak_spin: Floats  # Of the bodies then, rad s-1; shape (bodies,)
     impulse: Floats  # Given to the bodies by contact, N s, N s, N m s; shape (bodies, 3)
+    anchors: Floats  # See `riftberg.stepping.contact.anchors`; shape (elements, columns)
+    rubbed: Floats  # Work of friction on the sea floor, J; shape (bodies,)
 
 
 class PeakContactLoad(NamedTuple):
@@ -110,6 +112,8 @@ class SubcycledMotion(NamedTuple):
     mean: Floats  # Twists on the way; shape (bodies, 3)
     twist: Floats  # Twists at the end; shape (bodies, 3)
     impulse: Floats  # Given to them by others, N s, N s, N m s; shape (bodies, 3)
+    anchors: Floats  # On the sea floor, of their elements; shape (rows, columns)
+    rubbed: Floats  # Work of friction on the sea floor, J; shape (bodies,)
     applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (rows, forces, 2)
     first: Ints  # Elements of the pairs that touched, each once
     second: Ints
@@ -197,7 +201,7 @@ def subcycled_motion(
     ``first``, ``second``: elements of the candidate pairs, as they were given.
     """
     first, second = first[i.order], second[i.order]
-    after, path, touched, close, applied, force, axes, spin, impulse = result
+    after, path, touched, close, applied, force, axes, spin, impulse, anchors, rubbed = result
     together = touched | close
     if not together.any():
         return None
@@ -217,8 +221,8 @@ def subcycled_motion(
         spin[members & pressed],
     )
     return SubcycledMotion(
-        i.members[members], i.rows[rows], path[members] / dt, after[members], impulse[members], applied[rows],
-        first[touched], second[touched], shortest, peak,
+        i.members[members], i.rows[rows], path[members] / dt, after[members], impulse[members], anchors[rows],
+        rubbed[members], applied[rows], first[touched], second[touched], shortest, peak,
     )  # fmt: skip
 
 
@@ -277,23 +281,22 @@ def island_part(lists: Islands, k: int, whole: Island) -> Island:
     b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
     n, f, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), whole.forcing, whole.matrices
     forcing = ElementForcing(
-        f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.floor_rate[e], f.floor_spin_rate[e], f.aground[e],
-        f.spin_drag[e], f.water_spin[e], f.sides[e], f.side_drag[e], f.push_x[e], f.push_y[e],
-        f.media_act, f.floor_acts,
+        f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.aground[e], f.spin_drag[e], f.water_spin[e], f.sides[e], f.side_drag[e], f.push_x[e], f.push_y[e],
+        f.media_act,
     )  # fmt: skip
     return Island(
-        whole.body_of[e], whole.levers[e], forcing, BodyMatrices(m.inertia[b], m.mobility[b], m.floor_drag[b]),
+        whole.body_of[e], whole.levers[e], forcing, BodyMatrices(m.inertia[b], m.mobility[b]),
         whole.bonded[b], whole.first[n], whole.second[n], whole.separation[n],
     )  # fmt: skip
 
 
-def allocate_result(whole: Island, twist: Floats) -> IslandResult:
-    """Return the results of all islands at the start of the step, with bodies at ``twist``, which is changed."""
+def allocate_result(whole: Island, twist: Floats, anchors: Floats) -> IslandResult:
+    """Return the results of all islands at the start of the step: ``twist`` of the bodies and ``anchors``, which are changed."""
     bodies, rows = twist.shape[0], whole.body_of.size
     return IslandResult(
         twist, np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_), np.zeros(whole.first.size, np.bool_),
         np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), whole.levers[:, 9:11].copy(),
-        np.zeros(bodies), np.zeros((bodies, 3)),
+        np.zeros(bodies), np.zeros((bodies, 3)), anchors, np.zeros(bodies),
     )  # fmt: skip
 
 
@@ -312,6 +315,8 @@ def result_part(lists: Islands, k: int, r: IslandResult) -> IslandResult:
         r.peak_axes[e],
         r.peak_spin[b],
         r.impulse[b],
+        r.anchors[e],
+        r.rubbed[b],
     )
 
 
@@ -404,7 +409,7 @@ def accumulate_impulse(island: Island, about: Linearisation, time: float, applie
             applied[e, CORIOLIS, 0] += forcing.coriolis[e] * (time * v + dv)
             applied[e, CORIOLIS, 1] -= forcing.coriolis[e] * (time * u + du)
         for k in range(len(MEDIA)):
-            if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+            if forcing.media_act:
                 ax, ay, xx, xy, yy, _ = drag_and_jacobian(forcing.media[e, k], u, v)
                 applied[e, k, 0] += time * ax - xx * du - xy * dv
                 applied[e, k, 1] += time * ay - xy * du - yy * dv
@@ -417,15 +422,13 @@ def accumulate_impulse(island: Island, about: Linearisation, time: float, applie
 
 
 @borrower
-def linearised_force(about: Linearisation, floor_drag: Floats, twist: Floats, net_force: Floats) -> None:
-    """Find the forces on the bodies at ``twist``, with the linear drag of the sea floor and without contact."""
+def linearised_force(about: Linearisation, twist: Floats, net_force: Floats) -> None:
+    """Find the forces of the media on the bodies at ``twist``."""
     for b in range(twist.shape[0]):
         for i in range(3):
             net_force[b, i] = about.force[b, i]
             for j in range(3):
-                net_force[b, i] -= (
-                    about.jacobian[b, i, j] * (twist[b, j] - about.twist[b, j]) + floor_drag[b, i, j] * twist[b, j]
-                )
+                net_force[b, i] -= about.jacobian[b, i, j] * (twist[b, j] - about.twist[b, j])
 
 
 @borrower
@@ -437,19 +440,17 @@ def record_loads(
 
     ``twist``, ``path``: of the bodies now; ``force``, ``contact_force``: on the elements by media and by contact (N, N, N m).
     """
-    body_of, forcing = island.body_of, island.forcing
+    body_of = island.body_of
     for e in range(body_of.size):
         b = body_of[e]
         if not (island.bonded[b] and size[b] > peak[b]):
             continue
         m, q = island.levers[e], twist[b]
-        floor = forcing.mass[e] * forcing.floor_rate[e]
-        u, v, w = element_velocity(m, q)
-        result.peak_force[e, 0] = force[e, 0] + contact_force[e, 0] - floor * u
-        result.peak_force[e, 1] = force[e, 1] + contact_force[e, 1] - floor * v
-        result.peak_force[e, 2] = (
-            force[e, 2] + contact_force[e, 2] - forcing.inertia[e] * forcing.floor_spin_rate[e] * w
-        )
+        floor = result.anchors[e]
+        x, y = floor[ANCHOR_X] + floor[SLOPE_X], floor[ANCHOR_Y] + floor[SLOPE_Y]
+        result.peak_force[e, 0] = force[e, 0] + contact_force[e, 0] + x
+        result.peak_force[e, 1] = force[e, 1] + contact_force[e, 1] + y
+        result.peak_force[e, 2] = force[e, 2] + contact_force[e, 2] + floor[ARM_X] * y - floor[ARM_Y] * x
         c, s = math.cos(path[b, 2]), math.sin(path[b, 2])
         result.peak_axes[e, 0], result.peak_axes[e, 1] = m[9] * c - m[10] * s, m[10] * c + m[9] * s
         result.peak_spin[b] = q[2]
@@ -458,11 +459,10 @@ def record_loads(
 
 
 @borrower
-def accumulate_floor_impulse(island: Island, twist: Floats, h: float, applied: Floats) -> None:
-    """Add what the linear drag of the sea floor did in ``h`` s: it is implicit, so at the velocities that it ended with."""
-    forcing = island.forcing
+def accumulate_floor_impulse(island: Island, anchors: Floats, h: float, applied: Floats) -> None:
+    """Add what the sea floor did in ``h`` s, by its forces at their end."""
     for e in range(island.body_of.size):
-        if forcing.floor_rate[e] > 0.0:
-            m, q, f = island.levers[e], twist[island.body_of[e]], h * forcing.floor_rate[e]
-            applied[e, SEA_FLOOR, 0] -= f * (m[0] * q[0] + m[1] * q[1] + m[2] * q[2])
-            applied[e, SEA_FLOOR, 1] -= f * (m[3] * q[0] + m[4] * q[1] + m[5] * q[2])
+        a = anchors[e]
+        if a[STIFFNESS] > 0.0:
+            applied[e, SEA_FLOOR, 0] += h * (a[ANCHOR_X] + a[SLOPE_X]) / island.forcing.mass[e]
+            applied[e, SEA_FLOOR, 1] += h * (a[ANCHOR_Y] + a[SLOPE_Y]) / island.forcing.mass[e]

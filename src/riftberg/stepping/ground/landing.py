@@ -46,6 +46,9 @@ from riftberg.stepping.ground.press import (
 VELOCITY_CHANGE: Final = 0.1
 """Largest part of its speed by which the floor changes that of a fragment in a sub-step, unless it holds it."""
 
+CARRIED_CHANGE: Final = 0.1
+"""Part by which the floor may change its hold on a fragment that others push over it, in a step longer than `TOUCH_STEP`."""
+
 SLOW: Final = 1e-3
 """Speed (m s-1) below which changes are measured by this one."""
 
@@ -61,9 +64,9 @@ HELD_STEP: Final = 1e9
 PASSES: Final = 50
 """Of Newton's method for the friction, after which the sub-step is halved."""
 
-ANCHOR_X, ANCHOR_Y, LARGEST, FORCE_X, FORCE_Y, TORQUE = range(6)
+ANCHOR_X, ANCHOR_Y, LARGEST, FORCE_X, FORCE_Y, ARM_X, ARM_Y = range(7)
 """Columns of `Landing.anchors`: friction that anchors an element (N), the largest that could since it touched, force of the floor
-with that of its slope (N), and its torque about the centre of the element (N m)."""
+with that of its slope (N), and where it acts, from the centre of the element (m, east and north)."""
 
 PATH, VELOCITY, ACCELERATION, NEXT, PUSH, NET, WAY = range(7)
 """Rows of `Landing.motion`, each east, north and turning: way since the start (m), velocity now and acceleration of the last
@@ -79,8 +82,9 @@ and thickness of the ice (m), and the level at the start, in the middle and at t
 
 NUMBERS: Final = LEVEL + 3
 
-STATUS, TOUCHES, MIDDLE_TOUCHES, SLIDES, ACCEPTED = range(5)
-"""Columns of `Landing.flag`; the third and fourth are of the middle of the sub-step, the last is of the last call."""
+STATUS, TOUCHES, MIDDLE_TOUCHES, SLIDES, ACCEPTED, CARRIED, CHANGED = range(7)
+"""Columns of `Landing.flag`; the third and fourth are of the middle of the sub-step, the fifth is of the last call. The last two:
+whether contact has taken a fragment that stood on the floor through the step, and whether the floor then holds it otherwise."""
 
 BEGINS, MIDDLE, END, DONE, AFLOAT, BEYOND, TOO_SHORT, UNSETTLED = range(8)
 """Status of a fragment: what it needs the depth for, or how it ended: it touched the floor, or nothing; it went beyond the pads
@@ -119,8 +123,8 @@ def prepared(pads: Pads, plates: Plates, polygons: Ints, start: Ints, pose: Floa
     count, n = len(pose), draft.size
     return Landing(
         pads, plates, polygons, start, pose, np.empty_like(pose), np.empty_like(pose), np.empty_like(pose),
-        np.zeros((count, 7, 3)), np.zeros((count, NUMBERS)), np.zeros((count, 5), np.int64), np.zeros((count, 3)), draft,
-        np.empty((n, 3)), np.empty((n, 11)), np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, PRESSED)), np.empty(n),
+        np.zeros((count, 7, 3)), np.zeros((count, NUMBERS)), np.zeros((count, 7), np.int64), np.zeros((count, 3)), draft,
+        np.empty((n, 3)), np.empty((n, 11)), np.zeros((n, 7)), np.zeros((n, 7)), np.zeros((n, PRESSED)), np.empty(n),
         np.zeros((polygons.size, 5)), np.zeros((n, len(FORCES), 2)), np.zeros((n, 5)),
     )  # fmt: skip
 
@@ -129,9 +133,8 @@ def prepared(pads: Pads, plates: Plates, polygons: Ints, start: Ints, pose: Floa
 def _forcing_of(f: ElementForcing, a: int, z: int) -> ElementForcing:
     """Forcing of the elements ``a`` to ``z``."""
     return ElementForcing(
-        f.media[a:z], f.coriolis[a:z], f.mass[a:z], f.inertia[a:z], f.floor_rate[a:z], f.floor_spin_rate[a:z], f.aground[a:z],
-        f.spin_drag[a:z], f.water_spin[a:z], f.sides[a:z], f.side_drag[a:z], f.push_x[a:z], f.push_y[a:z],
-        f.media_act, f.floor_acts,
+        f.media[a:z], f.coriolis[a:z], f.mass[a:z], f.inertia[a:z], f.aground[a:z], f.spin_drag[a:z], f.water_spin[a:z],
+        f.sides[a:z], f.side_drag[a:z], f.push_x[a:z], f.push_y[a:z], f.media_act,
     )  # fmt: skip
 
 
@@ -159,13 +162,12 @@ def _level_at(number: Floats, part: float) -> float:
 
 
 @kernel
-def _total(levers: Floats, dx: float, dy: float, x: float, y: float, net: Floats) -> float:
-    """Add a force (N, east and north) at (dx, dy) from the centre of an element to that on its fragment; returns its torque."""
+def _total(levers: Floats, dx: float, dy: float, x: float, y: float, net: Floats) -> None:
+    """Add a force (N, east and north) at (dx, dy) from the centre of an element to that on its fragment."""
     ox, oy = levers[9] * dx - levers[10] * dy, levers[10] * dx + levers[9] * dy
     torque = ox * y - oy * x
     for k in range(3):
         net[k] += levers[k] * x + levers[3 + k] * y + levers[6 + k] * torque
-    return float(torque)
 
 
 @kernel
@@ -180,7 +182,7 @@ def _rub(now: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: float) -> 
     levers, always, body = now.levers[first : first + count], np.ones(1, np.bool_), np.zeros(count, np.int64)
     loaded, n = np.empty(count, np.int64), 0
     for e in range(count):
-        for column in range(6):
+        for column in range(ARM_Y + 1):
             now.tried[first + e, column] = 0.0
         if now.found[first + e, LOAD] > 0.0:
             loaded[n] = e
@@ -272,7 +274,9 @@ def _rub(now: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: float) -> 
         tried = now.tried[e]
         tried[ANCHOR_X], tried[ANCHOR_Y] = force[i, 0], force[i, 1]
         tried[FORCE_X], tried[FORCE_Y] = force[i, 0] + slope[i, 0], force[i, 1] + slope[i, 1]
-        tried[TORQUE] = _total(now.levers[e], away[i, 0], away[i, 1], tried[FORCE_X], tried[FORCE_Y], motion[NET])
+        m = now.levers[e]
+        tried[ARM_X], tried[ARM_Y] = m[9] * away[i, 0] - m[10] * away[i, 1], m[10] * away[i, 0] + m[9] * away[i, 1]
+        _total(m, away[i, 0], away[i, 1], tried[FORCE_X], tried[FORCE_Y], motion[NET])
         number[HELD] += limit
         # Where it slides, the anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
         x = now.anchors[e, ANCHOR_X] - 0.5 * spring[i] * (
@@ -455,7 +459,7 @@ def _accept(now: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
         for k in range(len(FORCES)):
             applied[k, 0] += dt * accelerations[e, k, 0]
             applied[k, 1] += dt * accelerations[e, k, 1]
-        for column in range(TORQUE + 1):
+        for column in range(ARM_Y + 1):
             now.anchors[first + e, column] = of_floor[column]
         now.yielded[first + e] = max(now.yielded[first + e], now.found[first + e, YIELD])
         size += math.hypot(of_floor[FORCE_X], of_floor[FORCE_Y])
@@ -464,10 +468,52 @@ def _accept(now: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
         for e in range(count):
             of_floor, peak = now.tried[first + e], now.peak[first + e]
             peak[0], peak[1] = force[e, 0] + of_floor[FORCE_X], force[e, 1] + of_floor[FORCE_Y]
-            peak[2], peak[3], peak[4] = force[e, 2] + of_floor[TORQUE], levers[e, 9], levers[e, 10]
+            torque = of_floor[ARM_X] * of_floor[FORCE_Y] - of_floor[ARM_Y] * of_floor[FORCE_X]
+            peak[2], peak[3], peak[4] = force[e, 2] + torque, levers[e, 9], levers[e, 10]
     number[TIME] += dt
     number[SHORTEST] = min(number[SHORTEST], dt)
     number[RUBBED] += number[RUBS]
+
+
+@kernel
+def carry(now: Landing, a: int, path: Floats, twist: Floats, anchors: Floats, applied: Floats, rubbed: float) -> None:
+    """Let contact take a fragment on the floor through the step: its way and velocity, and friction and impulses on its elements.
+
+    ``anchors``: friction at the end, N; shape (elements, 2). ``rubbed``: its work, J.
+    """
+    first, number = now.pads.row_start[a], now.number[a]
+    now.flag[a, CARRIED], number[RUBBED], number[SHORTEST] = 1, rubbed, TOUCH_STEP
+    for k in range(3):
+        now.motion[a, PATH, k], now.motion[a, VELOCITY, k] = path[k], twist[k]
+    for e in range(anchors.shape[0]):
+        now.anchors[first + e, ANCHOR_X], now.anchors[first + e, ANCHOR_Y] = anchors[e, 0], anchors[e, 1]
+        for k in range(applied.shape[1]):
+            now.applied[first + e, k, 0], now.applied[first + e, k, 1] = applied[e, k, 0], applied[e, k, 1]
+
+
+@kernel
+def _set_down(now: Landing, a: int, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float) -> None:
+    """Find what the floor does to a fragment where contact has taken it."""
+    number, flag, first, last, held = now.number[a], now.flag[a], now.pads.row_start[a], now.pads.row_start[a + 1], 0.0
+    _press(now, a, bed, h, h, depth)
+    if flag[STATUS] == UNSETTLED:
+        return
+    none = np.empty((0, 3))
+    bodies = Bodies(np.zeros(last - first, np.int64), now.reference[first:last], now.asked[a : a + 1], none, none)
+    fill_levers(bodies, latlon, radius, now.levers[first:last])
+    for e in range(first, last):
+        m, anchor, found = now.levers[e], now.anchors[e], now.found[e]
+        held += found[HOLD]
+        now.yielded[e] = max(now.yielded[e], found[YIELD])
+        anchor[LARGEST] = max(anchor[LARGEST], found[HOLD])
+        anchor[FORCE_X] = anchor[ANCHOR_X] + m[9] * found[PUSH_X] - m[10] * found[PUSH_Y]
+        anchor[FORCE_Y] = anchor[ANCHOR_Y] + m[10] * found[PUSH_X] + m[9] * found[PUSH_Y]
+        x = found[LOAD_X] - now.pads.element[e, 0] - now.pads.frame[a, ORIGIN_X]
+        y = found[LOAD_Y] - now.pads.element[e, 1] - now.pads.frame[a, ORIGIN_Y]
+        anchor[ARM_X], anchor[ARM_Y] = m[9] * x - m[10] * y, m[10] * x + m[9] * y
+    way = math.hypot(now.motion[a, PATH, 0], now.motion[a, PATH, 1]) + number[ARM] * abs(now.motion[a, PATH, 2])
+    changed = abs(held - number[HELD]) > CARRIED_CHANGE * number[HELD]
+    flag[CHANGED], flag[ACCEPTED], flag[STATUS] = int(changed and way > bed.anchor_way), 1, DONE
 
 
 @kernel
@@ -494,6 +540,7 @@ def board(now: Landing, numbers: Ints, bodies: Bodies, keel: Keel, thickness: Fl
                 now.reference[n, k] = bodies.reference[e, k]
             now.anchors[n, ANCHOR_X], now.anchors[n, ANCHOR_Y] = keel.anchor_x[e], keel.anchor_y[e]
             now.anchors[n, LARGEST], now.yielded[n] = keel.anchor_capacity[e], keel.floor_yield[e]
+            number[HELD] += keel.floor_hold[e]
             if keel.floor_load[e] > 0.0 or keel.anchor_x[e] != 0.0 or keel.anchor_y[e] != 0.0:
                 flag[TOUCHES] = 1
         substep = keel.floor_substep[now.pads.rows[now.pads.row_start[a]]]
@@ -517,7 +564,7 @@ def set_going(now: Landing, numbers: Ints, matrices: BodyMatrices) -> None:
 def lift_off(keel: Keel) -> None:
     """Nothing is on the floor; what it has yielded stays."""
     for e in range(keel.floor_load.size):
-        keel.floor_load[e] = keel.floor_x[e] = keel.floor_y[e] = keel.floor_torque[e] = 0.0
+        keel.floor_load[e] = keel.floor_x[e] = keel.floor_y[e] = keel.floor_arm_x[e] = keel.floor_arm_y[e] = 0.0
         keel.anchor_x[e] = keel.anchor_y[e] = keel.anchor_capacity[e] = keel.floor_hold[e] = 0.0
         keel.floor_lift[e] = keel.floor_stress[e] = keel.floor_substep[e] = 0.0
 
@@ -544,7 +591,7 @@ def write_friction(now: Landing, keel: Keel) -> None:
                 if now.found[n, LOAD] > 0.0:
                     keel.anchor_x[e], keel.anchor_y[e], keel.anchor_capacity[e] = anchor[0], anchor[1], anchor[LARGEST]
                     keel.floor_x[e], keel.floor_y[e] = anchor[FORCE_X], anchor[FORCE_Y]
-                    keel.floor_torque[e] = anchor[TORQUE]
+                    keel.floor_arm_x[e], keel.floor_arm_y[e] = anchor[ARM_X], anchor[ARM_Y]
                 keel.floor_substep[e] = now.number[a, SUBSTEP]
 
 
@@ -575,13 +622,19 @@ def advance(
     for a in range(len(now.flag)):
         polygons, flag = now.polygons[now.polygon_start[a] : now.polygon_start[a + 1]], now.flag[a]
         flag[ACCEPTED] = 0
-        if flag[STATUS] == BEGINS:
+        if flag[STATUS] == BEGINS and flag[CARRIED] == 1:
+            for k in range(3):
+                now.motion[a, WAY, k] = now.motion[a, PATH, k]
+            _ask(now, a, h, END, latlon, radius)
+        elif flag[STATUS] == BEGINS:
             _begin_substep(now, a, h, latlon, radius)
         elif flag[STATUS] == MIDDLE or flag[STATUS] == END:
             size = polygons.size
             for k in polygons:
                 size += now.pads.start[k + 1] - now.pads.start[k]
-            if flag[STATUS] == MIDDLE:
+            if flag[CARRIED] == 1:
+                _set_down(now, a, bed, h, depth[at : at + size], latlon, radius)
+            elif flag[STATUS] == MIDDLE:
                 _go_through_middle(now, a, forcing, bed, h, depth[at : at + size], latlon, radius)
             else:
                 _go_through_end(now, a, forcing, bed, h, depth[at : at + size], latlon, radius)

@@ -19,9 +19,10 @@ from riftberg.physics.floating import draft_of
 from riftberg.physics.seabed import POISSON, UNBENT_MODULUS, bending_stress, friction_depth
 from riftberg.state import Floats, Ints
 from riftberg.state.population import rows_of
-from riftberg.state.variables import LARGEST
-from riftberg.stepping.bodies.dynamics import BodyOperators, add_inertia_and_floor_drag
+from riftberg.state.variables import LARGEST, Keel
+from riftberg.stepping.bodies.dynamics import BodyOperators
 from riftberg.stepping.bodies.pose import Bodies, tangent_coordinates
+from riftberg.stepping.contact import anchors
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.islands import PeakContactLoad, SubcycledMotion, forcing_of_rows
 from riftberg.stepping.fragments.connectivity import connected_parts
@@ -57,9 +58,6 @@ FARTHEST: Final = 512.0
 
 OPEN_DEPTH: Final = 1e4
 """Depth (m) beyond all data."""
-
-STRUCK: Final = 0.05
-"""Change of velocity (m s-1) in a step that makes an impact; pieces that lean on each other give less."""
 
 DEEP_KEEL: Final = 1.0
 """How far below the floor a keel may start, m, where it is not to start aground."""
@@ -272,10 +270,12 @@ class Seabed:
 
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: SubcycledMotion | None
-    ) -> SubcycledMotion | None:
+    ) -> tuple[SubcycledMotion | None, bool]:
         """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does.
 
-        Writes what the floor does to the keels at the end, and the largest bending stress that each bond has borne.
+        Those that stood on it before ``contact`` go as it says. The second value: whether the floor holds one of them otherwise
+        where contact has taken it, or a fragment in contact has touched it. Writes what the floor does to the keels at the end,
+        and the largest bending stress that each bond has borne.
         """
         further = 1.0
         model.bonds.flexural_stress[:] = 0.0
@@ -283,7 +283,7 @@ class Seabed:
             flexure = self._run(model, op, h, contact, *prepared)
             if not (prepared[0].flag[:, landing.STATUS] == landing.BEYOND).any():
                 model.bonds.flexural_stress[:] = flexure
-                return self._finish(model, *prepared, h)
+                return self._finish(model, *prepared, h), _is_pushed_elsewhere(contact, *prepared)
             further *= 8.0  # a light berg may be taken up by the water
             if further > FARTHEST:
                 raise RunError(
@@ -291,7 +291,7 @@ class Seabed:
                     "floor. Compare thickness and depth, or take a shorter stepping.time_step"
                 )
         landing.lift_off(model.elements.keel)
-        return None
+        return None, False
 
     def _run(
         self, model: RunState, op: BodyOperators, h: float, contact: SubcycledMotion | None, now: landing.Landing, numbers: Ints
@@ -300,8 +300,7 @@ class Seabed:
         c, pads = model.constants, now.pads
         landing.set_going(now, numbers, op.matrices)
         if contact is not None:
-            _, here, there = np.intersect1d(numbers, contact.bodies, return_indices=True)
-            now.motion[here, landing.PUSH] = contact.impulse[there] / h
+            _carry(now, numbers, contact, op.body, h)
         forcing = forcing_of_rows(pads.rows, op.forcing)
         flexure, bends = np.zeros(model.bonds.first.size), model.parameters.fracture.flexural_strength is not None
         points = _count_points(pads, now.polygons)
@@ -352,7 +351,8 @@ class Seabed:
         landing.write_friction(now, model.elements.keel)
         self.rubbed += number[done, landing.RUBBED].sum()
         elements = np.diff(pads.row_start)
-        bonded = done & (elements > 1)
+        # What contact presses has its loads from there, or from the equilibrium at the end.
+        bonded = done & (elements > 1) & (now.flag[:, landing.CARRIED] == 0)
         touched, pressed = np.repeat(done, elements), np.repeat(bonded, elements)
         peak = PeakContactLoad(
             pads.rows[pressed], now.peak[pressed, :3].copy(), now.peak[pressed, 3:].copy(), numbers[bonded],
@@ -360,7 +360,8 @@ class Seabed:
         )  # fmt: skip
         return SubcycledMotion(
             numbers[done], pads.rows[touched], now.motion[done, landing.PATH] / h, now.motion[done, landing.VELOCITY],
-            np.zeros((np.count_nonzero(done), 3)), now.applied[touched], *NO_PAIRS,
+            np.zeros((np.count_nonzero(done), 3)), anchors.without_floor(np.count_nonzero(touched)),
+            number[done, landing.RUBBED], now.applied[touched], *NO_PAIRS,
             # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
             max(number[done, landing.SHORTEST].min(), landing.TOUCH_STEP), peak,
         )  # fmt: skip
@@ -411,20 +412,41 @@ class Seabed:
                 "sea floor", where="Model", remedy="Place the berg in deeper water, or set grounding.start to aground",
             )  # fmt: skip
 
-    def held_in_contact(self, model: RunState, op: BodyOperators, twist: Floats, slides: Ints) -> BodyOperators:
-        """Return the operators for sub-steps of contact, in which the bed brakes all fragments on it but ``slides``.
+    def anchors(self, keel: Keel) -> Floats:
+        """Return what anchors the elements on the floor, for sub-steps of contact."""
+        force, found = np.array([keel.anchor_x, keel.anchor_y]), anchors.without_floor(keel.floor_x.size)
+        found[:, [anchors.ANCHOR_X, anchors.ANCHOR_Y]] = force.T
+        found[:, anchors.STIFFNESS] = keel.anchor_capacity / self.bed.anchor_way
+        found[:, anchors.HOLD] = keel.floor_hold
+        found[:, anchors.SLOPE_X], found[:, anchors.SLOPE_Y] = keel.floor_x - force[0], keel.floor_y - force[1]
+        found[:, anchors.ARM_X], found[:, anchors.ARM_Y] = keel.floor_arm_x, keel.floor_arm_y
+        return found
 
-        Its drag is linear and gives what friction can bear at the speed now, or at 1 mm/s: a fragment at rest is held.
-        """
-        el = model.elements
-        capacity = np.where(np.isin(op.body, slides), 0.0, el.keel.anchor_capacity)
-        if not capacity.any():
-            return op
-        u, v = (np.einsum("ek,ek->e", op.levers[:, k : k + 3], twist[op.body]) for k in (0, 3))
-        speed, drag = np.maximum(np.hypot(u, v), landing.SLOW), np.zeros_like(op.matrices.floor_drag)
-        forcing = op.forcing._replace(floor_rate=op.forcing.floor_rate + capacity / (el.mass * speed))
-        add_inertia_and_floor_drag(op.body, op.levers, forcing, np.zeros_like(drag), drag)
-        return op._replace(forcing=forcing, matrices=op.matrices._replace(floor_drag=drag))
+
+def _carry(now: landing.Landing, numbers: Ints, contact: SubcycledMotion, body: Ints, h: float) -> None:
+    """Let contact take the fragments on the floor through the step, and push those that come down on it.
+
+    ``body``: of the elements.
+    """
+    _, here, there = np.intersect1d(numbers, contact.bodies, return_indices=True)
+    for a, c in zip(here.tolist(), there.tolist(), strict=True):
+        if not now.flag[a, landing.TOUCHES]:
+            now.motion[a, landing.PUSH] = contact.impulse[c] / h
+            continue
+        # The elements of a fragment stand in the order of the state in both.
+        rows = np.flatnonzero(body[contact.rows] == numbers[a])
+        friction = contact.anchors[rows][:, [anchors.ANCHOR_X, anchors.ANCHOR_Y]]
+        landing.carry(
+            now, a, h * contact.mean[c], contact.twist[c], friction, contact.applied[rows], float(contact.rubbed[c])
+        )  # fmt: skip
+
+
+def _is_pushed_elsewhere(contact: SubcycledMotion | None, now: landing.Landing, numbers: Ints) -> bool:
+    """Whether contact has taken a fragment to where the floor holds it otherwise, or down onto the floor."""
+    if contact is None:
+        return False
+    touched = (now.flag[:, landing.STATUS] == landing.DONE) & (now.flag[:, landing.CARRIED] == 0)
+    return bool(now.flag[:, landing.CHANGED].any() or (touched & np.isin(numbers, contact.bodies)).any())
 
 
 @kernel
@@ -469,12 +491,6 @@ def bent_bonds(
     return found
 
 
-def bodies_under_impact(contact: SubcycledMotion, op: BodyOperators) -> Ints:
-    """Bodies that contact gives a change of velocity of more than `STRUCK`."""
-    impulse, mass = np.hypot(*contact.impulse[:, :2].T), op.matrices.inertia[contact.bodies, 0, 0]
-    return np.asarray(contact.bodies[impulse > STRUCK * mass])
-
-
 def joined(contact: SubcycledMotion | None, ground: SubcycledMotion | None, body: Ints) -> SubcycledMotion | None:
     """Return both as one, of different fragments; ``body``: fragment of each element."""
     if contact is None or ground is None:
@@ -489,7 +505,8 @@ def joined(contact: SubcycledMotion | None, ground: SubcycledMotion | None, body
         return np.concatenate([getattr(contact, name), getattr(ground, name)])
 
     return SubcycledMotion(
-        both("bodies"), both("rows"), both("mean"), both("twist"), both("impulse"), both("applied"),
+        both("bodies"), both("rows"), both("mean"), both("twist"), both("impulse"), both("anchors"), both("rubbed"),
+        both("applied"),
         contact.first, contact.second, min(contact.shortest_substep, ground.shortest_substep), peak,
     )  # fmt: skip
 
@@ -499,5 +516,6 @@ def without(contact: SubcycledMotion, bodies: Ints, body: Ints) -> SubcycledMoti
     stay, rows = ~np.isin(contact.bodies, bodies), ~np.isin(body[contact.rows], bodies)
     return contact._replace(
         bodies=contact.bodies[stay], rows=contact.rows[rows], mean=contact.mean[stay], twist=contact.twist[stay],
-        impulse=contact.impulse[stay], applied=contact.applied[rows],
+        impulse=contact.impulse[stay], anchors=contact.anchors[rows], rubbed=contact.rubbed[stay],
+        applied=contact.applied[rows],
     )  # fmt: skip

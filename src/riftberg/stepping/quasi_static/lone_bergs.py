@@ -43,7 +43,7 @@ from riftberg.stepping.bodies.pose import Bodies, move_poses, place_elements
 from riftberg.stepping.contact.broad_phase import candidate_pairs
 from riftberg.stepping.contact.faces import FaceContact
 from riftberg.stepping.contact.land import land_corrections
-from riftberg.stepping.forces.media import CORIOLIS, LIMIT, MEDIA, QUADRATIC, SEA_FLOOR, SEA_ICE, ForcedElements
+from riftberg.stepping.forces.media import CORIOLIS, LIMIT, MEDIA, QUADRATIC, SEA_ICE, ForcedElements
 from riftberg.stepping.forces.pack import corner_slope, next_direction
 from riftberg.stepping.forces.sizes import Sizes, sizes_in
 from riftberg.stepping.run_state import RunState
@@ -254,7 +254,7 @@ def _acceleration(
             applied[e, CORIOLIS, 0] += part * ax
             applied[e, CORIOLIS, 1] += part * ay
     for k in range(len(MEDIA)):
-        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+        if forcing.media_act:
             dx, dy, dxx, dxy, dyy, of_medium = drag_and_jacobian(media[e, k], u, v)
             ax += dx
             ay += dy

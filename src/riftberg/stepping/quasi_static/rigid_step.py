@@ -31,7 +31,7 @@ from riftberg.stepping.bodies.dynamics import (
     accumulate_excess_drag,
     accumulate_forces,
     add_forces,
-    add_inertia_and_floor_drag,
+    add_inertia,
     allocate_forcing,
     evaluate_forcing,
     first_half_kick,
@@ -103,7 +103,7 @@ def assemble_operators(
     """
     count = bodies.pose.shape[0]
     forcing, levers = allocate_forcing(el, p, sides), np.empty((el.size, 11))
-    matrices = BodyMatrices(*np.zeros((3, count, 3, 3)))
+    matrices = BodyMatrices(*np.zeros((2, count, 3, 3)))
     environment = el.environment
     if p.ice_capture == LOCKED:
         environment = mean_pack(environment, el.body.mass, bodies.body)
@@ -120,7 +120,7 @@ def _assemble_operators(
     """Fill the arrays of `assemble_operators`."""
     fill_levers(bodies, p.latlon, p.earth_radius, levers)
     evaluate_forcing(el, sizes, p, acts, nothing, forcing)
-    add_inertia_and_floor_drag(bodies.body, levers, forcing, matrices.inertia, matrices.floor_drag)
+    add_inertia(bodies.body, levers, forcing, matrices.inertia)
     invert(matrices.inertia, matrices.mobility, work.scratch)
 
 
@@ -136,14 +136,11 @@ def find_loads(
     """
     body, levers, forcing = op.body, op.levers, op.forcing
     add_forces(body, levers, twist, forcing, terms.accelerations, terms.drag_rate, force, terms.net_force)
-    scatter_velocities(body, levers, twist, forcing, force, motion, shown)
+    scatter_velocities(body, levers, twist, motion, shown)
     for b in range(twist.shape[0]):
         angular = 0.0
         for i in range(3):
-            f = terms.net_force[b, i]
-            for j in range(3):
-                f -= op.matrices.floor_drag[b, i, j] * twist[b, j]
-            angular += op.matrices.mobility[b, 2, i] * f
+            angular += op.matrices.mobility[b, 2, i] * terms.net_force[b, i]
         work.residual[b, 2] = angular
     for e in range(body.size):
         spin_rate[e] = work.residual[body[e], 2]

@@ -33,7 +33,7 @@ from riftberg.stepping.lattice.cell_stiffness import CellTopology
 from riftberg.stepping.lattice.cells import ElasticCells
 from riftberg.stepping.lattice.equilibrium import released_energy
 from riftberg.stepping.quasi_static.rigid_step import BodyState, accumulate_step_forces
-from riftberg.stepping.quasi_static.trial import LONGEST_SLIDING_STEP, FragmentMotion, LawsWithMemory, Trial
+from riftberg.stepping.quasi_static.trial import LONGEST_PUSHED_STEP, FragmentMotion, LawsWithMemory, Trial
 from riftberg.stepping.run_state import RunState
 
 MAX_CRACKS_PER_STEP = 64
@@ -116,7 +116,7 @@ class TimeStep:
 
         The order in which events are looked for is the order in which one invalidates what the trial shows about the next:
 
-        1. Fragments touch in a step of hours, or one slides over the sea floor that others press. All loads of the trial are
+        1. Fragments touch in a step of hours, or push one to where the sea floor holds it otherwise. All loads of the trial are
            then wrong, so it is rejected whatever else is in it, and the rest of the time step is taken in shorter steps, in
            which all events are looked for again.
         2. Fracture by contact or the sea floor. Their loads peak within the step, so it comes before what the end of the step
@@ -131,7 +131,7 @@ class TimeStep:
         trial = self.motion.trial(self.state, h)
         too_long = (
             (LONGEST_CONTACT_STEP, trial.contact is not None and trial.contact.first.size > 0),
-            (LONGEST_SLIDING_STEP, trial.slides),
+            (LONGEST_PUSHED_STEP, trial.pushed),
         )
         for longest, happened in too_long:
             if happened and h > longest * (1.0 + 1e-9):

@@ -26,6 +26,7 @@ from riftberg.stepping.bodies.dynamics import (
 )
 from riftberg.stepping.bodies.linear_pack import linear_pack, soft_pack
 from riftberg.stepping.bodies.pose import Bodies, place_elements
+from riftberg.stepping.contact.anchors import without_floor
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.faces import FaceContact, FacePairs
 from riftberg.stepping.contact.islands import (
@@ -46,7 +47,7 @@ from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fracture.brittle_lattice import BrittleLattice
 from riftberg.stepping.fracture.criteria import Equilibrium, grow_damage
-from riftberg.stepping.ground.seabed import Seabed, bodies_under_impact, joined, without
+from riftberg.stepping.ground.seabed import Seabed, joined, without
 from riftberg.stepping.lattice.equilibrium import balanced_loads, supported_loads
 from riftberg.stepping.lattice.sides import FragmentSides
 from riftberg.stepping.quasi_static.rigid_step import (
@@ -58,18 +59,8 @@ from riftberg.stepping.quasi_static.rigid_step import (
 )
 from riftberg.stepping.run_state import RunState
 
-LONGEST_SLIDING_STEP = 20.0
-"""Longest trial step (s) in which a fragment slides over a bed of sediment that others press: an impact lasts some 15 s."""
-
-MAX_HELD_SLIP = 0.02
-"""Way (m) that a held fragment gives in a long step from which on it may be pushed harder than the bed can bear: at 1 mm/s under
-that force, for the time of an impact."""
-
-REST_SPEED = 0.01
-"""Speed (m s-1) below which a fragment on the bed is held when others strike it."""
-
-MAX_SPLITTING_ERROR = 0.5
-"""Largest distance (m) between the places to which contact and the bed take a fragment that slides in a long step."""
+LONGEST_PUSHED_STEP = 60.0
+"""Longest trial step (s) in which others push a fragment to where the bed holds it otherwise, or down onto it."""
 
 LARGEST_TURN_ON_ROLLERS = 0.02
 """Sine of the angle by which a fragment may turn on supports that are free eastward: they stay across its own axis."""
@@ -132,7 +123,7 @@ class Trial:
     h: float  # s
     state: BodyState  # At its end
     contact: SubcycledMotion | None  # What contact and the bed did on the way
-    slides: bool = False  # Whether a bed of sediment cannot hold a fragment that others press
+    pushed: bool = False  # Whether others have pushed a fragment to where the bed holds it otherwise
     peak: Equilibrium | None = None  # Under the peak contact loads, once it has been needed
 
 
@@ -159,7 +150,7 @@ class FragmentMotion:
 
         # Contact: fragments that may touch each other go through the step in sub-steps, island by island; then those that
         # touch a bed of sediment.
-        contact, ground, slides = self._resolve_contacts_and_bed(start, h)
+        contact, ground, pushed = self._resolve_contacts_and_bed(start, h)
         in_substeps = joined(contact, ground, bodies.body)
 
         # Predictor: first half kick and drift. Bodies in contact drift with the mean twist of their sub-steps.
@@ -192,67 +183,32 @@ class FragmentMotion:
             lattice, displacement = self.lattice, 0.5 * (bodies.displacement + state.bodies.displacement)
             middle = lattice.moment(displacement, 0.5 * (start.load + state.load))
             grow_damage(self.bonds, lattice.intact, lattice.criterion.damage_drive(middle, lattice.strengths()), h, c)
-        return Trial(h, state, joined(contact, ground, bodies.body), slides)
+        return Trial(h, state, joined(contact, ground, bodies.body), pushed)
 
     def _resolve_contacts_and_bed(
         self, start: BodyState, h: float
     ) -> tuple[SubcycledMotion | None, SubcycledMotion | None, bool]:
-        """Take fragments through contact and over a bed of sediment; the third value is that of `Trial.slides`.
-
-        What stands on the bed is held while others press it, unless it turns out to slide then: it goes through the contact as
-        if it were afloat, and over the bed with the mean force, in steps in which friction takes little of its speed.
-        """
-        none = NO_PAIRS[0]
+        """Take fragments through contact and over a bed of sediment; the third value is that of `Trial.pushed`."""
+        contact = self._resolve_contacts(start, h)
         if self.seabed is None:
-            return self._resolve_contacts(start, h, none), None, False
-        before, contact = self.laws.checkpoint(), self._resolve_contacts(start, h, none)
-        keel = [array.copy() for array in self.el.keel] if contact is not None else []
-        ground = self._run_aground(start, h, contact)
-        if contact is None or ground is None:
-            return contact, ground, False
-        both, of_contact, of_floor = np.intersect1d(contact.bodies, ground.bodies, return_indices=True)
-        under_impact = np.isin(both, bodies_under_impact(contact, start.operators))
-        pushed, gone = h * contact.mean[of_contact, :2], h * ground.mean[of_floor, :2]
-        if h > LONGEST_SLIDING_STEP * (1.0 + 1e-9):
-            # The mean force of an impact in a long step is small, but what it does to a fragment that is held shows.
-            rests = np.hypot(*start.bodies.twist[both, :2].T) < REST_SPEED
-            too_long = np.hypot(*np.where(rests[:, None], pushed, pushed - gone).T) > np.where(
-                rests, MAX_HELD_SLIP, MAX_SPLITTING_ERROR
-            )
-            return without(contact, ground.bodies, start.bodies.body), ground, bool((under_impact & too_long).any())
-        slides = both[under_impact & (np.hypot(*gone.T) > self.seabed.bed.anchor_way)]
-        if slides.size:
-            self.laws.rollback(before)
-            for array, values in zip(self.el.keel, keel, strict=True):
-                array[:] = values
-            contact = self._resolve_contacts(start, h, slides)
-            ground = self._run_aground(start, h, contact)
+            return contact, None, False
+        op = linear_pack(start.operators, start.bodies.twist)
+        ground, pushed = self.seabed.resolve(self.model, start.bodies, op, start.time, h, contact)
         if contact is not None and ground is not None:
             contact = without(contact, ground.bodies, start.bodies.body)
-        return contact, ground, bool(slides.size)
+        return contact, ground, pushed
 
-    def _run_aground(self, start: BodyState, h: float, contact: SubcycledMotion | None) -> SubcycledMotion | None:
-        """Take the fragments that touch a bed of sediment within ``h`` s through sub-steps, up to what it does at the end."""
-        if self.seabed is None:
-            return None
-        op = linear_pack(start.operators, start.bodies.twist)
-        return self.seabed.resolve(self.model, start.bodies, op, start.time, h, contact)
-
-    def _resolve_contacts(self, start: BodyState, h: float, slides: Ints) -> SubcycledMotion | None:
-        """Take the fragments that may touch each other within ``h`` s through sub-steps; the bed does not hold ``slides``."""
-        bodies = start.bodies
+    def _resolve_contacts(self, start: BodyState, h: float) -> SubcycledMotion | None:
+        """Take the fragments that may touch each other within ``h`` s through sub-steps."""
+        bodies, keel = start.bodies, self.el.keel
         if self.faces is None or not self.c.interactions:
             return None
         if bodies.pose.shape[0] < 2:
             self.faces.forget_pairs()
             return None
-        op = (
-            start.operators
-            if self.seabed is None
-            else self.seabed.held_in_contact(self.model, start.operators, bodies.twist, slides)
-        )
+        anchors = without_floor(self.el.size) if self.seabed is None else self.seabed.anchors(keel)
         try:
-            return self.faces.resolve(self.model, bodies, soft_pack(op), h, self.sizes)
+            return self.faces.resolve(self.model, bodies, soft_pack(start.operators), h, self.sizes, anchors)
         except FloatingPointError:
             raise RunError(
                 f"the velocities of bergs in contact did not converge at {self.model.date:%Y-%m-%d %H:%M}"
@@ -326,7 +282,9 @@ class FragmentMotion:
         # What the bed and lasting contact load the lattice with is no part of the forces by which the next step begins.
         pressed = np.zeros((0, 3))
         if self.seabed is not None:
-            pressed = np.column_stack([el.keel.floor_x, el.keel.floor_y, el.keel.floor_torque])
+            keel = el.keel
+            torque = keel.floor_arm_x * keel.floor_y - keel.floor_arm_y * keel.floor_x
+            pressed = np.column_stack([keel.floor_x, keel.floor_y, torque])
             op.forcing.aground[:] = el.keel.floor_load > 0.0
         if self.faces is not None and self.faces.pairs.pair.size:
             of_faces = self.faces.force(self.model)
