@@ -15,6 +15,7 @@ from riftberg.parameters import Parameters
 from riftberg.stepping.bodies.dynamics import ElementForcing, assemble_force_and_jacobian
 from riftberg.stepping.bodies.pose import mean_displacement, subtract_mean
 from riftberg.stepping.contact.broad_phase import contact_cells
+from riftberg.stepping.contact import anchors
 from riftberg.stepping.contact.islands import accumulate_floor_impulse, accumulate_impulse, element_path
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, LIMIT, MEDIA, SEA_FLOOR, Medium
 from riftberg.stepping.fragments.connectivity import bridge_moments, find_bridges
@@ -38,8 +39,8 @@ def test_elements_go_round_with_their_body() -> None:
 def forcing(count: int, **changes: Any) -> ElementForcing:
     zero = np.zeros(count)
     made = ElementForcing(
-        np.zeros((count, len(MEDIA), len(Medium._fields))), zero, zero + 1e9, zero + 1e14, *[zero] * 5,
-        np.zeros((count, 0, 4)), zero, zero, zero, True, False,
+        np.zeros((count, len(MEDIA), len(Medium._fields))), zero, zero + 1e9, zero + 1e14, *[zero] * 3,
+        np.zeros((count, 0, 4)), zero, zero, zero, True,
     )  # fmt: skip
     return made._replace(**changes)
 
@@ -60,13 +61,12 @@ def test_coriolis_takes_the_momentum_of_the_way() -> None:
     np.testing.assert_allclose(applied[:, CORIOLIS], np.stack([f * north, -f * east], axis=1), rtol=1e-9)
 
 
-def test_the_floor_takes_momentum_where_it_acts_alone() -> None:
-    place = np.array([[3e3, -2e3], [-1e3, 4e3]])
-    twist, rate, applied = np.array([[0.3, 0.1, 1e-5]]), np.array([2e-4, 0.0]), np.zeros((2, len(FORCES), 2))
-    island: Any = SimpleNamespace(body_of=np.zeros(2, int), levers=levers(place), forcing=forcing(2, floor_rate=rate))
-    plain(accumulate_floor_impulse)(island, twist, 60.0, applied)
-    velocity = [0.3 + 1e-5 * 2e3, 0.1 + 1e-5 * 3e3]
-    np.testing.assert_allclose(applied[:, SEA_FLOOR], [[-60.0 * 2e-4 * v for v in velocity], [0.0, 0.0]], rtol=1e-12)
+def test_the_floor_takes_the_momentum_that_its_friction_and_slope_give() -> None:
+    anchor, applied = anchors.without_floor(2), np.zeros((2, len(FORCES), 2))
+    anchor[0, [anchors.ANCHOR_X, anchors.ANCHOR_Y, anchors.STIFFNESS, anchors.SLOPE_X]] = 3e6, -2e6, 1.0, 1e6
+    island: Any = SimpleNamespace(body_of=np.zeros(2, int), forcing=forcing(2))
+    plain(accumulate_floor_impulse)(island, anchor, 60.0, applied)
+    np.testing.assert_allclose(applied[:, SEA_FLOOR], [[60.0 * 4e6 / 1e9, -60.0 * 2e6 / 1e9], [0.0, 0.0]], rtol=1e-12)
 
 
 def test_the_jacobian_is_the_derivative_of_the_force() -> None:

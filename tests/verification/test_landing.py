@@ -243,8 +243,8 @@ def struck(dt: float, aground: float) -> Model:
 def test_a_berg_that_the_bed_holds_stands_like_a_wall_when_it_is_struck(dt: float) -> None:
     """Bug: in the sub-steps of the impact it went as if it were afloat, and the other came 73 m into it in a step of ten minutes.
 
-    In half an hour it was 196 m. The other comes back at a tenth of its speed, both bear the largest force, and the floor takes
-    the impulse.
+    In half an hour it was 196 m. The other comes back at a seventh of its speed: a tenth is what ice gives back, the rest comes
+    from the elastic anchors. Both bear the largest force, and the floor takes the impulse.
     """
     model = struck(dt, 0.6)
     first, stress, gap = model.bonds.first < 50, np.zeros(2), math.inf
@@ -253,10 +253,10 @@ def test_a_berg_that_the_bed_holds_stands_like_a_wall_when_it_is_struck(dt: floa
         el, peak = model.elements, model.bonds.peak_stress
         stress = np.maximum(stress, [peak[first].max(), peak[~first].max()])
         gap = min(gap, float(el.lon[50:].min() - el.lon[:50].max()) - 1500.0)
-    assert 0.05 < -el.u[:50].mean() / 0.2 < 0.1
+    assert 0.1 < -el.u[:50].mean() / 0.2 < 0.2
     assert np.abs(el.u[50:]).max() < 1e-6
     assert gap > -5.0
-    assert stress == pytest.approx([12.35e3, 8.08e3], rel=0.01)
+    assert stress == pytest.approx([20.48e3, 9.25e3], rel=0.01)
     ledger = model.motion.balance(model, model.remembered)
     given = (el.mass[:50] * (el.u[:50] - 0.2)).sum()
     water, floor = (ledger.impulse[name][0] for name in ("water", "sea_floor"))

@@ -143,7 +143,7 @@ def _integrate_island(
             h = left
         shortest = min(shortest, h)
         count = _find_velocities(island, faces, pair_state, result, about.jacobian, h, law, work)
-        find_going(island, pair_state, count, twist, work)
+        find_going(island, pair_state, result.anchors, count, twist, work)
         update_faces(island, faces, pair_state, count, h, law, work, result)
         drag_anchors(result.anchors, island.body_of, island.levers, h, work.new, work.going, result.rubbed)
         record_peak(island, pair_state, count, result, work)

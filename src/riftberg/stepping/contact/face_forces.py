@@ -22,6 +22,7 @@ from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.physics.geometry import solve
 from riftberg.state import Floats
+from riftberg.stepping.contact.anchors import STIFFNESS
 from riftberg.stepping.contact.face_pairs import (
     CrushingWorkspace,
     Faces,
@@ -316,11 +317,13 @@ def _push(row: Floats, at: int, impulse: float, one: Floats, two: Floats, v: Flo
 
 
 @borrower
-def find_going(island: Island, pair_state: Floats, count: int, twist: Floats, work: CrushingWorkspace) -> None:
-    """Find the twists by which bodies go through a sub-step: the mean of old and new; the new one of bodies at rest in contact.
+def find_going(
+    island: Island, pair_state: Floats, anchors: Floats, count: int, twist: Floats, work: CrushingWorkspace
+) -> None:  # fmt: skip
+    """Find the twists by which bodies go through a sub-step: the mean of old and new; the new one of bodies at rest or aground.
 
     At rest (pressed, and in no impact) a body then stands where its overlap says. By the mean, one that rocks would come in a
-    little with each swing, and rock on.
+    little with each swing, and rock on. On the sea floor it stands where its anchors say.
     """
     for b in range(twist.shape[0]):
         for i in range(3):
@@ -332,6 +335,10 @@ def find_going(island: Island, pair_state: Floats, count: int, twist: Floats, wo
                 for b in (island.body_of[island.first[k]], island.body_of[island.second[k]]):
                     for i in range(3):
                         work.going[b, i] = work.new[b, i] if phase == REST else 0.5 * (twist[b, i] + work.new[b, i])
+    for e in range(island.body_of.size):
+        if anchors[e, STIFFNESS] > 0.0:
+            for i in range(3):
+                work.going[island.body_of[e], i] = work.new[island.body_of[e], i]
 
 
 @borrower
