@@ -26,7 +26,17 @@ floor (N), where they act, from the centre of the element (m), and the grip of t
 
 COLUMNS: Final = 9
 
-AGREEMENT = 1e-3, 1e-6
+AFLOAT, HELD, SLIDING = range(3)
+"""What the floor does to a body in a sub-step: nothing, all its anchors hold, or one of them gives way."""
+
+GIVES_WAY: Final = 0.99
+"""Part of its largest friction from which on an anchor is taken to slide at the start of a step."""
+
+SLIDING_STEP: Final = 0.2
+"""Part of the time in which a body that slides would stop that a sub-step takes, while the way to there is longer than that of
+its anchors."""
+
+AGREEMENT = 1e-4, 1e-7
 """Change of the velocities in a turn at which the grip is found: as a part of them, and in m s-1."""
 
 MOST_TURNS: Final = 30
@@ -65,15 +75,15 @@ def add_floor_force(anchors: Floats, body_of: Ints, levers: Floats, force: Float
 
 @borrower
 def find_grip(
-    anchors: Floats, body_of: Ints, levers: Floats, h: float, old: Floats, new: Floats, force: Floats, drag: Floats
+    anchors: Floats, body_of: Ints, levers: Floats, h: float, old: Floats, new: Floats, floor: Ints, force: Floats, drag: Floats
 ) -> bool:  # fmt: skip
-    """Find the grip of all anchors at the velocities ``new`` of the bodies; returns whether there are any.
+    """Find the grip of all anchors at the velocities ``new`` of the bodies, and ``floor``; returns whether there are any.
 
     ``force`` (bodies, 3) takes how the force of the floor after the sub-step would differ from that before at the velocities
     ``old``, and ``drag`` (bodies, 3, 3) minus its derivative by the velocity.
     """
     any_anchor = False
-    force[:, :], drag[:, :, :] = 0.0, 0.0
+    force[:, :], drag[:, :, :], floor[:] = 0.0, 0.0, AFLOAT
     for e in range(body_of.size):
         a, m, b = anchors[e], levers[e], body_of[e]
         if a[STIFFNESS] == 0.0:
@@ -82,6 +92,7 @@ def find_grip(
         u, v = _keel_velocity(a, m, new[b])
         size = math.hypot(a[ANCHOR_X] - k * u, a[ANCHOR_Y] - k * v)
         a[GRIP] = a[HOLD] / size if size > a[HOLD] else 1.0
+        floor[b] = max(floor[b], HELD if a[GRIP] == 1.0 else SLIDING)
         k *= a[GRIP]
         u, v = _keel_velocity(a, m, old[b])
         left = a[GRIP] - 1.0
@@ -101,6 +112,43 @@ def agree(old: Floats, new: Floats, arm: Floats) -> bool:
         if change > AGREEMENT[0] * (math.hypot(new[b, 0], new[b, 1]) + arm[b] * abs(new[b, 2])) + AGREEMENT[1]:
             return False
     return True
+
+
+@borrower
+def find_stop(floor: Ints, h: float, old: Floats, new: Floats, stop: Floats) -> None:
+    """Find in what time the bodies that slide would stop if they went on losing speed as in a sub-step of ``h`` s; else infinite."""
+    for b in range(floor.size):
+        stop[b] = math.inf
+        speed = math.hypot(new[b, 0], new[b, 1])
+        lost = math.hypot(old[b, 0], old[b, 1]) - speed
+        if floor[b] == SLIDING and lost > 0.0:
+            stop[b] = h * speed / lost
+
+
+@borrower
+def guess_stop(anchors: Floats, body_of: Ints, mobility: Floats, force: Floats, twist: Floats, stop: Floats) -> None:
+    """Find the same before the first sub-step, by the ``force`` on the bodies without contact."""
+    for e in range(body_of.size):
+        a, b, gained = anchors[e], body_of[e], 0.0
+        speed = math.hypot(twist[b, 0], twist[b, 1])
+        if a[STIFFNESS] > 0.0 and speed > 0.0 and math.hypot(a[ANCHOR_X], a[ANCHOR_Y]) > GIVES_WAY * a[HOLD]:
+            for i in range(2):
+                for j in range(3):
+                    gained += twist[b, i] * mobility[b, i, j] * force[b, j]
+            stop[b] = -speed * speed / gained if gained < 0.0 else math.inf
+
+
+@borrower
+def longest_sliding_step(anchors: Floats, body_of: Ints, twist: Floats, stop: Floats, before: float) -> float:
+    """Longest sub-step (s) of the bodies that slide over the floor; ``before``: the last one, s."""
+    limit = math.inf
+    for e in range(body_of.size):
+        a, b = anchors[e], body_of[e]
+        if a[STIFFNESS] > 0.0 and stop[b] < math.inf:
+            way = 0.5 * math.hypot(twist[b, 0], twist[b, 1]) * stop[b]
+            if way * a[STIFFNESS] > a[HOLD]:
+                limit = min(limit, SLIDING_STEP * stop[b], 2.0 * before)
+    return limit
 
 
 # Many arguments: the twists at both ends and on the way, which differ in contact.

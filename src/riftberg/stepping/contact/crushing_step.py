@@ -15,7 +15,16 @@ import numpy as np
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import face_stiffness
 from riftberg.state import Floats
-from riftberg.stepping.contact.anchors import MOST_TURNS, add_floor_force, agree, drag_anchors, find_grip
+from riftberg.stepping.contact.anchors import (
+    MOST_TURNS,
+    add_floor_force,
+    agree,
+    drag_anchors,
+    find_grip,
+    find_stop,
+    guess_stop,
+    longest_sliding_step,
+)
 from riftberg.stepping.contact.face_forces import (
     APART,
     AREA_AT_END,
@@ -138,14 +147,17 @@ def _integrate_island(
         add_floor_force(result.anchors, island.body_of, island.levers, work.net_force)
         if left == dt:
             _go_alone(island, twist, dt, work)
-        h = _longest_substep(island, faces, pair_state, result, left, h, law, work)
+            guess_stop(result.anchors, island.body_of, island.matrices.mobility, work.net_force, twist, work.stop)
+        sliding = longest_sliding_step(result.anchors, island.body_of, twist, work.stop, h)
+        h = _longest_substep(island, faces, pair_state, result, min(left, sliding), h, law, work)
         if left - h < 1e-9 * dt:
             h = left
         shortest = min(shortest, h)
         count = _find_velocities(island, faces, pair_state, result, about.jacobian, h, law, work)
-        find_going(island, pair_state, result.anchors, count, twist, work)
+        find_going(island, pair_state, count, twist, work)
         update_faces(island, faces, pair_state, count, h, law, work, result)
         drag_anchors(result.anchors, island.body_of, island.levers, h, work.new, work.going, result.rubbed)
+        find_stop(work.floor, h, twist, work.new, work.stop)
         record_peak(island, pair_state, count, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
@@ -177,7 +189,7 @@ def _find_velocities(
             for i in range(3):
                 work.guess[b, i] = work.new[b, i]
         aground = find_grip(
-            result.anchors, island.body_of, island.levers, h, twist, work.guess, work.floor_force, work.floor_drag
+            result.anchors, island.body_of, island.levers, h, twist, work.guess, work.floor, work.floor_force, work.floor_drag
         )  # fmt: skip
         find_free_motion(island, jacobian, h, twist, work)
         if turn == 0:
@@ -255,7 +267,7 @@ def _longest_substep(
 ) -> float:  # fmt: skip
     """Find the longest sub-step (s): by the gaps of the bodies that may meet, and by the frequency of those that do.
 
-    ``left``: of the step, s; ``before``: the sub-step before, s.
+    ``left``: the longest that it may be for all else, s; ``before``: the sub-step before, s.
     """
     twist, mobility, limit = result.twist, island.matrices.mobility, left
     for b in range(twist.shape[0]):

@@ -22,7 +22,7 @@ from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.physics.geometry import solve
 from riftberg.state import Floats
-from riftberg.stepping.contact.anchors import STIFFNESS
+from riftberg.stepping.contact.anchors import HELD
 from riftberg.stepping.contact.face_pairs import (
     CrushingWorkspace,
     Faces,
@@ -117,6 +117,7 @@ def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
         np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
         PairWorkspace(np.empty((corners, 2)), np.empty((corners, 2)), np.empty((2, 4 * corners, 3))),
         np.empty((4, 3, 3)), np.zeros(1), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.empty((bodies, 3)),
+        np.zeros(bodies, np.int64), np.full(bodies, np.inf),
     )  # fmt: skip
 
 
@@ -317,13 +318,11 @@ def _push(row: Floats, at: int, impulse: float, one: Floats, two: Floats, v: Flo
 
 
 @borrower
-def find_going(
-    island: Island, pair_state: Floats, anchors: Floats, count: int, twist: Floats, work: CrushingWorkspace
-) -> None:  # fmt: skip
-    """Find the twists by which bodies go through a sub-step: the mean of old and new; the new one of bodies at rest or aground.
+def find_going(island: Island, pair_state: Floats, count: int, twist: Floats, work: CrushingWorkspace) -> None:
+    """Find the twists by which bodies go through a sub-step: the mean of old and new; the new one of bodies at rest or held.
 
     At rest (pressed, and in no impact) a body then stands where its overlap says. By the mean, one that rocks would come in a
-    little with each swing, and rock on. On the sea floor it stands where its anchors say.
+    little with each swing, and rock on. One that the sea floor holds stands where its anchors say.
     """
     for b in range(twist.shape[0]):
         for i in range(3):
@@ -335,10 +334,10 @@ def find_going(
                 for b in (island.body_of[island.first[k]], island.body_of[island.second[k]]):
                     for i in range(3):
                         work.going[b, i] = work.new[b, i] if phase == REST else 0.5 * (twist[b, i] + work.new[b, i])
-    for e in range(island.body_of.size):
-        if anchors[e, STIFFNESS] > 0.0:
+    for b in range(twist.shape[0]):
+        if work.floor[b] == HELD:
             for i in range(3):
-                work.going[island.body_of[e], i] = work.new[island.body_of[e], i]
+                work.going[b, i] = work.new[b, i]
 
 
 @borrower

@@ -70,6 +70,8 @@ class CrushingWorkspace(NamedTuple):
     floor_force: Floats  # Of `riftberg.stepping.contact.anchors.find_grip`; shape (bodies, 3)
     floor_drag: Floats  # shape (bodies, 3, 3)
     guess: Floats  # Twists of the turn before; shape (bodies, 3)
+    floor: Ints  # Whether the floor holds a body or brakes it, see `riftberg.stepping.contact.anchors`; shape (bodies,)
+    stop: Floats  # Time in which bodies that slide would stop, s; shape (bodies,)
 
 
 @kernel

@@ -127,7 +127,8 @@ def lay_planes(
             for n in range(size):
                 rise = max(rise, gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y))
             mean = min(mean, keel - shallow - rise)
-        gradient[m, 0], gradient[m, 1], highest[m] = gx, gy, -math.inf
+        # A step in the floor stays where it is while the berg moves a little: a push by it would be energy out of nothing.
+        gradient[m, 0], gradient[m, 1], highest[m] = 0.0 if cliff else gx, 0.0 if cliff else gy, -math.inf
         for n in range(size):
             overlap = mean + gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y)
             corner[at + n, 0], corner[at + n, 1], corner[at + n, 2] = (

@@ -277,11 +277,18 @@ class Seabed:
         where contact has taken it, or a fragment in contact has touched it. Writes what the floor does to the keels at the end,
         and the largest bending stress that each bond has borne.
         """
-        further = 1.0
+        further, by_the_floor = 1.0, NO_PAIRS[0]
         model.bonds.flexural_stress[:] = 0.0
         while (prepared := self._landing(model, bodies, time, h, further)) is not None:
-            flexure = self._run(model, op, h, contact, *prepared)
-            if not (prepared[0].flag[:, landing.STATUS] == landing.BEYOND).any():
+            flexure = self._run(model, op, h, contact, by_the_floor, *prepared)
+            now, numbers = prepared
+            beyond = (now.flag[:, landing.STATUS] == landing.BEYOND).any()
+            changed = now.flag[:, landing.CHANGED] == 1
+            if not beyond and changed.any() and h <= landing.TOUCH_STEP * (1.0 + 1e-9):
+                # The floor changes faster than others push: those go as it says, pushed by the mean force.
+                by_the_floor = np.union1d(by_the_floor, numbers[changed])
+                continue
+            if not beyond:
                 model.bonds.flexural_stress[:] = flexure
                 return self._finish(model, *prepared, h), _is_pushed_elsewhere(contact, *prepared)
             further *= 8.0  # a light berg may be taken up by the water
@@ -294,13 +301,17 @@ class Seabed:
         return None, False
 
     def _run(
-        self, model: RunState, op: BodyOperators, h: float, contact: SubcycledMotion | None, now: landing.Landing, numbers: Ints
+        self, model: RunState, op: BodyOperators, h: float, contact: SubcycledMotion | None, by_the_floor: Ints,
+        now: landing.Landing, numbers: Ints,
     ) -> Floats:  # fmt: skip
-        """Take fragments through a step; returns the bending stress of bonds, if it may break any (Pa)."""
+        """Take fragments through a step; returns the bending stress of bonds, if it may break any (Pa).
+
+        ``by_the_floor``: those in contact that do not go as that says.
+        """
         c, pads = model.constants, now.pads
         landing.set_going(now, numbers, op.matrices)
         if contact is not None:
-            _carry(now, numbers, contact, op.body, h)
+            _carry(now, numbers, contact, by_the_floor, op.body, h)
         forcing = forcing_of_rows(pads.rows, op.forcing)
         flexure, bends = np.zeros(model.bonds.first.size), model.parameters.fracture.flexural_strength is not None
         points = _count_points(pads, now.polygons)
@@ -423,14 +434,16 @@ class Seabed:
         return found
 
 
-def _carry(now: landing.Landing, numbers: Ints, contact: SubcycledMotion, body: Ints, h: float) -> None:
-    """Let contact take the fragments on the floor through the step, and push those that come down on it.
+def _carry(
+    now: landing.Landing, numbers: Ints, contact: SubcycledMotion, by_the_floor: Ints, body: Ints, h: float
+) -> None:
+    """Let contact take the fragments on the floor through the step, but push those that come down on it and ``by_the_floor``.
 
     ``body``: of the elements.
     """
     _, here, there = np.intersect1d(numbers, contact.bodies, return_indices=True)
     for a, c in zip(here.tolist(), there.tolist(), strict=True):
-        if not now.flag[a, landing.TOUCHES]:
+        if not now.flag[a, landing.TOUCHES] or numbers[a] in by_the_floor:
             now.motion[a, landing.PUSH] = contact.impulse[c] / h
             continue
         # The elements of a fragment stand in the order of the state in both.
