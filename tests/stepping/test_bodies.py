@@ -14,8 +14,8 @@ from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
 from riftberg.stepping.bodies.dynamics import ElementForcing, assemble_force_and_jacobian
 from riftberg.stepping.bodies.pose import mean_displacement, subtract_mean
-from riftberg.stepping.contact.broad_phase import contact_cells
 from riftberg.stepping.contact import anchors
+from riftberg.stepping.contact.broad_phase import contact_cells
 from riftberg.stepping.contact.islands import accumulate_floor_impulse, accumulate_impulse, element_path
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, LIMIT, MEDIA, SEA_FLOOR, Medium
 from riftberg.stepping.fragments.connectivity import bridge_moments, find_bridges

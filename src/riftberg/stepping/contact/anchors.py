@@ -1,6 +1,6 @@
-"""Friction of the sea floor on fragments that others press: the anchors of `riftberg.stepping.ground.landing` in the sub-steps
-of contact.
+"""Friction of the sea floor on fragments that others press, in the sub-steps of contact.
 
+It is that of the anchors of `riftberg.stepping.ground.landing`.
 The force of an anchor after a sub-step of h s is
 
     f = grip (a - k h v),    grip = min(1, H / |a - k h v|)
@@ -116,7 +116,7 @@ def agree(old: Floats, new: Floats, arm: Floats) -> bool:
 
 @borrower
 def find_stop(floor: Ints, h: float, old: Floats, new: Floats, stop: Floats) -> None:
-    """Find in what time the bodies that slide would stop if they went on losing speed as in a sub-step of ``h`` s; else infinite."""
+    """Find in what time the bodies that slide would stop if they lost speed as in a sub-step of ``h`` s; else infinite."""
     for b in range(floor.size):
         stop[b] = math.inf
         speed = math.hypot(new[b, 0], new[b, 1])

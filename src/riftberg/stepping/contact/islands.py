@@ -281,8 +281,8 @@ def island_part(lists: Islands, k: int, whole: Island) -> Island:
     b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
     n, f, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), whole.forcing, whole.matrices
     forcing = ElementForcing(
-        f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.aground[e], f.spin_drag[e], f.water_spin[e], f.sides[e], f.side_drag[e], f.push_x[e], f.push_y[e],
-        f.media_act,
+        f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.aground[e], f.spin_drag[e], f.water_spin[e],
+        f.sides[e], f.side_drag[e], f.push_x[e], f.push_y[e], f.media_act,
     )  # fmt: skip
     return Island(
         whole.body_of[e], whole.levers[e], forcing, BodyMatrices(m.inertia[b], m.mobility[b]),
