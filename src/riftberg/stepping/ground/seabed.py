@@ -371,7 +371,7 @@ class Seabed:
         )  # fmt: skip
         return SubcycledMotion(
             numbers[done], pads.rows[touched], now.motion[done, landing.PATH] / h, now.motion[done, landing.VELOCITY],
-            np.zeros((np.count_nonzero(done), 3)), anchors.without_floor(np.count_nonzero(touched)),
+            np.zeros((np.count_nonzero(done), 3)), anchors.without_floor(int(touched.sum())),
             number[done, landing.RUBBED], now.applied[touched], *NO_PAIRS,
             # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
             max(number[done, landing.SHORTEST].min(), landing.TOUCH_STEP), peak,
