@@ -487,20 +487,24 @@ def bent_bonds(
     found, reach = [], math.sqrt(2.0) * length
     for g in np.unique(group[loaded]).tolist() if length > 0.0 else []:
         mine = bent[(group[owner] == g) & (bent[:, 0] > 0.0)]
-        _, bending, share, *_ = mine[mine[:, 1].argmax()].tolist()
-        stress, places = bending_stress(length, share, thickness, bending), shapely.multipoints(mine[:, 3:])
-        if share < INSIDE:
-            # Elements are the smallest piece, so a loaded one breaks off whole.
-            piece = (group == g) | (shapely.distance(places, shapely.points(xy)) < 0.25 * math.pi * reach)
-            found.append((piece[first] != piece[second], stress))
-            continue
-        middle = np.average(mine[:, 3:], axis=0, weights=mine[:, 0])
-        away = mine[:, 3:] - middle
-        axis = np.linalg.eigh((away * mine[:, :1]).T @ away)[1][:, 1]
-        side, ends = (xy - middle) @ np.array([-axis[1], axis[0]]) > 0.0, away @ axis
-        along = (0.5 * (xy[first] + xy[second]) - middle) @ axis
-        near = (along > ends.min() - reach) & (along < ends.max() + reach)
-        found.append(((side[first] != side[second]) & near, stress))
+        # A load from side to side bends the edges most, but breaks the ice between them, which has more ice around it.
+        stresses = [bending_stress(length, share, thickness, bending) for _, bending, share, *_ in mine.tolist()]
+        stress, share = max(zip(stresses, mine[:, 2].tolist(), strict=True))
+        if share >= INSIDE:
+            middle = np.average(mine[:, 3:], axis=0, weights=mine[:, 0])
+            away = mine[:, 3:] - middle
+            axis = np.linalg.eigh((away * mine[:, :1]).T @ away)[1][:, 1]
+            side, ends = (xy - middle) @ np.array([-axis[1], axis[0]]) > 0.0, away @ axis
+            along = (0.5 * (xy[first] + xy[second]) - middle) @ axis
+            near = (along > ends.min() - reach) & (along < ends.max() + reach)
+            near |= (group[first] == g) | (group[second] == g)  # the shortest crack is one element long
+            if (cut := (side[first] != side[second]) & near).any():
+                found.append((cut, stress))
+                continue
+        # Elements are the smallest piece, so a loaded one breaks off whole.
+        places = shapely.multipoints(mine[:, 3:])
+        piece = (group == g) | (shapely.distance(places, shapely.points(xy)) < 0.25 * math.pi * reach)
+        found.append((piece[first] != piece[second], stress))
     return found
 
 
