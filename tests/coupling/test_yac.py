@@ -57,23 +57,37 @@ WATER, HEAT, EAST, NORTH = (
 )
 
 
+NAMES = {"sea_surface_temperature": "thetao", "water_flux_into_sea_water_from_icebergs": "melt"}
+"""Of fields that the ocean calls by names of its own."""
+
+
 def coupling_file(
     folder: Path, start: str = "2020-12-09T00:00:00", end: str = "2020-12-09T04:00:00", *, step: int = 3600, lag: int = 1,
-    period: int | None = None, interpolation: dict[str, Any] | None = None, grid: dict[str, Any] | None = None, **section: Any,
+    period: int | None = None, interpolation: dict[str, Any] | None = None,
+    names: dict[str, str] | None = None, **section: Any,
 ) -> Path:  # fmt: skip
-    """Write a coupling file as a modeller would; ``section``: of riftberg; ``period``: of what bergs take."""
-    by_target = {**INTERPOLATION, **(interpolation or {})}
+    """Write a coupling file as a modeller would.
+
+    ``period``: of what bergs take; ``names``: of the ocean; ``section``: of riftberg.
+    """
+    by_target, names = {**INTERPOLATION, **(interpolation or {})}, names or {}
+
+    def called(source: str, target: str, name: str) -> str | dict[str, str]:
+        theirs = names.get(name, name)
+        mapped = {"src": theirs, "tgt": name} if source == "ocean" else {"src": name, "tgt": theirs}
+        return mapped if name in names else name
 
     def coupled_field(source: str, target: str, name: str, lag: int) -> dict[str, Any]:
         return {
             "src_component": source, "src_grid": f"{source}_grid", "tgt_component": target, "tgt_grid": f"{target}_grid",
-            "field": name, "coupling_period": period if period and target == "riftberg" else step, "time_reduction": "none",
+            "field": called(source, target, name),
+            "coupling_period": period if period and target == "riftberg" else step, "time_reduction": "none",
             "interpolation": by_target[target], "src_lag": lag,
         }  # fmt: skip
 
     said = {
         "calendar": "proleptic-gregorian", "start_date": start, "end_date": end, "timestep_unit": "second",
-        "riftberg": {"grid": grid or GRID, "step": step, "wait": 300, **section},
+        "riftberg": {"grid": GRID, "step": step, "wait": 300, **section},
         "coupling": [coupled_field("ocean", "riftberg", name, 0) for name in TO_BERGS]
         + [coupled_field("riftberg", "ocean", name, lag) for name in GIVEN],
     }  # fmt: skip
@@ -132,12 +146,12 @@ def fails(folder: Path, **said: Any) -> str:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Four hours in one go; the ocean states its temperature in kelvin."""
+    """Four hours in one go; the ocean has names of its own, and states its temperature in kelvin."""
     if ABSENT:
         pytest.skip(f"not installed: {', '.join(ABSENT)}")
     folder = tmp_path_factory.mktemp("whole")
-    coupling_file(folder)
-    return folder, run_both(folder, units={"sea_surface_temperature": "K"})
+    coupling_file(folder, names=NAMES)
+    return folder, run_both(folder, units={"sea_surface_temperature": "K"}, names=NAMES)
 
 
 def all_arrives(kept: dict[str, Any], *, apart: float = 1e-12) -> None:
@@ -169,11 +183,11 @@ def test_both_sides_go_on_bit_for_bit(whole: tuple[Path, dict[str, Any]], tmp_pa
     """By the command: two hours, a restart of bergs and ocean, and two more."""
     folder, kept = whole
     (tmp_path / "experiment.yaml").write_text(EXPERIMENT)
-    said = {"coupling": "coupling.yaml", "step": 3600, **LARGER, "calving": 1e-3, "bergs": False,
+    said = {"coupling": "coupling.yaml", "step": 3600, **LARGER, "calving": 1e-3, "bergs": False, "names": NAMES,
             "units": {"sea_surface_temperature": "K"}}  # fmt: skip
     command = ["-m", "riftberg", "couple", "experiment.yaml", "--yac", "coupling.yaml", "--no-map", "-q"]
     for number, (start, end) in enumerate((("00", "02"), ("02", "04"))):
-        coupling_file(tmp_path, f"2020-12-09T{start}:00:00", f"2020-12-09T{end}:00:00")
+        coupling_file(tmp_path, f"2020-12-09T{start}:00:00", f"2020-12-09T{end}:00:00", names=NAMES)
         further = {"resume": "0.npz"} if number else {}
         (tmp_path / "s.json").write_text(json.dumps({**said, **further, "output": f"{number}.npz"}))
         words = [*command, "-o", str(number), *(["--resume", "0/end.restart.nc"] if number else [])]
@@ -216,12 +230,12 @@ def test_a_partner_that_never_comes_ends_the_wait_in_the_coupler(tmp_path: Path)
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ({"silent": "sea_surface_temperature"}, "waited 60 s for sea_surface_temperature from ocean at 2020-12-09 00:00:00"),
-        ({"silent": "northward_wind"}, "waited 60 s for northward_wind from ocean at 2020-12-09 00:00:00"),
-        ({"fault": "hangs"}, "waited 60 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
+        ({"silent": "sea_surface_temperature"}, "waited 30 s for sea_surface_temperature from ocean at 2020-12-09 00:00:00"),
+        ({"silent": "northward_wind"}, "waited 30 s for northward_wind from ocean at 2020-12-09 00:00:00"),
+        ({"fault": "hangs"}, "waited 30 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
         ({"fault": "killed"}, "signal 9 (Killed)"),
         ({"without": ["sea_surface_temperature"], "uncoupled": True}, "no sea_surface_temperature, but bergs melt"),
-        ({"fault": "leaves"}, "waited 60 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
+        ({"fault": "leaves"}, "waited 30 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
         ({"calendar": "YEAR_OF_365_DAYS"}, 'inconsistent calendar definition'),
         ({"calendar": "YEAR_OF_360_DAYS"}, 'inconsistent calendar definition'),
         ({"units": {"sea_ice_thickness": "kg"}}, "sea_ice_thickness: units are not those of 'm'"),
@@ -231,7 +245,7 @@ def test_a_partner_that_never_comes_ends_the_wait_in_the_coupler(tmp_path: Path)
     ],
 )  # fmt: skip
 def test_a_fault_of_the_ocean_ends_all_ranks(said: dict[str, Any], message: str, tmp_path: Path) -> None:
-    path = coupling_file(tmp_path, wait=60)
+    path = coupling_file(tmp_path, wait=30)
     if said.get("uncoupled"):
         coupling = yaml.safe_load(path.read_text())
         coupling["coupling"] = [field for field in coupling["coupling"] if field["field"] not in said["without"]]

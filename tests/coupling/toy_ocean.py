@@ -113,10 +113,11 @@ class Ocean:
         self.fields = {}
         for name in [*self.names, *GIVEN]:
             size = layers if "sea_water_velocity" in name else 1
-            self.fields[name] = yac.Field.create(name, self.component, self.points, size, step, yac.TimeUnit.SECOND)
+            called = self.said.get("names", {}).get(name, name)
+            self.fields[name] = yac.Field.create(called, self.component, self.points, size, step, yac.TimeUnit.SECOND)
             units = self.said.get("units", {}).get(name)
             if units:
-                self.yac.def_field_metadata("ocean", "ocean_grid", name, yaml.safe_dump({"units": units}).encode())
+                self.yac.def_field_metadata("ocean", "ocean_grid", called, yaml.safe_dump({"units": units}).encode())
 
     def begin(self) -> None:
         """Begin as at the start, or where a restart ended."""
