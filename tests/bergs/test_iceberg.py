@@ -185,6 +185,7 @@ def test_overlap_is_found_even_where_no_bond_reaches():
         ({"lat": [0.0, 89.5]}, "within 89"),
         ({"radius": -1.0}, "radius: .* is not possible.*Allowed: a number > 0 and <= 1e\\+06, in m"),
         ({"lon": [], "lat": []}, "no elements"),
+        ({"lon": [], "lat": [], "length": 1000.0, "width": 500.0}, "no elements"),
     ],
 )
 def test_impossible_points_are_refused(changes, match):

@@ -258,6 +258,16 @@ def test_a_run_that_stopped_goes_on_bit_for_bit(tmp_path: Path) -> None:
     assert second.balance() == whole.balance()
 
 
+@pytest.mark.parametrize("shift", [(0.5, 0.0), (0.0, -0.5)])
+def test_a_restart_on_a_grid_of_as_many_cells_elsewhere_is_refused(shift: tuple[float, float], tmp_path: Path) -> None:
+    """Its stores of ice, and what a coupler is still to get, would lie in other cells."""
+    exchange().model.save(tmp_path / "r.nc")
+    west, south = -40.0 + shift[0], -58.0 + shift[1]
+    moved = ocean_grid(*np.meshgrid(np.linspace(west, west + 4.0, NI + 1), np.linspace(south, south + 3.0, NJ + 1)))
+    with pytest.raises(InputError, match="the grid of the exchange reached from"):
+        Exchange(Model.resume(tmp_path / "r.nc", OceanForcing(moved, moved.fields(depth=500.0))))
+
+
 @pytest.mark.parametrize("step", [0.0, -1800.0, float("nan"), float("inf"), "soon"])
 def test_a_step_of_the_ocean_that_is_none_is_refused_by_name(step: float | str) -> None:
     """A step that is no number ended in an error of Python."""

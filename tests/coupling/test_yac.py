@@ -57,17 +57,32 @@ WATER, HEAT, EAST, NORTH = (
 )
 
 
+NAMES = {"sea_surface_temperature": "thetao", "water_flux_into_sea_water_from_icebergs": "melt"}
+"""Of fields that the ocean calls by names of its own."""
+
+
 def coupling_file(
     folder: Path, start: str = "2020-12-09T00:00:00", end: str = "2020-12-09T04:00:00", *, step: int = 3600, lag: int = 1,
-    period: int | None = None, **section: Any,
+    period: int | None = None, interpolation: dict[str, Any] | None = None,
+    names: dict[str, str] | None = None, **section: Any,
 ) -> Path:  # fmt: skip
-    """Write a coupling file as a modeller would; ``section``: of riftberg."""
+    """Write a coupling file as a modeller would.
+
+    ``period``: of what bergs take; ``names``: of the ocean; ``section``: of riftberg.
+    """
+    by_target, names = {**INTERPOLATION, **(interpolation or {})}, names or {}
+
+    def called(source: str, target: str, name: str) -> str | dict[str, str]:
+        theirs = names.get(name, name)
+        mapped = {"src": theirs, "tgt": name} if source == "ocean" else {"src": name, "tgt": theirs}
+        return mapped if name in names else name
 
     def coupled_field(source: str, target: str, name: str, lag: int) -> dict[str, Any]:
         return {
             "src_component": source, "src_grid": f"{source}_grid", "tgt_component": target, "tgt_grid": f"{target}_grid",
-            "field": name, "coupling_period": period or step, "time_reduction": "none", "interpolation": INTERPOLATION[target],
-            "src_lag": lag,
+            "field": called(source, target, name),
+            "coupling_period": period if period and target == "riftberg" else step, "time_reduction": "none",
+            "interpolation": by_target[target], "src_lag": lag,
         }  # fmt: skip
 
     said = {
@@ -97,9 +112,11 @@ def mpirun(folder: Path, *programs: list[str], ranks: tuple[int, ...] = (1, 1)) 
     )
 
 
-def run_both(folder: Path, *, oceans: int = 1, **said: Any) -> dict[str, Any]:
+def run_both(
+    folder: Path, *, oceans: int = 1, berg: tuple[float, float] = (-38.0, -56.5), **said: Any
+) -> dict[str, Any]:
     """Run bergs by the interface in Python beside the ocean; return what both kept."""
-    (folder / "experiment.yaml").write_text(EXPERIMENT)
+    (folder / "experiment.yaml").write_text(EXPERIMENT.replace("[-38.0, -56.5]", str(list(berg))))
     settings = {"coupling": "coupling.yaml", "experiment": "experiment.yaml", "step": 3600, **LARGER, "calving": 1e-3}
     (folder / "s.json").write_text(json.dumps({**settings, "output": "ocean.npz", **said}))
     program = [str(OCEAN), "s.json"]
@@ -129,22 +146,27 @@ def fails(folder: Path, **said: Any) -> str:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Four hours in one go; the ocean states its temperature in kelvin."""
+    """Four hours in one go; the ocean has names of its own, and states its temperature in kelvin."""
     if ABSENT:
         pytest.skip(f"not installed: {', '.join(ABSENT)}")
     folder = tmp_path_factory.mktemp("whole")
-    coupling_file(folder)
-    return folder, run_both(folder, units={"sea_surface_temperature": "K"})
+    coupling_file(folder, names=NAMES)
+    return folder, run_both(folder, units={"sea_surface_temperature": "K"}, names=NAMES)
+
+
+def all_arrives(kept: dict[str, Any], *, apart: float = 1e-12) -> None:
+    """Check that what bergs gave in each step is what the ocean got, by the areas of the coupler."""
+    given = (kept["bergs.given"] * kept["bergs.area"]).sum(axis=(2, 3))
+    for k in (WATER, HEAT, EAST, NORTH):
+        assert (given[:, k] != 0.0).all()
+        size = (abs(kept["bergs.given"][:, k]) * kept["bergs.area"]).sum(axis=(1, 2))
+        assert (abs(kept["ocean.totals"][:, k] - given[:, k]) <= apart * size).all()
 
 
 def test_what_bergs_give_arrives_on_another_grid(whole: tuple[Path, dict[str, Any]]) -> None:
     """Mass, heat and momentum by the areas of the coupler, and ice from the land the other way."""
     _, kept = whole
-    given = (kept["bergs.given"] * kept["bergs.area"]).sum(axis=(2, 3))
-    for k in (WATER, HEAT, EAST, NORTH):
-        assert (given[:, k] != 0.0).all()
-        size = (abs(kept["bergs.given"][:, k]) * kept["bergs.area"]).sum(axis=(1, 2))
-        assert (abs(kept["ocean.totals"][:, k] - given[:, k]) <= 1e-12 * size).all()
+    all_arrives(kept)
     assert kept["bergs.calved"] > 0.0
     assert kept["bergs.calved"] == pytest.approx(kept["ocean.calved"], rel=1e-12)
     assert (abs(kept["bergs.errors"]) < [1e-12, 1e-10]).all()
@@ -161,11 +183,11 @@ def test_both_sides_go_on_bit_for_bit(whole: tuple[Path, dict[str, Any]], tmp_pa
     """By the command: two hours, a restart of bergs and ocean, and two more."""
     folder, kept = whole
     (tmp_path / "experiment.yaml").write_text(EXPERIMENT)
-    said = {"coupling": "coupling.yaml", "step": 3600, **LARGER, "calving": 1e-3, "bergs": False,
+    said = {"coupling": "coupling.yaml", "step": 3600, **LARGER, "calving": 1e-3, "bergs": False, "names": NAMES,
             "units": {"sea_surface_temperature": "K"}}  # fmt: skip
     command = ["-m", "riftberg", "couple", "experiment.yaml", "--yac", "coupling.yaml", "--no-map", "-q"]
     for number, (start, end) in enumerate((("00", "02"), ("02", "04"))):
-        coupling_file(tmp_path, f"2020-12-09T{start}:00:00", f"2020-12-09T{end}:00:00")
+        coupling_file(tmp_path, f"2020-12-09T{start}:00:00", f"2020-12-09T{end}:00:00", names=NAMES)
         further = {"resume": "0.npz"} if number else {}
         (tmp_path / "s.json").write_text(json.dumps({**said, **further, "output": f"{number}.npz"}))
         words = [*command, "-o", str(number), *(["--resume", "0/end.restart.nc"] if number else [])]
@@ -208,12 +230,12 @@ def test_a_partner_that_never_comes_ends_the_wait_in_the_coupler(tmp_path: Path)
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ({"silent": "sea_surface_temperature"}, "waited 60 s for sea_surface_temperature from ocean at 2020-12-09 00:00:00"),
-        ({"silent": "northward_wind"}, "waited 60 s for northward_wind from ocean at 2020-12-09 00:00:00"),
-        ({"fault": "hangs"}, "waited 60 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
+        ({"silent": "sea_surface_temperature"}, "waited 30 s for sea_surface_temperature from ocean at 2020-12-09 00:00:00"),
+        ({"silent": "northward_wind"}, "waited 30 s for northward_wind from ocean at 2020-12-09 00:00:00"),
+        ({"fault": "hangs"}, "waited 30 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
         ({"fault": "killed"}, "signal 9 (Killed)"),
         ({"without": ["sea_surface_temperature"], "uncoupled": True}, "no sea_surface_temperature, but bergs melt"),
-        ({"fault": "leaves"}, "waited 60 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
+        ({"fault": "leaves"}, "waited 30 s for eastward_sea_water_velocity from ocean at 2020-12-09 01:00:00"),
         ({"calendar": "YEAR_OF_365_DAYS"}, 'inconsistent calendar definition'),
         ({"calendar": "YEAR_OF_360_DAYS"}, 'inconsistent calendar definition'),
         ({"units": {"sea_ice_thickness": "kg"}}, "sea_ice_thickness: units are not those of 'm'"),
@@ -223,7 +245,7 @@ def test_a_partner_that_never_comes_ends_the_wait_in_the_coupler(tmp_path: Path)
     ],
 )  # fmt: skip
 def test_a_fault_of_the_ocean_ends_all_ranks(said: dict[str, Any], message: str, tmp_path: Path) -> None:
-    path = coupling_file(tmp_path, wait=60)
+    path = coupling_file(tmp_path, wait=30)
     if said.get("uncoupled"):
         coupling = yaml.safe_load(path.read_text())
         coupling["coupling"] = [field for field in coupling["coupling"] if field["field"] not in said["without"]]
@@ -238,11 +260,49 @@ def test_a_fault_of_the_ocean_ends_all_ranks(said: dict[str, Any], message: str,
 def test_ranks_of_the_ocean_change_nothing(whole: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     _, one = whole
     coupling_file(tmp_path)
-    three = run_both(tmp_path, oceans=3, units={"sea_surface_temperature": "K"})
+    three = run_both(tmp_path, oceans=3, scattered=True, units={"sea_surface_temperature": "K"})
     for name in one:
         if name != "bergs.names" and name != "bergs.errors":
             scale = abs(one[name]).max()
             np.testing.assert_allclose(three[name], one[name], rtol=1e-12, atol=1e-12 * scale, err_msg=name)
+
+
+ROUND = {"west": -180, "east": 180, "south": -80, "north": -50, "columns": 180, "rows": 60}
+POLAR = {**ROUND, "west": 0, "east": 360, "south": -90}
+DATE_LINE = {**GRID, "west": 175, "east": 185, "south": -64}
+RING = {"box": [0, 360, -85, -45], "columns": 144, "rows": 100}
+SHEARED = {"sheared": 0.3, "box": [-43, -33, -60.5, -52.5], "columns": 50, "rows": 44}
+
+
+@coupled
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("grid", "ocean", "berg"),
+    [
+        (GRID, {**SHEARED, "scattered": True}, (-38.0, -56.5)),
+        (GRID, {**LARGER, "northwards": False}, (-38.0, -56.5)),
+        (ROUND, RING, (179.99, -60.5)),
+        (POLAR, {"box": [-180, 180, -90, -45], "columns": 72, "rows": 90}, (-38.0, -56.5)),
+        (DATE_LINE, RING, (179.99, -60.5)),
+    ],
+    ids=["sheared cells, scattered over ranks", "from north to south", "round the Earth", "to the pole", "over the date line"],
+)  # fmt: skip
+def test_all_arrives_whatever_the_grids(grid: dict[str, Any], ocean: dict[str, Any], berg: Any, tmp_path: Path) -> None:
+    coupling_file(tmp_path, end="2020-12-09T02:00:00", grid=grid)
+    # Where great circles cut circles of latitude, overlaps found by the coupler have more round-off.
+    apart = 1e-11 if "sheared" in ocean else 1e-12
+    all_arrives(run_both(tmp_path, oceans=2, berg=berg, **ocean), apart=apart)
+
+
+@coupled
+@pytest.mark.slow
+def test_where_the_ocean_has_land_nothing_is_lost_by_the_interpolation_of_the_page(tmp_path: Path) -> None:
+    """The berg floats where its own grid has sea, and the ocean has not; conservative weights would lose all it gives."""
+    page = (Path(__file__).parents[2] / "docs" / "howto" / "coupling-by-yac.md").read_text("utf-8")
+    said = yaml.safe_load(re.findall(r"^```yaml\n(.*?)^```", page, flags=re.MULTILINE | re.DOTALL)[0])
+    stacks = {"riftberg": said["to_bergs"]["interpolation"], "ocean": said["to_ocean"]["interpolation"]}
+    coupling_file(tmp_path, end="2020-12-09T02:00:00", interpolation=stacks)
+    all_arrives(run_both(tmp_path, oceans=2, land=[-37.9, -56.45, 0.35], **SHEARED))
 
 
 @coupled
@@ -341,9 +401,71 @@ def test_files_and_lines_of_the_page_couple_an_ocean(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_longer_coupling_period_keeps_what_came_last(tmp_path: Path) -> None:
     coupling_file(tmp_path, period=7200)
-    taken = run_both(tmp_path)["bergs.taken"]
+    kept = run_both(tmp_path)
+    taken = kept["bergs.taken"]
     np.testing.assert_array_equal(taken[0], taken[1])
     assert (taken[1] != taken[2]).any()
+    all_arrives(kept)
+
+
+@coupled
+@pytest.mark.slow
+@pytest.mark.parametrize("lag", [0, 1])
+def test_steps_of_bergs_that_are_not_exchanged_are_refused(lag: int, tmp_path: Path) -> None:
+    """Or the ocean would lose every second hour of melt water."""
+    path = coupling_file(tmp_path, lag=lag)
+    path.write_text(path.read_text().replace("coupling_period: 3600", "coupling_period: 7200"))
+    assert "coupling_period: the step to 2020-12-09 01:00:00 is not exchanged" in fails(tmp_path)
+
+
+def run_command(
+    folder: Path, programs: tuple[list[str], ...], ranks: tuple[int, ...]
+) -> subprocess.CompletedProcess[str]:
+    """Run the command, which is told first, beside other programs."""
+    (folder / "experiment.yaml").write_text(EXPERIMENT)
+    said = {"coupling": "coupling.yaml", "step": 3600, **LARGER, "bergs": False, "output": "ocean.npz"}
+    (folder / "s.json").write_text(json.dumps(said))
+    command = ["-m", "riftberg", "couple", "experiment.yaml", "--yac", "coupling.yaml", "--no-map", "-q", "-o", "r"]
+    return mpirun(folder, command, *programs, ranks=ranks)
+
+
+@coupled
+@pytest.mark.slow
+def test_what_the_coupling_leaves_open_is_said(tmp_path: Path) -> None:
+    """A run that ends between two dates of the ocean, which gives no sea level."""
+    path = coupling_file(tmp_path, end="2020-12-09T03:00:00", period=7200)
+    coupling = yaml.safe_load(path.read_text())
+    coupling["coupling"] = [
+        field for field in coupling["coupling"] if field["field"] != "sea_surface_height_above_geoid"
+    ]
+    path.write_text(yaml.safe_dump(coupling, sort_keys=False))
+    ran = run_command(tmp_path, ([str(OCEAN), "s.json"],), (1, 1))
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "the run ends between two dates of eastward_sea_water_velocity" in ran.stderr
+    assert "the ocean gives no sea level" in ran.stderr
+
+
+@coupled
+@pytest.mark.slow
+def test_an_ocean_that_never_reaches_the_message_passing_ends_the_wait(tmp_path: Path) -> None:
+    """Its program ends in peace before; the bergs hang in MPI_Init, before there is a coupler."""
+    coupling_file(tmp_path, wait=5)
+    ran = run_command(tmp_path, (["-c", "pass"],), (1, 1))
+    assert ran.returncode != 0
+    assert "Error: waited 5 s for all components to begin" in ran.stderr
+
+
+@coupled
+@pytest.mark.slow
+def test_two_ranks_of_the_same_bergs_are_refused(tmp_path: Path) -> None:
+    """As a modeller starts it who takes -n for the number of cores."""
+    coupling_file(tmp_path)
+    (tmp_path / "experiment.yaml").write_text(EXPERIMENT)
+    said = {"coupling": "coupling.yaml", "experiment": "experiment.yaml", "step": 3600, **LARGER, "output": "ocean.npz"}
+    (tmp_path / "s.json").write_text(json.dumps({**said, "ranks of bergs": 2}))
+    ran = mpirun(tmp_path, [str(OCEAN), "s.json"], ranks=(3,))
+    assert ran.returncode != 0
+    assert "Error: coupling.yaml: 2 ranks are riftberg" in ran.stdout + ran.stderr
 
 
 # ---------------------------------------------------------------------------------------------------------- without MPI

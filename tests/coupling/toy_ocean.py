@@ -72,17 +72,40 @@ class Ocean:
     def _define_grid(self) -> None:
         west, east, south, north = self.said["box"]
         columns, rows = self.said["columns"], self.said["rows"]
-        first, last = (rows * k // self.component.size for k in (self.component.rank, self.component.rank + 1))
-        lat_edges = np.linspace(south, north, rows + 1)[first : last + 1]
-        lon_edges = np.linspace(west, east, columns + 1)
-        x, y = np.radians(lon_edges), np.radians(lat_edges)
-        grid = yac.Reg2dGrid("ocean_grid", x, y)
-        self.cells = np.arange(first * columns, last * columns)
+        sheared, ring = self.said.get("sheared", 0.0), east - west == 360.0
+        first, last = (south, north) if self.said.get("northwards", True) else (north, south)
+        lon, lat = np.meshgrid(np.linspace(west, east, columns + 1), np.linspace(first, last, rows + 1))
+        lon = lon + sheared * (lat - 0.5 * (south + north))
+        lat = lat + 0.3 * sheared * (lon - 0.5 * (west + east))
+        corners = np.arange(lon.size).reshape(lon.shape)
+        if ring:
+            corners[:, -1] = corners[:, 0]
+        around = [corners[:-1, :-1], corners[:-1, 1:], corners[1:, 1:], corners[1:, :-1]]
+        cells = np.stack(around, axis=-1).reshape(-1, 4)
+        middle = [0.25 * (q[:-1, :-1] + q[:-1, 1:] + q[1:, 1:] + q[1:, :-1]).ravel() for q in (lon, lat)]
+        self.cells = np.flatnonzero(self._owner(rows, columns) == self.component.rank)
+        used, local = np.unique(cells[self.cells], return_inverse=True)
+        x, y = np.radians(lon.ravel()[used]), np.radians(lat.ravel()[used])
+        sides = np.full(self.cells.size, 4, np.intc)
+        along_circles = sheared == 0.0  # of longitude and latitude run the sides of cells
+        grid = yac.UnstructuredGrid("ocean_grid", sides, x, y, local.astype(np.intc).ravel(), along_circles)
         grid.set_global_index(self.cells, yac.Location.CELL)
-        middle = 0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1])
-        self.points = grid.def_points(yac.Location.CELL, *middle)
+        grid.set_global_index(used, yac.Location.CORNER)
+        self.lon, self.lat = (q[self.cells] for q in middle)
+        self.points = grid.def_points(yac.Location.CELL, np.radians(self.lon), np.radians(self.lat))
+        if "land" in self.said:
+            x, y, radius = self.said["land"]
+            wet = np.hypot((self.lon - x) * np.cos(np.radians(y)), self.lat - y) > radius
+            self.points.set_mask(wet.astype(np.intc))
         self.area = np.array(grid.compute_grid_cell_areas()) * EARTH_RADIUS_A68**2
-        self.lon, self.lat = (np.degrees(q).ravel() for q in np.meshgrid(*middle))
+
+    def _owner(self, rows: int, columns: int) -> np.ndarray:
+        """Return the rank of each cell: rows side by side, or cells here and there, of each rank another number."""
+        size = self.component.size
+        if self.said.get("scattered"):
+            parts = np.arange(1.0, size + 1.0)
+            return np.random.default_rng(3).choice(size, rows * columns, p=parts / parts.sum())
+        return np.repeat(np.arange(rows) * size // rows, columns)
 
     def _define_fields(self) -> None:
         layers = self.said.get("layers", 1)
@@ -90,10 +113,11 @@ class Ocean:
         self.fields = {}
         for name in [*self.names, *GIVEN]:
             size = layers if "sea_water_velocity" in name else 1
-            self.fields[name] = yac.Field.create(name, self.component, self.points, size, step, yac.TimeUnit.SECOND)
+            called = self.said.get("names", {}).get(name, name)
+            self.fields[name] = yac.Field.create(called, self.component, self.points, size, step, yac.TimeUnit.SECOND)
             units = self.said.get("units", {}).get(name)
             if units:
-                self.yac.def_field_metadata("ocean", "ocean_grid", name, yaml.safe_dump({"units": units}).encode())
+                self.yac.def_field_metadata("ocean", "ocean_grid", called, yaml.safe_dump({"units": units}).encode())
 
     def begin(self) -> None:
         """Begin as at the start, or where a restart ended."""
@@ -207,7 +231,7 @@ def run_bergs(said: dict) -> None:
 if __name__ == "__main__":
     settings = json.loads(Path(sys.argv[1]).read_text())
     assert set(START) | set(STEADY) <= set(TAKEN)
-    if settings.get("bergs", True) and MPI.COMM_WORLD.rank == 0:
+    if settings.get("bergs", True) and MPI.COMM_WORLD.rank < settings.get("ranks of bergs", 1):
         run_bergs(settings)
     else:
         ocean = Ocean(settings)

@@ -140,7 +140,7 @@ def test_map_axes_in_no_length_are_refused_for_that(tmp_path: Path, units: str) 
 @pytest.mark.parametrize(
     ("units", "wanted", "factor"),
     [("0.01 m/s", "m s-1", 0.01), ("1e-2 m s-1", "m s-1", 0.01), ("10^-3 m", "m", 1e-3), ("100 m", "m", 100.0),
-     ("10 cm", "m", 0.1), ("6 hours", "s", 21600.0)],
+     ("10 cm", "m", 0.1), ("6 hours", "s", 21600.0), ("W/m2", "W m-2", 1.0), ("J m-2 s-1", "W m-2", 1.0)],
 )  # fmt: skip
 def test_numbers_before_a_unit_count(units: str, wanted: str, factor: float) -> None:
     change = unit_change(units, wanted)

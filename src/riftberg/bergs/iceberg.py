@@ -562,7 +562,7 @@ class Iceberg(BondedBerg):
         packing = options.get("packing", "square")
         radius = np.sqrt(long * wide / element_area(1.0, packing))
         static, period = options.pop("static", False), options.pop("period", None)
-        sized = {**options, "radius": radius if count > 1 else float(radius[0]), "pieces": np.arange(count)}
+        sized = {**options, "radius": radius if count != 1 else float(radius[0]), "pieces": np.arange(count)}
         settings = berg_options(sized, PointOptions, thickness)
         lon, lat, period = _positions(lon, lat, period, settings.latlon)
         unbonded = BondRule(SHORTEST, settings.packing)

@@ -15,6 +15,7 @@ from riftberg.cli.options import (
     Quiet,
     Settings,
     check_folder,
+    listening,
     make_options,
     output_folder,
     reported,
@@ -47,7 +48,7 @@ def couple(
     from riftberg.coupling.fields import OceanForcing
     from riftberg.coupling.yac import YacComponent, ending_all_ranks, ocean_beside, read_coupling
 
-    with ending_all_ranks():
+    with ending_all_ranks(), listening(1, "riftberg.coupling"):
         coupling = read_coupling(yac)
         options = make_options(settings, None, data, None)
         options = replace(options, ocean=lambda forcing, parameters: ocean_beside(forcing, coupling, parameters))

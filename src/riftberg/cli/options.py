@@ -542,14 +542,14 @@ def observed_in(path: str | Path, **how: Any) -> Observations:
 
 
 @contextmanager
-def listening(times: int) -> Iterator[None]:
-    """Write the records of the package's loggers to the error stream: 1 for what happens, 2 for each file too."""
+def listening(times: int, name: str = "riftberg") -> Iterator[None]:
+    """Write the records of loggers, of the package or below it, to the error stream: 1 for what happens, 2 for each file too."""
     if not times:
         yield
         return
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(asctime)s %(name)s: %(message)s", "%H:%M:%S"))
-    logger = logging.getLogger("riftberg")
+    logger = logging.getLogger(name)
     before = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO if times == 1 else logging.DEBUG)

@@ -591,7 +591,7 @@ class Exchange:
         """Leave stores and ledger where a restart finds them."""
         kept: dict[str, Floats | None] = {
             "totals": self._totals, "start": self._start, "held": self._held, "left": self._left,
-            "settling": self._settling.rest, "handed": self._handed,
+            "settling": self._settling.rest, "handed": self._handed, "corners": _outer_corners(self.grid),
         }  # fmt: skip
         if self.calving is not None:
             s = self.calving.stores
@@ -610,11 +610,24 @@ def _check_kept(model: BareModel, grid: Grid) -> None:
                 f"{name} lies on a grid of {kept[name].shape[-2:]} cells, the exchange on one of {shape}",
                 where=f"restart file, extra/{name}", remedy="Go on with the grid of the run that wrote the restart",
             )  # fmt: skip
+    there, here = kept.get(STORES + "corners"), _outer_corners(grid)
+    if there is not None and not np.allclose(there, here, rtol=0.0, atol=1e-6):
+        raise InputError(
+            f"the grid of the exchange reached from {there[:2]} to {there[2:]}, and reaches from {here[:2]} to {here[2:]} now",
+            where="restart file, group extra", remedy="Go on with the grid of the run that wrote the restart",
+        )  # fmt: skip
     if names[1] in kept and not {names[2], names[3]} <= kept.keys():
         raise InputError(
             "stores of ice without their heat or counters", where="restart file, group extra",
             remedy="The file is damaged: resume from another restart",
         )  # fmt: skip
+
+
+def _outer_corners(grid: Grid) -> Floats:
+    """Return the first and the last corner of the cells: two coordinates each."""
+    g, first = grid.arrays, grid.arrays.halo - 1
+    last = first + g.nj, first + g.ni
+    return np.array([g.lon[first, first], g.lat[first, first], g.lon[last], g.lat[last]])
 
 
 def _kept_stores(model: BareModel) -> Stores | None:

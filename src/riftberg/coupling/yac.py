@@ -6,6 +6,7 @@ these and the grid of the ocean, on however many ranks it runs.
 
 from __future__ import annotations
 
+import logging
 import os
 import subprocess
 import sys
@@ -34,6 +35,8 @@ from riftberg.products.quantities import unit_change
 from riftberg.state import Floats
 from riftberg.system.input_files import MOST_YAML, check_file, needed, reading, value_shown
 from riftberg.system.process import say
+
+_LOG = logging.getLogger(__name__)
 
 LAST_GIVEN: Final = "yac_given"  # Name under which a restart keeps what the bergs gave last
 
@@ -204,12 +207,17 @@ class YacComponent:
         self._own = coupling.settings.component, f"{coupling.settings.component}_grid"
         lon, lat = self._checked()
         self._watch = _Watch(coupling.settings.wait)
-        needed("mpi4py.MPI", "the coupler needs it", "yac")  # YAC finds the library of MPI that this has loaded
-        self._yac = needed("yac", "coupling needs it", "yac")
         with self._watch.waiting("all components to begin"):
+            needed("mpi4py.MPI", "the coupler needs it", "yac")  # YAC finds the library of MPI that this has loaded
+            self._yac = needed("yac", "coupling needs it", "yac")
             self._coupler = self._yac.YAC()
             self._coupler.read_config_yaml(str(coupling.path))
             self._component = self._coupler.def_comp(self._own[0])
+        if self._component.size > 1:
+            raise InputError(
+                f"{self._component.size} ranks are {self._own[0]}", where=str(coupling.path),
+                remedy="Run bergs on one rank; give a second run its own riftberg.component in its own coupling file",
+            )  # fmt: skip
         fields = self._defined(lon, lat)
         with self._watch.waiting("the definitions of all components"):
             self._coupler.enddef()
@@ -255,6 +263,12 @@ class YacComponent:
 
     def close(self) -> None:
         """Leave the coupler."""
+        for port in self._inward:
+            if port.field.action == self._yac.Action.NONE:  # the next run begins with an exchange of all fields
+                _LOG.warning(
+                    "the run ends between two dates of %s: runs that go on from here meet other values than one in one go. "
+                    "End it at whole coupling periods", port.name,
+                )  # fmt: skip
         self._coupler.cleanup()
         self._watch.close()
 
@@ -365,8 +379,13 @@ class YacComponent:
 
     def _put(self, lag: int, values: Floats) -> None:
         """Hand the fields over that have a lag (steps)."""
-        by_name = dict(zip(GIVEN, values, strict=True))
+        by_name, skipped = dict(zip(GIVEN, values, strict=True)), (self._yac.Action.NONE, self._yac.Action.REDUCTION)
         for port in self._outward[lag]:
+            if port.field.action in skipped:
+                raise InputError(
+                    f"the step to {self.exchange.model.date} is not exchanged, and what bergs give in it would be lost",
+                    where=f"{self.coupling.path}, {port.name}, coupling_period", remedy="Set riftberg.step to that period",
+                )  # fmt: skip
             with self._watch.waiting(f"{port.partners} to take {port.name} at {self.exchange.model.date}"):
                 port.field.put((port.factor * by_name[port.name] + port.offset).reshape(1, -1))
 

@@ -172,6 +172,8 @@ _NAMED: Final[dict[str, tuple[tuple[tuple[str, ...], tuple[float, float]], ...]]
         (PERCENT, (0.01, 0.0)),
         (("tenths", "tenth", "0.1", "1e-1"), (0.1, 0.0)),
     ),
+    # A capital W after a number is a longitude everywhere else.
+    "W m-2": ((("w/m2", "w/m^2", "w/m**2", "w m^-2", "w m**-2", "w.m-2", "watt/m2", "watt m-2", "j m-2 s-1", "j/m2/s"), _SAME),),
     "degree": ((("degree true", "degree_true", "degrees true", "degree_t"), _SAME),),
 }  # fmt: skip
 """Units that are no powers of others, or are written as none, with the factor and offset into the canonical one."""

@@ -382,8 +382,10 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "exchange_totals": Bound((4,)),
     "exchange_left": Bound((2,)),
     "exchange_(start|held)": Bound((2,)),
+    "exchange_corners": Bound((4,)),
     "exchange_handed": Bound((12,), 0, 1),  # the fields of `riftberg.ocean.cells.Fields`
     # Rows and columns are those of the grid of the exchange, which refuses others.
+    "yac_given": Bound((10, None, None)),
     "exchange_counter": Bound((None, None), 0, LARGEST_WHOLE),
     "exchange_(settling|heat|mean_flux|mean_heat)": Bound((None, None)),
     "exchange_ice": Bound((None, None, None)),
