@@ -16,6 +16,7 @@ from riftberg.config.units import area_text, count_text, minute_text, place_text
 from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, iso, members_at_birth
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.runs.groundings import read_stays, why_lines
+from riftberg.runs.layout import heading_of
 from riftberg.runs.scene import SMALL, Scene
 from riftberg.stepping.fracture.rift_tips import tip_lines
 from riftberg.system.atomic_files import write_json
@@ -101,7 +102,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         breakup.collision = collision_of(scene, breakup)
         breakups.append(breakup)
     return Reasons(
-        experiment=str(run.attrs.get("experiment", "")),
+        experiment=heading_of(run, ""),
         forcing=str(run.attrs.get("forcing_title", "")),
         breakups=breakups,
         small=small,

@@ -12,6 +12,7 @@ import xarray as xr
 
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
+from riftberg.runs.layout import heading_of
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -54,9 +55,8 @@ CRACK = 2.0
 
 def figure_title(run: xr.Dataset, what: str) -> str:
     """Return the title of a figure; its second line says what the forcing is."""
-    name = str(run.attrs.get("experiment") or "Iceberg")
     note = str(run.attrs.get("forcing_title", "")).strip()
-    return f"{name}: {what}" + (f"\nForcing: {note}" if note else "")
+    return f"{heading_of(run)}: {what}" + (f"\nForcing: {note}" if note else "")
 
 
 def chosen(scene: Scene, dates: Sequence[np.datetime64] | None, most: int = 6) -> list[int]:
@@ -252,7 +252,7 @@ def _bond_maps(
     style.put_title(figure, figure_title(scene.run, what))
     style.lay_out(figure)
     for panel, record in zip(panels, records, strict=True):
-        panel.draw_ground(shaded=True)
+        panel.draw_ground()
         panel.draw_bonds(record, values[record], shades, scale)
         panel.draw_scale()
     return figure
@@ -356,7 +356,7 @@ def draw_melt(
     style.letters([ax, curves])
     style.put_title(figure, "\n".join([figure_title(run, "thickness lost, melt water"), *melt_lines(run)[:1]]))
     style.lay_out(figure)
-    panel.draw_ground(shaded=True)
+    panel.draw_ground()
     panel.draw_values(record, lost, colours.melt_map(), scale)
     panel.draw_scale()
     return figure

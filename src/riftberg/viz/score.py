@@ -16,7 +16,7 @@ from riftberg.diagnostics.why import Reasons
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.colours import MODEL, OBSERVED, PAIRING
-from riftberg.viz.panels import Map, PolarWater, Water
+from riftberg.viz.panels import Map, PolarWater, Water, depth_bar
 from riftberg.viz.style import date_axis, day_text, new_figure, plain_axes, save_figure
 
 if TYPE_CHECKING:
@@ -139,8 +139,11 @@ def _draw_tracks(figure: Figure, ax: Axes, score: Score, water: Water | None) ->
     style.legend_above(ax, ncols=2)
     chart.draw_floor(water if chart.plane is None or water is None else PolarWater(water, chart.plane), shaded=True)
     chart.draw_scale()
-    note = "grey lines: of the same time" + ("; small: other pieces" if any(other for _, other in matches) else "")
-    ax.set_xlabel(note + ("; sea floor, darker is deeper" if chart.shaded else ""), fontsize=8)
+    depth_bar(chart)
+    note = "grey lines join model and observation" + (
+        "; small: other pieces" if any(other for _, other in matches) else ""
+    )
+    ax.set_xlabel(note, fontsize=8)
     style.lay_out(figure)
     labels = style.Labels(ax)
     for line in (seen, made):
