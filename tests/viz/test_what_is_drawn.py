@@ -475,7 +475,7 @@ def lab(colour: str, seen: str) -> np.ndarray:
 def test_colours_are_told_apart_without_red_or_green(seen: str) -> None:
     kinds = [
         colours.FRAGMENTS[:5],
-        list(colours.force_colours(["ocean drag", "surface slope", "Coriolis", "wind drag", "waves"]).values()),
+        list(colours.force_colours(["ocean drag", "Coriolis and surface slope", "wind drag", "waves"]).values()),
     ]
     for kind in kinds:
         for a, b in itertools.combinations(kind, 2):

@@ -77,9 +77,6 @@ def element_polygons(
 SMALL = 0.01
 """Fragments below this part of the area of the berg that they come from have neither track nor entry in the legend."""
 
-ALIKE: Final = 0.2
-"""Part of the size of an element by which none has moved where two records look alike."""
-
 MOST_BERGS = 12
 """Bergs, the largest of a run, that have them."""
 
@@ -453,16 +450,6 @@ class Scene:
             if len(wanted) < count and all(abs(record - other) >= apart for other in wanted):
                 wanted.add(record)
         return sorted(wanted)
-
-    def without_repeats(self, records: Sequence[int]) -> list[int]:
-        """Return records without those in which the ice looks as in the next one; the first and the last stay."""
-        told = [records[-1]]
-        for record in records[-2:0:-1]:
-            way = np.hypot(self.x[record] - self.x[told[-1]], self.y[record] - self.y[told[-1]])
-            size = ALIKE * math.sqrt(float(self.area.max())) / 1e3 * self.units_per_km()
-            if way.max() > size or not np.array_equal(self.berg[record], self.berg[told[-1]]):
-                told.append(record)
-        return sorted({records[0], *told})
 
     def shape(self, margin: float) -> float:
         """Return width over height of the extent of the run on the ground, with a margin of a part of the longer side."""

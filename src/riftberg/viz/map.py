@@ -18,6 +18,7 @@ from riftberg.runs.scene import Scene, Statics
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.panels import (
+    SEAM,
     Panel,
     Projection,
     Water,
@@ -202,22 +203,20 @@ def _draw_figure(
     scene: Scene, water: Water | None, observed: Outlines, statics: Statics | None, dates: int, title: str, dpi: int
 ) -> Figure:
     """Draw the overview on the left, or above where it is wide, and beside it the berg at some dates."""
-    records, shape = scene.telling_records(dates), max(OVERVIEW, min(scene.shape(MARGIN), WIDEST))
-    if not melts(scene.run) and _is_still(scene, water, records):
-        records = scene.without_repeats(records)
-        shown = records if len(records) > 2 else []  # the overview has the first and the last
-    else:
-        shown = records
+    shape = max(OVERVIEW, min(scene.shape(MARGIN), WIDEST))
+    # Of a beam the overview shows the two dates that tell.
+    records = [0, len(scene.times) - 1] if statics is not None else scene.telling_records(dates)
+    shown = records if statics is None else []
     wide = shape > WIDE
-    if wide or not shown:
+    if wide:
         columns = max(4, len(shown))
         heights = 13.5 / shape + 1.8, 13.5 / columns + 1.4 if shown else 0.0
-        figure = style.new_figure(15.5 if wide else 13.5 / 15.5 * 8.0 * shape, sum(heights) if wide else 9.5, dpi)
+        figure = style.new_figure(15.5, sum(heights), dpi)
         parts: Any = figure.subfigures(2, 1, height_ratios=heights) if shown else [figure]
     else:
         columns = (len(shown) + 1) // 2
-        figure = style.new_figure(15.5, 7.8, dpi)
-        parts = figure.subfigures(1, 2, width_ratios=(0.4, 0.6))
+        figure = style.new_figure(15.5 if shown else 7.0, 7.8, dpi)
+        parts = figure.subfigures(1, 2, width_ratios=(0.4, 0.6)) if shown else [figure]
     overview = Overview(parts[0].subplots(), scene, water, shape, observed, statics)
     depth_bar(overview.panel)
     marks = "track and dates of the panels" if shown else "track and dates"
@@ -253,14 +252,6 @@ def _draw_figure(
         if quiver is not None and flows and k == 0:
             arrow_key(quiver, top)
     return figure
-
-
-def _is_still(scene: Scene, water: Water | None, records: Sequence[int]) -> bool:
-    """Whether no water flows where the ice is."""
-    if water is None:
-        return True
-    speeds = (np.hypot(*water.currents(scene.x[k], scene.y[k], float(scene.seconds[k]))) for k in records)
-    return not any(np.nan_to_num(speed).any() for speed in speeds)
 
 
 def _draw_into(
@@ -425,6 +416,8 @@ class Overview:
             for colour, name in ((colours.LAND, "land"), (colours.SHELF, "ice shelf")) if colour in self.panel.coast
         ]  # fmt: skip
         handles += self.panel.ground_patches()
+        if self.panel.seams:
+            handles.append(Line2D([], [], label="where the channel begins anew", **SEAM))
         if self.observed:
             handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.1, label="observed outline"))
         return handles

@@ -18,6 +18,7 @@ from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.plane import ConformalPlane, near
 from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, stretch, water_of
+from riftberg.runs.tracks import zonal_period
 from riftberg.state import Floats
 from riftberg.stepping.fracture.rift_tips import tip_label
 from riftberg.viz import colours, style
@@ -302,6 +303,9 @@ class Map:
 
 Water = Forcing | StoredWater | KeptWater | PolarWater
 
+SEAM: Final[dict[str, Any]] = {"color": "black", "lw": 1.0, "ls": (0, (6, 4))}
+"""Look of the ends of a periodic channel."""
+
 DOT: Final = 3.0
 """Size (points) below which a fragment is drawn as a dot."""
 
@@ -322,6 +326,12 @@ class Panel(Map):
             ax, box, latlon=scene.latlon, radius=scene.radius, ticks=ticks, labels=labels, plane=scene.plane
         )
         self.scene, self.water = scene, water
+        # A periodic channel goes on: its ends stand where one passes into the next.
+        period, self.seams = 0.0 if scene.latlon or scene.plane is not None else zonal_period(scene.parameters), []
+        if period > 0.0:
+            self.seams = [period * k for k in range(math.ceil(box.west / period), math.floor(box.east / period) + 1)]
+        for x in self.seams:
+            ax.axvline(x, zorder=3.5, **SEAM)
 
     def speeds(self, record: int) -> tuple[float, float]:
         """Return the smallest and the largest current speed in the panel, m s-1; 0 where there is no current."""

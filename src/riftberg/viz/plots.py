@@ -49,7 +49,9 @@ Outlines = Mapping[str, Sequence[Floats]]
 IMPACT = 0.1
 """A break came by an impact where no bond had this part of the strength at the record before."""
 
-CRACK = 2.0
+WHILE_IT_CRACKS = "off the scale: the last bonds of a crack bear its load"
+
+CRACK = 1.3
 """Largest stress of the scale, as a part of the strength; what goes beyond is said."""
 
 
@@ -438,11 +440,11 @@ def _areas(ax: Axes, scene: Scene, times: Any) -> None:
 def _peak_stress(ax: Axes, scene: Scene, times: Any) -> None:
     """Draw the largest tension between records and, thinner, at them: what lies between both is ringing and impact."""
     peak = scene.tension().max(axis=1, initial=0.0) / 1e3
-    ax.plot(times, peak, color=colours.STRESS_LINE, lw=1.3, label="between records")
+    ax.plot(times, peak, color=colours.STRESS_LINE, lw=1.3, label="largest between outputs")
     if "peak_stress" in scene.run:
         stress = np.where(scene.unbroken, scene.run["normal_stress"].transpose("time", "bond").values, 0.0)
         at_records = stress.max(axis=1, initial=0.0) / 1e3
-        ax.plot(times, at_records, color=colours.STRENGTH, lw=0.8, label="at the records")
+        ax.plot(times, at_records, color=colours.STRENGTH, lw=0.8, label="at the outputs")
     if scene.parameters.fracture.enabled:
         strength = scene.strength / 1e3
         ax.axhline(strength, color=colours.STRENGTH, ls="--", lw=1.0)
@@ -469,6 +471,6 @@ def _cut_off_cracks(ax: Axes, times: Any, peak: Any, highest: float) -> None:
         k = begin + int(np.argmax(peak[begin:end]))
         late = k > 0.7 * len(times)  # the words would leave the picture
         ax.annotate(
-            "off the scale while it cracks", (times[k], highest), (-4 if late else 4, -3), textcoords="offset points",
+            WHILE_IT_CRACKS, (times[k], highest), (-4 if late else 4, -3), textcoords="offset points",
             fontsize=7, va="top", ha="right" if late else "left", color=colours.STRESS_LINE,
         )  # fmt: skip
