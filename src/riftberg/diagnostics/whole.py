@@ -96,10 +96,12 @@ def _stressed(scene: Scene, number: int) -> tuple[list[float], NearestBond | Non
     part = np.divide(stress, strength, out=np.zeros_like(stress), where=strength > 0.0)
     record, bond = np.unravel_index(int(part.argmax()), part.shape)
     pair = ends[:, rows[bond]]
-    middle = [float(axis[record][pair].mean()) for axis in (scene.x, scene.y)]
-    values = (float(values[record, bond]) for values in (stress, strength))
+    x, y = (float(axis[record][pair].mean()) for axis in (scene.x, scene.y))
     ids = run["trajectory"].values[pair].tolist()
-    return part.max(axis=1).tolist(), NearestBond(iso(scene.times[record]), *middle, ids, *values)
+    nearest = NearestBond(
+        iso(scene.times[record]), x, y, ids, float(stress[record, bond]), float(strength[record, bond])
+    )
+    return part.max(axis=1).tolist(), nearest
 
 
 def whole_lines(berg: WholeBerg, *, latlon: bool) -> list[str]:

@@ -134,6 +134,12 @@ GROUNDING_VARIABLES: Final = (
         limits=(0.0, LARGEST),
     ),
     Variable("stopped", "m", "the same when it first came to rest; -1 where it never did", limits=(-1.0, LARGEST)),
+    Variable(
+        "held",
+        "s",
+        "since when it has stood still, from the start of the run; -1 while it slides",
+        limits=(-1.0, LARGEST),
+    ),
 )
 """Stays of bergs and fragments on the sea floor, each written as ``grounding_<name>``."""
 

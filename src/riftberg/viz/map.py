@@ -13,6 +13,7 @@ import xarray as xr
 from riftberg.config.values import required
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
+from riftberg.runs.groundings import title_lines
 from riftberg.runs.layout import heading_of
 from riftberg.runs.scene import Scene, Statics
 from riftberg.state import Floats
@@ -195,7 +196,7 @@ def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
     """Return a title that names the run, its dates, its forcing and what melted."""
     first = title or heading_of(run, "Iceberg drift")
     second = str(run.attrs.get("forcing_title", "")).strip()
-    melted = "".join(f"\n{line}" for line in melt_lines(run)[:1])
+    melted = "".join(f"\n{line}" for line in [*title_lines(scene.stays), *melt_lines(run)[:1]])
     return f"{first}, {style.span_text(scene.times)}" + (f"\nForcing: {second}" if second else "") + melted
 
 
