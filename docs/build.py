@@ -326,7 +326,7 @@ def products_page() -> str:
     from riftberg.products.registry import PRODUCTS
 
     products = [
-        (code(p.name), p.title, ", ".join(map(code, dict.fromkeys(p.gives))), p.checked(), "; ".join(p.notes))
+        (code(p.name), p.title, ", ".join(map(code, dict.fromkeys(p.gives))), p.checked(), "; ".join((*p.cautions, *p.notes)))
         for p in PRODUCTS
     ]
     quantities = [(code(q.name), q.units, q.long_name, q.sign, code(q.standard_name)) for q in QUANTITIES.values()]
