@@ -583,14 +583,16 @@ def depth_bar(panel: Map) -> None:
 
 
 def arrow_key(quiver: Quiver, top: float) -> None:
-    """Draw an arrow of a round speed of up to ``top`` (m s-1) above the right end of its panel."""
+    """Draw an arrow of a round speed of up to ``top`` (m s-1) in the upper right corner of its panel."""
+    from matplotlib.patheffects import withStroke
+
     speed = style.round_length(0.75 * top)
     axes: Any = quiver.axes
     key = axes.quiverkey(
-        quiver, 0.8, 1.025, speed, f"{speed:g} m s$^{{-1}}$", labelpos="E", labelsep=0.06, color=colours.ARROW,
-        fontproperties={"size": 8},
+        quiver, 0.95, 0.94, speed, f"{speed:g} m s$^{{-1}}$", labelpos="W", labelsep=0.06, color=colours.ARROW,
+        fontproperties={"size": 8}, zorder=10,
     )  # fmt: skip
-    key.set_in_layout(False)  # it may reach over the edge of its panel
+    key.text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 
 
 def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) -> list[Box]:
