@@ -18,7 +18,7 @@ from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.plane import ConformalPlane, near
 from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, stretch, water_of
-from riftberg.runs.tracks import zonal_period
+from riftberg.runs.tracks import is_channel
 from riftberg.state import Floats
 from riftberg.stepping.fracture.rift_tips import tip_label
 from riftberg.viz import colours, style
@@ -327,8 +327,8 @@ class Panel(Map):
         )
         self.scene, self.water = scene, water
         # A periodic channel goes on: its ends stand where one passes into the next.
-        period, self.seams = 0.0 if scene.latlon or scene.plane is not None else zonal_period(scene.parameters), []
-        if period > 0.0:
+        period, self.seams = scene.parameters.earth.period, []
+        if is_channel(scene.parameters):
             self.seams = [period * k for k in range(math.ceil(box.west / period), math.floor(box.east / period) + 1)]
         for x in self.seams:
             ax.axvline(x, zorder=3.5, **SEAM)

@@ -407,6 +407,17 @@ def day_text(moment: np.datetime64, *, year: bool = False, hour: bool = True) ->
     return text + (f" {when:%H:%M}" if hour else "")
 
 
+def in_words(name: str) -> str:
+    """Return the name of an input or result as words, such as ``start east`` for ``start.east``."""
+    words = re.sub(r"[._]", " ", name)
+    return re.sub(r"\blat\b", "latitude", re.sub(r"\blon\b", "longitude", words))
+
+
+def date_in(text: str) -> str:
+    """Return a text with its ISO date as in all other places of a picture, such as ``17 Dec 2020 13:00``."""
+    return re.sub(r"\d{4}-\d\d-\d\d", lambda found: day_text(np.datetime64(found[0]), year=True, hour=False), text)
+
+
 def moment_text(times: Times, moment: np.datetime64, *, year: bool = False) -> str:
     """Return a moment of a run with these records: its date, or in a short run the time since the start."""
     if not is_short(times):
