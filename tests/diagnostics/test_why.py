@@ -295,7 +295,8 @@ def test_a_run_that_does_not_break_tells_how_near_it_came(tmp_path: Path) -> Non
     stress[(bond, record) if run["peak_stress"].dims[0] == "bond" else (record, bond)] = 9e3
     run["peak_stress"] = (run["peak_stress"].dims, stress)
     reasons = why.explain(run)
-    assert reasons.whole is not None and reasons.whole.nearest is not None
+    assert reasons.whole is not None
+    assert reasons.whole.nearest is not None
     nearest, ends = reasons.whole.nearest, [int(run[name].values[bond]) for name in ("bond_first", "bond_second")]
     assert nearest.elements == run["trajectory"].values[ends].tolist()
     assert nearest.time == str(run["time"].values[record])[:19]
@@ -322,14 +323,16 @@ def test_a_whole_berg_tells_which_forces_drove_and_braked_it(tmp_path: Path, mon
     reasons = why.explain(run)
     told = why.words(reasons)[1]
     assert "driven by ocean drag (75 %) and waves (25 %), braked by sea ice (100 %)" in told
-    assert reasons.whole is not None and max(reasons.whole.used) == pytest.approx(0.5)
+    assert reasons.whole is not None
+    assert max(reasons.whole.used) == pytest.approx(0.5)
 
 
 def test_a_berg_without_bonds_and_one_that_may_not_break_are_told_as_such(tmp_path: Path) -> None:
     """Sisters of the run that did not break: a lone berg has no bond to name, and without fracture none can fail."""
     lone = made(tmp_path / "run.nc", break_time=math.inf).isel(bond=slice(0, 0))
     reasons = why.explain(lone)
-    assert reasons.whole is not None and reasons.whole.nearest is None
+    assert reasons.whole is not None
+    assert reasons.whole.nearest is None
     assert "nearest to breaking" not in why.words(reasons)[1]
     assert draw_reasons(reasons, tmp_path / "lone.png", dpi=40).exists()
     whole = why.explain(made(tmp_path / "b.nc", break_time=math.inf)).whole
