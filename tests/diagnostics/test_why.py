@@ -310,7 +310,7 @@ def test_a_run_that_does_not_break_tells_how_near_it_came(tmp_path: Path) -> Non
 
 
 def test_a_whole_berg_tells_which_forces_drove_and_braked_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A force along the way drives, one against it brakes, one across it does neither; and a weak bond counts by its own strength."""
+    """A force along the way drives, one against it brakes, one across does neither; a weak bond counts by its own strength."""
     run = made(tmp_path / "run.nc", break_time=math.inf)
     u, v = (np.nan_to_num(run[name].transpose("trajectory", "time").values[:, 0]) for name in ("u", "v"))
     along = np.column_stack([u, v]) / np.hypot(u, v)[:, None]
