@@ -570,7 +570,7 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
             lines.append(f"  and {len(all_of_them) - MOST_EVENTS} more {word}, see summary.json")
     ground = summary.get("ground") or {"stays": [], "first": None, "least_clearance": None, "bathymetry_spacing": None}
     # A beam under its load goes nowhere: it bends.
-    verb = "bent: its centre moved" if summary["numerics"]["stepping"].get("only_interactions") else "drifted"
+    verb = "bent: its centre moved" if summary["numerics"].get("stepping", {}).get("only_interactions") else "drifted"
     if told := _berg_lines(bergs, latlon, ground["stays"], verb):
         return [*lines, *told, *ground_lines(ground)]
     count, several = summary["fragments"], len(bergs) > 1
