@@ -2,6 +2,7 @@
 
     python docs/build.py            reference pages, then figures (about two minutes)
     python docs/build.py --pages    reference pages only (a second)
+    python docs/build.py --figures NAME ...    these figures only, such as house five-lines
     python docs/build.py --site     the whole site in build/site, with the gallery run and the replay of A68a (some minutes)
     python docs/build.py --site --quick     the same without running the gallery, and with a replay of a few hours
     python docs/build.py --check    exit with 1 if a reference page is out of date; write nothing
@@ -326,7 +327,7 @@ def products_page() -> str:
     from riftberg.products.registry import PRODUCTS
 
     products = [
-        (code(p.name), p.title, ", ".join(map(code, dict.fromkeys(p.gives))), p.checked(), "; ".join(p.notes))
+        (code(p.name), p.title, ", ".join(map(code, dict.fromkeys(p.gives))), p.checked(), "; ".join((*p.cautions, *p.notes)))
         for p in PRODUCTS
     ]
     quantities = [(code(q.name), q.units, q.long_name, q.sign, code(q.standard_name)) for q in QUANTITIES.values()]
@@ -472,6 +473,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--check", action="store_true", help="name the pages that are out of date and write nothing")
     parser.add_argument("--pages", action="store_true", help="write the pages only, no figures")
+    parser.add_argument("--figures", nargs="+", metavar="NAME", default=[], help="make these figures only")
     parser.add_argument("--trust", type=Path, help="file with the output of the parity and verification tests")
     parser.add_argument("--site", action="store_true", help="build the site in build/site")
     parser.add_argument("--quick", action="store_true", help="with --site: do not run the gallery")
@@ -494,7 +496,7 @@ def main() -> int:
         sys.path.insert(0, str(DOCS))
         from figures import make_figures
 
-        for path in make_figures(DOCS / "figures"):
+        for path in make_figures(DOCS / "figures", options.figures):
             print(path.relative_to(DOCS.parent))
     return 0
 

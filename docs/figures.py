@@ -3,110 +3,141 @@
 from __future__ import annotations
 
 import ast
+import json
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.patches import Rectangle
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 ROOT = Path(__file__).resolve().parents[1]
 
 FLOOR_COLOURS = ("#F6E3C5", "#DCE9F5", "#DFF0E3", "#EFE3F3", "#F2F2F2")
 
 LIFE = (
-    ("Shape", "An outline, mask, table or rectangle is filled with a lattice on an equal-area plane.",
-     "bergs/lattice, placement"),
-    ("Birth", "Positions, size, thickness and density give mass and radius; an id names the element for good.",
-     "bergs/bonding, state"),
-    ("Bonds", "Neighbours within reach are bonded; the length at that moment is the rest length. Rifts weaken or drop some.",
-     "bergs/bonding, strength"),
-    ("Long step", "The element finds its cell, takes what surrounds it, and the media push it: water, air, ice, waves, floor.",
-     "ocean, stepping/forces, explicit/substeps"),
-    ("Sub-steps", "Bonds pull, shear and bend, neighbours press, often enough to follow the lattice's ringing.",
-     "stepping/explicit, quasi_static, physics"),
-    ("Break", "A bond beyond its strength fails, for good. Parts that hang together no more get a number of their own.",
-     "stepping/fracture, breaking, fragments"),
-    ("Record", "Recorders keep what the element is, under its id; a restart file holds all that the next step needs.",
-     "runs/run_file, restart, track"),
-    ("Death", "Removed from the population, it takes its bonds with it; its record ends, its id is never used again.",
-     "state, stepping, runs"),
+    ("Shape", "An outline, mask, table or rectangle is filled with a lattice on an equal-area plane.", "bergs/"),
+    ("Birth", "Positions, size, thickness and density give the mass; an id names the element for good.", "bergs/, state/"),
+    ("Bonds", "Neighbours within reach are bonded at their distance of that moment. Rifts weaken or drop some.", "bergs/"),
+    ("Time step", "The element takes currents, wind, waves, ice and sea floor where it is; they push it.", "ocean/, stepping/"),
+    ("Bonds bear the load", "Bonds pull, shear and bend, and bergs that touch press on each other.", "stepping/lattice, contact"),
+    ("Break-up", "A bond beyond its strength fails, for good. Parts that come apart get numbers of their own.",
+     "stepping/fracture, fragments"),
+    ("Melt", "Thickness and sides melt; small bergs roll; edges calve.", "life/"),
+    ("Removal", "What has melted leaves with its bonds. Its record ends, and its id is never used again.", "life/, runs/"),
 )  # fmt: skip
-"""Title, text and rooms of each station in the life of an element."""
+"""Title, text and packages of each stage in the life of an element."""
 
 
-def make_figures(folder: Path) -> Iterator[Path]:
-    """Make all figures and give their paths as they are finished."""
+def make_figures(folder: Path, only: Sequence[str] = ()) -> Iterator[Path]:
+    """Make all figures, or those of some names, and give their paths as they are finished.
+
+    Each PNG holds, as its Description, the data that it shows: ``tests/test_figures.py`` compares them with today's code.
+    """
     import matplotlib as mpl
 
     mpl.use("Agg")
     folder.mkdir(exist_ok=True)
-    yield house(folder / "house.png")
-    yield life(folder / "life-of-an-element.png")
-    yield five_lines(folder / "five-lines.png")
-    yield own_files(folder / "own-files.png")
-    yield keel_and_floor(folder / "keel-and-floor.png")
-    yield coarse_oceans(folder / "coarse-oceans.png")
-    yield from story(folder)
-    yield from scores(folder)
+    for names, draw in DRAWN.items():
+        if only and not set(only) & set(names):
+            continue
+        data = draw(*(folder / f"{name}.png" for name in names))
+        for name in names if data is not None else ():
+            stamp(folder / f"{name}.png", data)
+            yield folder / f"{name}.png"
 
 
-def coarse_oceans(path: Path) -> Path:
+def stamp(path: Path, data: Any) -> None:
+    """Write into a PNG the data that it shows."""
+    from PIL import Image, PngImagePlugin
+
+    about = PngImagePlugin.PngInfo()
+    about.add_itxt("Description", json.dumps(data))
+    with Image.open(path) as picture:
+        picture.save(path, pnginfo=about, optimize=True)
+
+
+def shown_in(path: Path) -> Any:
+    """Return the data that a figure was drawn from; None for one that holds none."""
+    from PIL import Image
+
+    with Image.open(path) as picture:
+        picture.load()
+        text = picture.info.get("Description")
+    return None if text is None else json.loads(text)
+
+
+def told_by(run: xr.Dataset) -> dict[str, Any]:
+    """Return what the pictures of a run show, as numbers that a reader could take from them."""
+    from riftberg.runs.scene import Scene
+
+    scene = Scene(run)
+    tracks = {scene.name(number): scene.track(number) for number in scene.numbers}
+    return {
+        "pieces_km2": {scene.name(number): round(scene.area_of(number) / 1e6) for number in scene.numbers},
+        "births": {
+            scene.name(number): str(birth[0])[:16] for number in scene.numbers if (birth := scene.birth(number)) is not None
+        },
+        "ends": {name: [round(float(x[-1]), 1), round(float(y[-1]), 1)] for name, (x, y, _) in tracks.items()},
+    }
+
+
+def coarse_oceans(path: Path) -> Any:
     """Draw the tracks and distances of the example of that name."""
     sys.path.append(str(ROOT / "docs" / "examples"))
-    from coarse_oceans import draw
+    import coarse_oceans as example
 
-    return draw(path)
+    example.draw(path)
+    return example.table()
 
 
-def house(path: Path) -> Path:
-    """Draw the rooms on their floors, as the contract in ``pyproject.toml`` has them, with what stands in their docstrings."""
+def house(path: Path) -> list[tuple[str, str]]:
+    """Draw the packages, one above the other as the contract in ``pyproject.toml`` has them, with what they are for."""
     from textwrap import fill
 
     from riftberg.viz.style import new_figure
 
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    from house import floors
-
-    package = ROOT / "src" / "riftberg"
-    levels = floors(ROOT / "pyproject.toml")
-    figure = new_figure(10.5, 0.62 * len(levels) + 0.5, 100)
+    levels = packages()
+    figure = new_figure(10.5, 0.5 * len(levels) + 0.4, 100)
     ax = figure.add_subplot()
-    for k, rooms in enumerate(levels):
+    for k, (names, purpose) in enumerate(levels):
         y, colour = len(levels) - k, FLOOR_COLOURS[k * len(FLOOR_COLOURS) // len(levels)]
-        ax.add_patch(Rectangle((0.0, y - 0.92), 10.0, 0.84, fc=colour, ec="#444444", lw=0.8))
-        several = len(rooms) > 1
-        names = fill(", ".join(sorted(rooms)), 30) if several else next(iter(rooms))
-        text = "what every room may read" if several else subject(package / names)
-        lines = sum(count_lines(package / name) for name in rooms)
-        ax.text(0.12, y - 0.5, names, va="center", fontsize=8 if several else 12, fontweight="bold")
-        ax.text(2.75, y - 0.5, fill(text, 92), va="center", fontsize=8.5)
-        ax.text(
-            9.88, y - 0.5, f"{max(100, round(lines, -2)):,} lines", va="center", ha="right", fontsize=8, color="#444444"
-        )
+        ax.add_patch(Rectangle((0.0, y - 0.93), 10.0, 0.86, fc=colour, ec="#444444", lw=0.8))
+        ax.text(0.12, y - 0.5, names, va="center", fontsize=11, fontweight="bold")
+        ax.text(2.9, y - 0.5, fill(purpose, 88), va="center", fontsize=8.5)
     ax.annotate("", (10.35, 0.1), (10.35, len(levels) - 0.1), arrowprops={"arrowstyle": "-|>", "lw": 2.0})
     ax.text(10.5, 0.5 * len(levels), "imports run down, never up", rotation=270, va="center", fontsize=10)
     ax.set_xlim(-0.05, 10.85)
     ax.set_ylim(-0.05, len(levels) + 0.05)
     ax.set_axis_off()
     figure.savefig(path)
-    return path
+    return levels
+
+
+def packages() -> list[tuple[str, str]]:
+    """Return packages and modules from top to bottom, those of one level together, each level with its purpose."""
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    from house import floors
+
+    package = ROOT / "src" / "riftberg"
+    return [
+        (", ".join(sorted(rooms)), subject(package / min(rooms)) if len(rooms) == 1 else "What all others may import.")
+        for rooms in floors(ROOT / "pyproject.toml")
+    ]
 
 
 def subject(place: Path) -> str:
-    """Return the first line of the docstring of a room."""
+    """Return the first line of the docstring of a package or module."""
     path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
     return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").split("\n")[0]
 
 
-def count_lines(place: Path) -> int:
-    """Return the lines of a room."""
-    paths = place.rglob("*.py") if place.is_dir() else [place.with_suffix(".py")]
-    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in paths)
-
-
-def life(path: Path) -> Path:
-    """Draw the life of an element: stations as boxes, in the order in which a run passes them."""
+def life(path: Path) -> Any:
+    """Draw the life of an element: stages as boxes, in the order in which a run passes them."""
     from textwrap import fill
 
     from riftberg.viz.style import new_figure
@@ -117,8 +148,8 @@ def life(path: Path) -> Path:
         x, y = 2.6 * (k % 4), 2.4 * (1 - k // 4)
         ax.add_patch(Rectangle((x, y), 2.2, 1.9, fc=FLOOR_COLOURS[k % len(FLOOR_COLOURS)], ec="#444444", lw=0.8))
         ax.text(x + 0.1, y + 1.68, title, fontsize=11, fontweight="bold", va="center")
-        ax.text(x + 0.1, y + 1.42, fill(text, 34), fontsize=8, va="top")
-        ax.text(x + 0.1, y + 0.12, fill(room, 38), fontsize=7, va="bottom", color="#333333", family="monospace")
+        ax.text(x + 0.1, y + 1.42, fill(text, 32), fontsize=8, va="top")
+        ax.text(x + 0.1, y + 0.12, fill(room, 30), fontsize=7, va="bottom", color="#333333", family="monospace")
         if k % 4 < 3 and k + 1 < len(LIFE):
             ax.annotate("", (x + 2.58, y + 0.95), (x + 2.22, y + 0.95), arrowprops={"arrowstyle": "-|>", "lw": 1.6})
     # From the end of the first row back to the start of the second, through the gap between them.
@@ -128,10 +159,10 @@ def life(path: Path) -> Path:
     ax.set_ylim(-0.1, 4.4)
     ax.set_axis_off()
     figure.savefig(path)
-    return path
+    return LIFE
 
 
-def keel_and_floor(path: Path) -> Path:
+def keel_and_floor(path: Path) -> dict[str, float]:
     """Draw a section of a berg of 250 m that has slid up a slope of 1 in 1000: keel afloat, keel aground, floor."""
     import numpy as np
 
@@ -164,18 +195,19 @@ def keel_and_floor(path: Path) -> Path:
     )
     ax.legend(fontsize=8, loc="upper right", frameon=True)
     figure.savefig(path)
-    return path
+    return {"draft": round(draft, 1), "bending_length": round(length)}
 
 
-def five_lines(path: Path) -> Path:
+def five_lines(path: Path) -> dict[str, Any]:
     """Draw what the five lines of the README give."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     lines = text.partition("## Five lines of Python")[2].partition("```python\n")[2].partition("```")[0]
-    exec(lines.replace('"berg.png"', repr(str(path))), {})
-    return path
+    names: dict[str, Any] = {}
+    exec(lines.replace('"berg.png"', repr(str(path))), names)
+    return told_by(names["run"])
 
 
-def own_files(path: Path) -> Path:
+def own_files(path: Path) -> dict[str, Any]:
     """Draw what the experiment file of the README gives, with the outline and the ocean that the tutorial makes."""
     import contextlib
     import re
@@ -191,11 +223,12 @@ def own_files(path: Path) -> Path:
             exec(next(block for block in blocks if name in block), {})
         Path("berg.yaml").write_text(readme.partition("```yaml\n")[2].partition("```")[0], "utf-8")
         model, info = build("berg.yaml")
-        draw_map(model.run(info.days, every_hours=1.0), path, forcing=model.forcing, title=info.title, dpi=100)
-    return path
+        run = model.run(info.days, every_hours=1.0)
+        draw_map(run, path, forcing=model.forcing, title=info.title, dpi=100)
+    return told_by(run)
 
 
-def story(folder: Path) -> Iterator[Path]:
+def story(on_a_map: Path, stress: Path, timeline: Path, why: Path) -> dict[str, Any]:
     """Run the built-in experiment; draw its map, the stress in its bonds, the life of its fragments, and why it broke."""
     from riftberg.diagnostics.why import explain
     from riftberg.experiments import build
@@ -206,15 +239,15 @@ def story(folder: Path) -> Iterator[Path]:
     model, info = build("a68a")
     with tempfile.TemporaryDirectory() as scratch:
         run = model.run(info.days, output=Path(scratch) / "run.nc", every_hours=info.output_every_hours)
-        run.attrs["experiment"] = "A68a"
-        draw_map(run, folder / "a68a-map.png", forcing=model.forcing, title=info.title, observed=info.observed)
-        yield folder / "a68a-map.png"
-        yield draw_stress(run, folder / "a68a-stress.png", dpi=100)
-        yield draw_fragments(run, folder / "a68a-timeline.png", dpi=100)
-        yield draw_reasons(explain(run), folder / "a68a-why.png", dpi=90)
+        run.attrs["heading"] = info.title
+        draw_map(run, on_a_map, forcing=model.forcing, title=info.title, observed=info.observed)
+        draw_stress(run, stress, dpi=100)
+        draw_fragments(run, timeline, dpi=100)
+        draw_reasons(explain(run), why, dpi=90)
+        return told_by(run)
 
 
-def scores(folder: Path) -> Iterator[Path]:
+def scores(*paths: Path) -> dict[str, Any] | None:
     """Draw the scores of A68a against the daily outlines, where the observations are at hand; centroids only."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
     from scores import daily_outlines, run_experiment, shared_folder
@@ -227,11 +260,29 @@ def scores(folder: Path) -> Iterator[Path]:
     data = shared_folder()
     if data is None:
         print("no observations (RIFTBERG_SHARED): the figures of the scores stay as they are", file=sys.stderr)
-        return
-    for name in ("a68a", "a68a-oras5"):
+        return None
+    headings = {"a68a": "A68a in the fitted ocean", "a68a-oras5": "A68a in the monthly means of ORAS5"}
+    shown = {}
+    for name, path in zip(headings, paths, strict=True):
         with tempfile.TemporaryDirectory() as scratch:
             run, _ = run_experiment(name, "own", data, Path(scratch) / "run.nc")
             with run:
-                title = figure_title(run, "run against the daily outlines").replace("Iceberg", name)
+                run.attrs["heading"] = headings[name]
                 score = score_run(run, daily_outlines(data))
-                yield draw_score(score, folder / f"score-{name}.png", title=title, water=stored_water(run), dpi=110)
+                title = figure_title(run, "run against the daily outlines")
+                draw_score(score, path, title=title, water=stored_water(run), dpi=110)
+                shown[name] = {day.time[:10]: round(day.berg.distance_km) for day in score.days if day.berg is not None}
+    return shown
+
+
+DRAWN: dict[tuple[str, ...], Callable[..., Any]] = {
+    ("house",): house,
+    ("life-of-an-element",): life,
+    ("keel-and-floor",): keel_and_floor,
+    ("five-lines",): five_lines,
+    ("own-files",): own_files,
+    ("coarse-oceans",): coarse_oceans,
+    ("a68a-map", "a68a-stress", "a68a-timeline", "a68a-why"): story,
+    ("score-a68a", "score-a68a-oras5"): scores,
+}
+"""Names of the figures that are drawn together, and what draws them."""

@@ -86,11 +86,22 @@ MORE = [(scheme, how) for how in ("memory", "advance", "step") for scheme in ("m
 @pytest.mark.parametrize(("scheme", "how"), [*WAYS, *(pytest.param(*way, marks=pytest.mark.slow) for way in MORE)])
 def test_an_interrupt_is_a_keyboard_interrupt_in_all_ways_of_running(tmp_path: Path, scheme: str, how: str) -> None:
     """A kernel that returned a named tuple died of a segmentation fault when a signal waited, in every second try."""
-    code, errors = stopped(tmp_path, PROGRAM, scheme, how, str(tmp_path), wait=random.uniform(0.0, 0.1))
+    # Programs of tests are children of a server, which no script is.
+    program = f"import multiprocessing, os; multiprocessing.parent_process = lambda: None; os.chdir({str(tmp_path)!r})\n{PROGRAM}"
+    code, errors = stopped(tmp_path, program, scheme, how, str(tmp_path), wait=random.uniform(0.0, 0.1))
     assert code in (1, -signal.SIGINT, 130), errors  # Python ends a program so after a KeyboardInterrupt
     assert "KeyboardInterrupt" in errors
+    if how == "step":
+        return
+    # Named for a season of bergs in a script of which nothing was left: records and state are readable.
+    assert "Go on with Model.resume('interrupted.restart.nc', forcing)" in errors
+    state = load_state(tmp_path / "interrupted.restart.nc")
+    assert state.step_number >= 1
+    assert (tmp_path / "interrupted.nc").exists() == (how == "memory")
     if how == "memory":
-        assert "model.save(path)" in errors
+        with open_run(tmp_path / "interrupted.nc") as run:
+            assert (run.time.values[-1] - run.time.values[0]) / np.timedelta64(1, "s") == state.time
+            np.testing.assert_array_equal(run.lon.values[:, -1], state.elements.lon)
 
 
 def check_what_is_left(folder: Path, errors: str) -> None:
@@ -174,7 +185,10 @@ class Presses:
     def finish(self, model: Model) -> None: ...
 
 
-def test_the_step_in_hand_ends_and_the_signals_are_handed_back(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_step_in_hand_ends_and_the_signals_are_handed_back(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     m, before = model(), [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
     with pytest.raises(KeyboardInterrupt):
         m.advance(steps=10, recorders=[Presses(3)])

@@ -89,6 +89,31 @@ def test_the_progress_of_a_run_leaves_it_out_too() -> None:
     bar.finish(model)
 
 
+@pytest.mark.parametrize("asked", [None, True, False])
+def test_a_script_has_a_line_a_minute_unless_it_says_otherwise(
+    asked: bool | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Named for a season of bergs without a word. A run of seconds says nothing; one of minutes says where it stands."""
+    now, seen = [0.0], []
+    monkeypatch.setattr("riftberg.runs.progress.clock.monotonic", lambda: now[0])
+    (bar,) = Model._progress(adrift(), 3.0, asked) or [ProgressRecorder(3.0, quiet=True)]
+    model = adrift()
+    model.step_number = 0
+    bar.start(model)
+    for until in (5, 121, 180):
+        while now[0] < until:
+            model.time += 1.0
+            now[0] += 1.0
+            bar.record(model)
+        seen.append(capsys.readouterr().err.count("broken"))
+    bar.finish(model)
+    seen.append(capsys.readouterr().err.count("broken"))
+    told = [sum(seen[: k + 1]) for k in range(4)]
+    assert told[0] == 0
+    assert told[1:3] == [{None: 2, True: 12, False: 0}[asked], {None: 3, True: 18, False: 0}[asked]]
+    assert told[3] == told[2] + (asked is not False)
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [

@@ -287,9 +287,57 @@ def test_words_json_and_figure(run: xr.Dataset, tmp_path: Path) -> None:
     assert draw_reasons(reasons, tmp_path / "nothing.png", dpi=60).exists()
 
 
-def test_a_run_that_does_not_break_says_so(tmp_path: Path) -> None:
-    reasons = why.explain(made(tmp_path / "run.nc", break_time=math.inf))
-    assert why.words(reasons)[0] == "Nothing broke off."
+def test_a_run_that_does_not_break_tells_how_near_it_came(tmp_path: Path) -> None:
+    """Named for a white sheet headed 'why it broke': margin, place, nearest bond, forces, and a picture of them."""
+    run = made(tmp_path / "run.nc", break_time=math.inf)
+    stress = np.zeros(run["peak_stress"].shape)
+    bond, record = 7, 3
+    stress[(bond, record) if run["peak_stress"].dims[0] == "bond" else (record, bond)] = 9e3
+    run["peak_stress"] = (run["peak_stress"].dims, stress)
+    reasons = why.explain(run)
+    assert reasons.whole is not None
+    assert reasons.whole.nearest is not None
+    nearest, ends = reasons.whole.nearest, [int(run[name].values[bond]) for name in ("bond_first", "bond_second")]
+    assert nearest.elements == run["trajectory"].values[ends].tolist()
+    assert nearest.time == str(run["time"].values[record])[:19]
+    assert reasons.whole.used[record] == pytest.approx(0.5) == pytest.approx(max(reasons.whole.used))
+    assert nearest.lon == pytest.approx(run["lon"].transpose("trajectory", "time").values[ends, record].mean())
+    first, second, *_ = why.words(reasons)
+    assert first == "Nothing broke off."
+    assert f"9 of 18 kPa (50 %) in the bond of elements {nearest.elements[0]} and {nearest.elements[1]} at" in second
+    picture = imread(draw_reasons(reasons, tmp_path / "why.png", dpi=60))
+    assert picture[..., :3].std() > 0.04  # an empty sheet has some 0.01
+
+
+def test_a_whole_berg_tells_which_forces_drove_and_braked_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A force along the way drives, one against it brakes, one across does neither; a weak bond counts by its own strength."""
+    run = made(tmp_path / "run.nc", break_time=math.inf)
+    u, v = (np.nan_to_num(run[name].transpose("trajectory", "time").values[:, 0]) for name in ("u", "v"))
+    along = np.column_stack([u, v]) / np.hypot(u, v)[:, None]
+    forces = {name: 0.0 * along for name in FORCES}
+    forces |= {"ocean drag": 3e8 * along, "waves": 1e8 * along, "sea ice": -2e8 * along,
+               "wind drag": 9e8 * np.column_stack([-along[:, 1], along[:, 0]])}  # fmt: skip
+    monkeypatch.setattr("riftberg.diagnostics.cut.external_forces", lambda run, record, p: forces)
+    run["strength"] = ("bond", np.where(np.arange(run.sizes["bond"]) == 3, 0.01, 1.0))
+    run["peak_stress"] = run["peak_stress"] * 0.0 + 90.0
+    reasons = why.explain(run)
+    told = why.words(reasons)[1]
+    assert "driven by ocean drag (75 %) and waves (25 %), braked by sea ice (100 %)" in told
+    assert reasons.whole is not None
+    assert max(reasons.whole.used) == pytest.approx(0.5)
+
+
+def test_a_berg_without_bonds_and_one_that_may_not_break_are_told_as_such(tmp_path: Path) -> None:
+    """Sisters of the run that did not break: a lone berg has no bond to name, and without fracture none can fail."""
+    lone = made(tmp_path / "run.nc", break_time=math.inf).isel(bond=slice(0, 0))
+    reasons = why.explain(lone)
+    assert reasons.whole is not None
+    assert reasons.whole.nearest is None
+    assert "nearest to breaking" not in why.words(reasons)[1]
+    assert draw_reasons(reasons, tmp_path / "lone.png", dpi=40).exists()
+    whole = why.explain(made(tmp_path / "b.nc", break_time=math.inf)).whole
+    assert whole is not None
+    assert "fracture.enabled is false" in " ".join(why.whole_lines(replace(whole, fracture=False), latlon=True))
 
 
 def test_the_sea_floor_is_found_from_the_balance(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -333,8 +381,14 @@ def test_coriolis_and_slope_are_weighed_together(run: xr.Dataset, monkeypatch: p
     reasons = why.explain(run)
     text, *_ = why.words(reasons)
     nominal = reasons.breakups[0].decisive.nominal
-    assert f"(Coriolis and surface slope, {nominal / 1.5 / 1e3:+.1f} kPa)" in text
+    assert f"(Coriolis and surface slope, {nominal / 1.5 / 1e3:+.1f} kPa, 67 % of what pulls)" in text
     assert "as in a sheared current" in text
+    # Named for a page that gave the largest alone, which was a third of the load: the second is told too.
+    assert (
+        f"and because the current exerts a different drag on its parts (ocean drag, {nominal / 3e3:+.1f} kPa, 33 %"
+        in text
+    )
+    assert "Coriolis" not in reasons.breakups[0].budgets["both"].forces
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent / "products"))
 from products import product_files as files
 from riftberg.errors import ForcingError
 from riftberg.ocean.doctor import doctor
+from riftberg.products import product_named
 
 BOX = {"lon": (-40.0, -36.0), "lat": (-57.0, -54.5)}
 
@@ -163,7 +164,8 @@ def test_every_record_is_looked_at_for_values(tmp_path: Path) -> None:
     text = report.text()
     assert "3 record(s) without any value of uo, vo count as missing: 2020-12-11T00:00, 2020-12-12T00:00" in text
     assert "between 2020-12-10T00:00 and 2020-12-14T00:00, longer than the 2.5 days" in text
-    assert "3 of 10 records (2020-12-07T00:00" in text
+    assert "; ranges of 3 of 10 records" in text
+    assert "3 of 10 records (2020-12-07T00:00" in report.data[0].sampled
     assert doctor(path, **DAYS, max_gap=4 * 86400.0).ready
     assert "no value" not in text
 
@@ -207,7 +209,7 @@ def test_land_beyond_the_reach_of_the_nearest_water_is_advised_against(tmp_path:
 
 def test_missing_share_is_told(tmp_path: Path) -> None:
     text = doctor(daily(tmp_path / "currents.nc", range(7, 21), land=-38.0), **DAYS).text()
-    assert "here 0.1 to 0.1 m s-1, 4" in text  # 8 or 9 of 18 columns
+    assert "0.1 to 0.1 m s-1, + is towards the east (from uo, m s-1), 4" in text  # 8 or 9 of 18 columns
     assert "% missing" in text
 
 
@@ -231,8 +233,6 @@ def test_files_that_cannot_be_placed_are_reported_not_raised(tmp_path: Path) -> 
 
 def test_evidence_is_told_by_quantity_and_layout(shared: Path, tmp_path: Path) -> None:
     """One real file of a product was evidence for all that the product may hold."""
-    from riftberg.products import product_named
-
     era5 = product_named("era5")
     assert era5.checked(["ua"]).startswith("a real file; new Climate Data Store: a published header")
     assert era5.checked(["wave_height"]).startswith("documentation only")
@@ -253,6 +253,20 @@ def test_notes_are_told_once(shared: Path) -> None:
     assert text.count("units are not in the files") == 1
 
 
+def test_three_files_take_at_most_25_lines_and_say_nothing_that_did_not_occur(tmp_path: Path) -> None:
+    """Named for 40 lines, half of which told what files of these products may have: monthly means, waves in other files."""
+    paths = [files.oscar_v2(tmp_path), files.era5_new(tmp_path), files.osisaf(tmp_path)]
+    report = doctor(paths, needed=("uo", "vo"))
+    assert not report.unreadable
+    text = report.text()
+    assert len(text.splitlines()) <= 25, text
+    for finding in report.data:
+        assert finding.notes  # JSON has them
+        assert not [note for note in product_named(finding.product).notes if note in text]
+    # What is taken on trust is told all the same.
+    assert "taken at its word" in doctor(daily(tmp_path / "mine.nc", range(7, 21)), **DAYS).text()
+
+
 def test_unknown_field_is_an_error_of_the_caller(tmp_path: Path) -> None:
     with pytest.raises(ForcingError, match="no such fields"):
         doctor(files.oscar_v2(tmp_path), needed=("current",))
@@ -260,7 +274,7 @@ def test_unknown_field_is_an_error_of_the_caller(tmp_path: Path) -> None:
 
 def test_names_and_units_of_the_file_are_told(tmp_path: Path) -> None:
     report = doctor(files.oscar_v1(tmp_path), needed=("uo", "vo"))
-    assert "from u (meter/sec in the file); here 0.01 to 0.23 m s-1" in report.text()
+    assert "0.01 to 0.23 m s-1, + is towards the east (from u, meter/sec)" in report.text()
 
 
 def test_projected_ice_is_diagnosed_too(tmp_path: Path) -> None:

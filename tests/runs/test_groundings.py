@@ -22,6 +22,7 @@ from riftberg.runs.groundings import (
     read_stays,
     stay_words,
     summarize_ground,
+    title_lines,
 )
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import RunWriter, open_run
@@ -187,7 +188,7 @@ def test_the_summary_says_what_holds_and_what_other_beds_would() -> None:
     weight = float(model.elements.mass.sum()) * GRAVITY
     assert stay_words(ground["stays"][0], weight) == (
         f"aground since 28 Feb 06:00 (1 element, load 4e+11 N, {100 * 4e11 / weight:.2g} % of its weight; "
-        "the bed can hold 2e+11 N, the sea presses with 1.6e+07 N)"
+        "the bed can hold 2e+11 N, the sea presses with 1.6e+07 N; it has stood still since 28 Feb 07:00)"
     )
     assert ground_lines(ground) == [
         "  the bed is taken to be sand; the same load could hold 6.7e+10 N on clay, 2e+11 N on rock (grounding.sediment)",
@@ -199,6 +200,31 @@ def test_the_summary_says_what_holds_and_what_other_beds_would() -> None:
         stay_words(summarize_ground(model)["stays"][0], weight)
         == "aground for 60 min from 28 Feb 06:00 on, afloat since 28 Feb 07:00"
     )
+
+
+def test_since_when_it_is_held_or_slides_is_told() -> None:
+    """Sliding, held, held on, sliding again; and a piece without a stay of its own is not passed over."""
+    model = model_of()
+    weight = float(model.elements.mass.sum()) * GRAVITY
+    for speed, hours, since, said in (
+        (0.1, 1, None, "it slides, 300 m so far)"),
+        (0.0, 1, "2025-02-28T08:00:00", "it has stood still since 28 Feb 08:00)"),
+        (0.0, 5, "2025-02-28T08:00:00", "it has stood still since 28 Feb 08:00)"),
+        (0.1, 1, None, "it slides, 599 m so far)"),
+    ):
+        after(model, hours, loads={7: 4e11}, east=300.0 if speed else 0.0, speed=speed)
+        ground = summarize_ground(model)
+        (stay,), (read,) = ground["stays"], list_stays(model)
+        assert stay["held_since"] == since
+        assert stay_words(stay, weight).endswith(said)
+        assert ground["elements_of_small_pieces"] == 0
+        still = f"held since {since and '28 Feb 08:00'}" if since else f"slid {stay['way_aground']:.0f} m"
+        assert title_lines([read]) == [f"Aground 28 Feb 06:00 to the end: 1 element, {still}"]
+    model.elements.berg[7] = 2  # a piece of an eighth that broke off and stands, while the rest has gone
+    model.groundings.rows = []
+    ground = summarize_ground(model)
+    assert ground["elements_of_small_pieces"] == 1
+    assert ground_lines(ground)[0] == "  1 element of small pieces stands aground"
 
 
 def test_a_run_that_passes_near_the_floor_says_how_near() -> None:
@@ -221,7 +247,7 @@ def test_keel_and_floor_at_the_start_are_named() -> None:
 
 
 ROW = GroundingEvent(
-    1, HOUR, 5 * HOUR, -38.9, -55.0, 45.0, 3, 2, 4 * HOUR, 5, 4e11, 2e11, 3e9, 0.4, 2.5e5, 0.1, 900.0, 310.0
+    1, HOUR, 5 * HOUR, -38.9, -55.0, 45.0, 3, 2, 4 * HOUR, 5, 4e11, 2e11, 3e9, 0.4, 2.5e5, 0.1, 900.0, 310.0, 3 * HOUR
 )
 
 
@@ -244,7 +270,7 @@ def test_run_file_and_why_know_the_stays(tmp_path: Path, latlon: bool) -> None:
         (stay,) = read_stays(run, Scene(run).name)
         assert stay.event == ROW
         assert stay.as_dict() == {**list_stays(model)[0].as_dict(), "name": stay.name}  # type: ignore[arg-type]
-        told = words(explain(run))[1]
+        told = words(explain(run))[2]
         place = "55.00 S, 38.90 W" if latlon else "x -38.9 m, y -55 m"
         assert told.endswith(
             f"ground 2020-12-09 14:00 to 2020-12-09 18:00: touched with its north-eastern side at {place}; touched 2 times and "

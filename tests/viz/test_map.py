@@ -191,8 +191,8 @@ def test_labels_never_overlap() -> None:
     FigureCanvasAgg(figure)
     ax = figure.add_subplot()
     labels = Labels(ax)
-    placed = [labels.put("12 Dec", 0.5 + 0.002 * k, 0.5) for k in range(12)]
-    assert 0 < sum(placed) < 12
+    placed = [labels.put("12 Dec", 0.5 + 0.002 * k, 0.5) for k in range(60)]
+    assert 0 < sum(placed) < 60
     boxes = [text.get_window_extent() for text in ax.texts if text.get_text()]
     assert len(boxes) == sum(placed)
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])

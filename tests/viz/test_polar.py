@@ -22,7 +22,7 @@ from riftberg.runs.scene import Box
 from riftberg.viz import colours, style
 from riftberg.viz.coast import SIZE, coast_on
 from riftberg.viz.map import draw_map, draw_tracks
-from riftberg.viz.panels import Map, PolarScene, PolarWater, on_a_map
+from riftberg.viz.panels import Map, PolarScene, PolarWater, depth_bar, on_a_map
 
 SOUTH = ConformalPlane(-40.0, -90.0, 6.37e6)
 
@@ -99,18 +99,43 @@ def test_map_around_positions_holds_them_on_any_branch_and_takes_the_pole_beyond
     assert np.hypot(*(v[0] - v[2] for v in (x, y))) / chart.units_per_km > 50.0
 
 
-@pytest.mark.parametrize(("deepest", "shaded"), [(4500.0, False), (9500.0, True)])
-def test_a_floor_of_one_colour_has_no_scale(deepest: float, shaded: bool) -> None:
+@pytest.mark.parametrize(
+    ("low", "high"), [(4000.0, 4500.0), (4000.0, 9500.0), (150.0, 250.0), (150.0, 1000.0), (20.0, 5500.0), (0.5, 40.0)]
+)
+def test_the_scale_of_depth_shows_the_depths_of_the_map(low: float, high: float) -> None:
+    """Named for a map of 250 m under a scale from 0 to 12,000 m: one grey for all."""
+
     class Sloping:
-        """A floor from 4000 m down."""
+        """A floor from one depth to another."""
 
         def depth(self, lon: Any, lat: Any) -> Any:
             """Return the depth."""
-            return np.linspace(4000.0, deepest, np.size(lon)).reshape(np.shape(lon))
+            return np.linspace(low, high, np.size(lon)).reshape(np.shape(lon))
 
     chart = Map.around(Figure().subplots(), np.array([-38.0, -36.0]), np.array([-57.0, -56.0]))
     chart.draw_floor(Sloping(), shaded=True)
-    assert chart.shaded == shaded
+    steps = np.array(chart.depth_steps)
+    assert steps[0] <= low
+    assert high <= steps[-1]
+    # At least four colours, of which the map has all but the ends.
+    assert steps.size >= 5
+    assert ((steps > low) & (steps < high)).sum() >= steps.size - 2
+
+
+@pytest.mark.parametrize("deep", [250.0, 4000.0])
+def test_a_floor_of_one_depth_has_no_scale(deep: float) -> None:
+    class Flat:
+        """A plain."""
+
+        def depth(self, lon: Any, lat: Any) -> Any:
+            """Return the depth."""
+            return np.full(np.shape(lon), deep)
+
+    chart = Map.around(Figure().subplots(), np.array([-38.0, -36.0]), np.array([-57.0, -56.0]))
+    chart.draw_floor(Flat(), shaded=True)
+    assert chart.depth_steps == []
+    depth_bar(chart)
+    assert len(chart.ax.figure.axes) == 1
 
 
 def test_tracks_have_gaps_where_a_berg_lost_a_part() -> None:

@@ -418,7 +418,7 @@ class Session:
             seed=self.info.seed,
             forces=self.info.output_forces,
             goes_on=self.goes_on,
-            origin=self.wanted.origin(self.folder),
+            origin={"heading": self.info.title or self.info.name, **self.wanted.origin(self.folder)},
         )
         keeper = StateKeeper(writer, every_days=self.wanted.keep_days, minutes=self.wanted.keep_minutes)
         recorders: list[Recorder] = [
@@ -504,7 +504,7 @@ class Session:
             with open_own(self.folder / "run.nc") as dataset:
                 draw_map(
                     dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
-                    observed=self.info.observed,
+                    observed=self.info.observed, statics=self.info.statics,
                 )  # fmt: skip
                 if ashore := over_land(dataset):
                     say(f"Notice: {ashore}")
@@ -569,7 +569,9 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
         if len(all_of_them) > MOST_EVENTS:
             lines.append(f"  and {len(all_of_them) - MOST_EVENTS} more {word}, see summary.json")
     ground = summary.get("ground") or {"stays": [], "first": None, "least_clearance": None, "bathymetry_spacing": None}
-    if told := _berg_lines(bergs, latlon, ground["stays"]):
+    # A beam under its load goes nowhere: it bends.
+    verb = "bent: its centre moved" if summary["numerics"].get("stepping", {}).get("only_interactions") else "drifted"
+    if told := _berg_lines(bergs, latlon, ground["stays"], verb):
         return [*lines, *told, *ground_lines(ground)]
     count, several = summary["fragments"], len(bergs) > 1
     of = f" of {len(bergs)} bergs" if several else ""
@@ -585,7 +587,7 @@ def ledger_lines(summary: dict[str, Any]) -> list[str]:
     return [*ice.get("lines", ()), *motion.get("lines", ()), *([motion["closing"]] if motion else [])]
 
 
-def _berg_lines(bergs: list[dict[str, Any]], latlon: bool, stays: list[dict[str, Any]]) -> list[str]:
+def _berg_lines(bergs: list[dict[str, Any]], latlon: bool, stays: list[dict[str, Any]], verb: str) -> list[str]:
     """Return what became of each berg, in a sentence; nothing where there are many, or where a summary does not say.
 
     ``stays``: of bergs and fragments on the sea floor, as the summary has them.
@@ -608,7 +610,7 @@ def _berg_lines(bergs: list[dict[str, Any]], latlon: bool, stays: list[dict[str,
         melted = f"; {berg['melted_kg'] / 1e12:.3g} Gt melted" if berg["melted_kg"] else ""
         mine = [stay for stay in stays if stay["number"] == berg["largest"]]
         ground = f", {stay_words(mine[-1], berg['largest_weight'])}" if mine else ""
-        lines.append(f"  {name} drifted {drift} to {place}, in {pieces} ({areas}){ground}{melted}")
+        lines.append(f"  {name} {verb} {drift} to {place}, in {pieces} ({areas}){ground}{melted}")
     return lines
 
 

@@ -73,6 +73,20 @@ FORCES: Final = tuple(_ROWS)
 """External forces, in the order of all tables."""
 
 
+GEOSTROPHIC: Final = "Coriolis and surface slope"
+"""These two forces nearly balance, and each alone says little: they are one row wherever forces are weighed."""
+
+
+def weighed(forces: dict[str, Floats]) -> dict[str, Floats]:
+    """Return forces with those two as one row, in which the slope stood."""
+    pair = forces["Coriolis"] + forces["surface slope"]
+    return {
+        GEOSTROPHIC if name == "surface slope" else name: pair if name == "surface slope" else force
+        for name, force in forces.items()
+        if name != "Coriolis"
+    }
+
+
 def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[str, Floats]:
     """Return the external forces on all elements at a record: as applied where the run recorded that, else by the table.
 
@@ -132,6 +146,32 @@ def elements_at(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
     el.u[:], el.v[:] = el.u_sync, el.v_sync
     measure_outlines(el, p)
     return el
+
+
+def mass_at(run: xr.Dataset, record: int) -> Floats:
+    """Return the masses of the elements (kg) at a record: those of a run that melts change."""
+    mass = run["mass"]
+    return np.asarray((mass.isel(time=record) if "time" in mass.dims else mass).values, np.float64)
+
+
+def forces_on(scene: Scene, p: KernelParameters, record: int, body: NDArray[np.bool_]) -> tuple[dict[str, Floats], int]:
+    """Return the external forces at a record, and the number of elements of a body that are aground.
+
+    The force of the sea floor is its mean until the next record: as recorded, else the one that balances.
+    """
+    run = scene.run
+    forces, after = weighed(external_forces(run, record, p)), record + 1
+    if after == len(scene.times):
+        return forces, int((scene.aground([record])[0] & body).sum())
+    aground = scene.aground([record, after]).any(axis=0) & body
+    if forces_recorded(run):
+        forces["sea floor"] = applied_forces(run, after)["sea floor"]
+    elif aground.any():
+        rate, mass = accelerations(run, record, record, after), mass_at(run, record)
+        others = np.sum([f[body].sum(axis=0) for name, f in forces.items() if name != "sea floor"], axis=0)
+        missing = (mass[body, None] * rate[body]).sum(axis=0) - others
+        forces["sea floor"] = np.where(aground[:, None], missing[None, :] / aground.sum(), 0.0)
+    return forces, int(aground.sum())
 
 
 def accelerations(run: xr.Dataset, record: int, first: int, last: int) -> Floats:
@@ -386,33 +426,10 @@ class Cut:
         """Return the elements of fragment and rest at a record."""
         return np.asarray(self.inside | (self.scene.berg[record] == self.parent))
 
-    def mass(self, record: int) -> Floats:
-        """Return the masses of the elements (kg) at a record: those of a run that melts change."""
-        mass = self.run["mass"]
-        return np.asarray((mass.isel(time=record) if "time" in mass.dims else mass).values, np.float64)
-
-    def forces(self, record: int, body: NDArray[np.bool_]) -> tuple[dict[str, Floats], int]:
-        """Return the external forces at a record, and the number of elements of a body that are aground.
-
-        The force of the sea floor is its mean until the next record: as recorded, else the one that balances.
-        """
-        forces, after = external_forces(self.run, record, self.p), record + 1
-        if after == len(self.scene.times):
-            return forces, int((self.scene.aground([record])[0] & body).sum())
-        aground = self.scene.aground([record, after]).any(axis=0) & body
-        if forces_recorded(self.run):
-            forces["sea floor"] = applied_forces(self.run, after)["sea floor"]
-        elif aground.any():
-            rate, mass = accelerations(self.run, record, record, after), self.mass(record)
-            others = np.sum([f[body].sum(axis=0) for name, f in forces.items() if name != "sea floor"], axis=0)
-            missing = (mass[body, None] * rate[body]).sum(axis=0) - others
-            forces["sea floor"] = np.where(aground[:, None], missing[None, :] / aground.sum(), 0.0)
-        return forces, int(aground.sum())
-
     def budgets(self, record: int, last: int) -> dict[str, Budget]:
         """Return the budgets of fragment, rest and both."""
-        body, mass = self.body(record), self.mass(record)
-        forces, _ = self.forces(record, body)
+        body, mass = self.body(record), mass_at(self.run, record)
+        forces, _ = forces_on(self.scene, self.p, record, body)
         rate = accelerations(self.run, record, 0, last)
         budgets = {}
         for name, rows in (("fragment", self.inside), ("rest", body & ~self.inside), ("both", body)):
@@ -442,7 +459,7 @@ class Cut:
             return None
         body = self.body(record)
         geometry = _Geometry(self, record, body)
-        forces, aground = self.forces(record, body)
+        forces, aground = forces_on(self.scene, self.p, record, body)
         shares = {name: geometry.passed_on(geometry.on_plane(force)) for name, force in forces.items()}
         tension, shear, couple = ({n: s[k] for n, s in shares.items()} for k in range(3))
         sign = 1.0 if sum(couple.values()) >= 0.0 else -1.0
@@ -526,7 +543,7 @@ class _Geometry:
 
     def __init__(self, cut: Cut, record: int, body: NDArray[np.bool_]) -> None:
         scene, run = cut.scene, cut.run
-        self.mass, self.body, self.inside = cut.mass(record), body, cut.inside
+        self.mass, self.body, self.inside = mass_at(run, record), body, cut.inside
         lon, lat, weight = scene.x[record], scene.y[record], self.mass[body]
         centre = float(np.average(lon[body], weights=weight)), float(np.average(lat[body], weights=weight))
         plane = ConformalPlane(*centre, scene.radius, scene.latlon)

@@ -33,9 +33,10 @@ ground : what the sea floor did: law, least_clearance (m, water under the keel a
     number, name, first, last, lasts (aground at the end), lon, lat, towards (degrees from north, of the side that touched),
     hours, times (touches), elements, load (N), capacity (N, friction that could hold it), pressing (N, force of the sea), lift
     (m, largest rise of the keel), bending_stress (Pa, largest of the ice that the floor lifts), gouge (m, how deep a bed that
-    yields was pressed), way_aground (m), stopped_within (m, null where it did not stop). For all of them together: hours, times,
-    elements, load, capacity, pressing, lift, bending_stress, gouge, way_aground (the longest); with the law seabed the sediment,
-    and capacity_on: what the same load could hold on clay and on rock (N)
+    yields was pressed), way_aground (m), stopped_within (m, null where it did not stop), held_since (date, null while it
+    slides). elements_of_small_pieces: aground at the end, of pieces without a stay. For all of them together: hours, times,
+    elements, load, capacity, pressing, lift, bending_stress, gouge, way_aground (the longest); with the law seabed the
+    sediment, and capacity_on: what the same load could hold on clay and on rock (N)
 ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and by what part of the
     turnover the ledgers of mass and heat do not close; by_fragment: melt water (kg) by process of each fragment; null where
     nothing melts

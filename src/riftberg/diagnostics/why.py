@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.config.units import area_text, count_text, minute_text, place_text
-from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, iso, members_at_birth
+from riftberg.diagnostics.cut import GEOSTROPHIC, Breakup, Collision, Cut, FirstBond, iso, members_at_birth
 from riftberg.diagnostics.summary import melt_lines
+from riftberg.diagnostics.whole import WholeBerg, whole_berg, whole_lines
 from riftberg.runs.groundings import read_stays, why_lines
+from riftberg.runs.layout import heading_of
 from riftberg.runs.scene import SMALL, Scene
 from riftberg.stepping.fracture.rift_tips import tip_lines
 from riftberg.system.atomic_files import write_json
@@ -37,6 +39,8 @@ class Reasons:
     ground: list[str] = field(default_factory=list)
     reserves: list[str] = field(default_factory=list)
     rifts: list[str] = field(default_factory=list)
+    whole: WholeBerg | None = None  # Where nothing broke off
+    latlon: bool = True
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers, texts, lists and dicts."""
@@ -47,11 +51,11 @@ class Reasons:
         return write_json(self.as_dict(), path)
 
 
-GEOSTROPHIC: Final = "Coriolis and surface slope"
-"""These two forces nearly balance on each part, and each alone says little: reasons weigh them together."""
-
 SMALL_LOAD: Final = 0.25
 """No force is called the reason of a break whose cut as a whole carried less than this part of the strength."""
+
+LEADING: Final = 0.25
+"""Part of the largest share from which on a force is named as a reason too."""
 
 STARTING: Final = 24.0
 """Time (h) after the start in which a berg may break by being set in motion."""
@@ -101,7 +105,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         breakup.collision = collision_of(scene, breakup)
         breakups.append(breakup)
     return Reasons(
-        experiment=str(run.attrs.get("experiment", "")),
+        experiment=heading_of(run, ""),
         forcing=str(run.attrs.get("forcing_title", "")),
         breakups=breakups,
         small=small,
@@ -109,6 +113,8 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         reserves=scene.reserves(),
         rifts=tip_lines(scene.rift_tips, scene.parameters),
         melt=melt_lines(run),
+        whole=None if breakups else whole_berg(scene),
+        latlon=scene.latlon,
         ground=why_lines(read_stays(run, scene.name), scene.parameters, latlon=scene.latlon),
     )
 
@@ -160,7 +166,8 @@ def words(reasons: Reasons) -> list[str]:
     small, reserves = count_text(reasons.small, "small piece"), [" ".join(reasons.reserves)] if reasons.reserves else []
     if not reasons.breakups:
         but = f" but {small} (--all lists them)" if reasons.small else ""
-        return [f"Nothing broke off{but}.", *reasons.rifts, *reasons.ground, *reasons.melt, *reserves]
+        whole = [] if reasons.whole is None else [" ".join(whole_lines(reasons.whole, latlon=reasons.latlon))]
+        return [f"Nothing broke off{but}.", *whole, *reasons.rifts, *reasons.ground, *reasons.melt, *reserves]
     lines = [_paragraph(breakup) for breakup in reasons.breakups]
     if reasons.small:
         lines.append(f"{small.replace('small', 'smaller')} broke off too (--all lists them).")
@@ -244,18 +251,23 @@ def _sudden_words(b: Breakup) -> str:
 
 def _cause_words(b: Breakup, strength: float) -> str:
     """Return which force loads the cut, or that none does much."""
-    shares = dict(b.causes)
-    shares[GEOSTROPHIC] = shares.pop("Coriolis") + shares.pop("surface slope")
-    leading = max(shares, key=lambda name: shares[name])
     if b.on_impact:
         return "Those are the loads before it touched the sea floor; the impact broke it."
     if b.decisive.nominal < SMALL_LOAD * strength and not b.decisive.aground:
         return "The load of the cut is small beside the strength: no force parts the cut as a whole, it failed bond by bond."
-    if shares[leading] <= 0.0:
+    # The two or three that pull most: one alone may be a third of the load.
+    pulling = [(name, share) for name, share in b.causes if share > 0.0]
+    leading = [(name, share) for name, share in pulling[:3] if share >= LEADING * pulling[0][1]]
+    if not leading:
         return ""
     begin = "The cut is loaded because" if b.sudden and not b.decisive.aground else "It broke because"
-    cause = CAUSES.get(leading, f"{leading} acts on its parts differently")
-    return f"{begin} {cause} ({leading}, {shares[leading] / 1e3:+.1f} kPa)."
+    total = sum(share for _, share in pulling)
+    causes = [
+        f"{CAUSES.get(name, f'{name} acts on its parts differently')} ({name}, {share / 1e3:+.1f} kPa, "
+        f"{100.0 * share / total:.0f} % of what pulls)"
+        for name, share in leading
+    ]
+    return f"{begin} {', and because '.join(causes)}."
 
 
 def _strength_words(by_strength: dict[str, int]) -> str:

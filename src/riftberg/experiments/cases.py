@@ -21,6 +21,8 @@ from riftberg.ocean.analytic import Convergence, Steady
 from riftberg.ocean.formulas import Seamount
 from riftberg.parameters import PUBLISHED_DRAG, Parameters, kid_quirks
 from riftberg.runs.model import Model
+from riftberg.runs.scene import Statics
+from riftberg.state import Floats
 
 # ---- beams ------------------------------------------------------------------------------------------------------------
 
@@ -57,6 +59,31 @@ class Beam:
         side = 2.0 * self.radius
         column, row = np.divmod(np.arange(self.columns * self.rows), self.rows)
         return 101_000.0 + side * column, 151_000.0 + (self.radius if self.radius < 1.0 else 0.0) * 2.0 + side * row
+
+    def theory(self) -> Floats:
+        """Return the line of the middle of the loaded beam, x and y, m: of small slopes on two supports, the elastica clamped."""
+        x, y = self.points()
+        along = np.linspace(0.0, self.length, 101)
+        stiffness = self.youngs_modulus * self.thickness * (2.0 * self.radius * self.rows) ** 3 / 12.0
+        if self.rows == 1:
+            near = np.minimum(along, self.length - along)
+            sag = -self.load * near * (3.0 * self.length**2 - 4.0 * near**2) / (48.0 * stiffness)
+            return np.column_stack([x.min() + along, y.mean() + sag])
+        from scipy.integrate import solve_ivp
+        from scipy.optimize import brentq
+
+        def bend(_: float, state: Floats) -> list[float]:
+            """Return the changes of slope, moment, x and y along the beam."""
+            cosine, sine = math.cos(state[0]), math.sin(state[0])
+            return [-state[1] / stiffness, -self.load * cosine, cosine, sine]
+
+        def solved(moment: float) -> Floats:
+            start = [0.0, moment, 0.0, 0.0]
+            return np.asarray(solve_ivp(bend, (0.0, self.length), start, t_eval=along, rtol=1e-8).y)
+
+        # The moment at the clamp that leaves none at the free end.
+        state = solved(brentq(lambda moment: float(solved(moment)[1, -1]), 0.0, self.load * self.length))
+        return np.column_stack([x.min() + state[2], y.mean() + state[3]])
 
     def parameters(self, numerics: str) -> Parameters:
         """Return the parameters of a run with these numerics."""
@@ -129,9 +156,12 @@ def build_cantilever(options: Options) -> tuple[Model, Info]:
 def _build(beam: Beam, berg: Iceberg, name: str, title: str, options: Options) -> tuple[Model, Info]:
     # The sea floor lies above the keel, so that its drag acts everywhere.
     model = Model(berg, Steady(depth=0.0), options.apply(beam.parameters("own" if options.own else "reference")))
+    e = berg.elements
+    statics = Statics(np.flatnonzero((e.static > 0.0) | (e.free_y == 0.0)), np.flatnonzero(e.load_y), beam.theory())
     return model, Info(
-        name, title, days=beam.duration / SECONDS_PER_DAY, output_every_hours=beam.time_step / 3600.0, test_case=True
-    )
+        name, title, days=beam.duration / SECONDS_PER_DAY, output_every_hours=beam.time_step / 3600.0, statics=statics,
+        test_case=True,
+    )  # fmt: skip
 
 
 # ---- two bergs that a converging current drives into each other, in a periodic channel --------------------------------

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from riftberg.ocean.forcing import Forcing
     from riftberg.parameters import Parameters
     from riftberg.runs.model import Model
+    from riftberg.runs.scene import Statics
 
 
 Numerics = Literal["own", "reference"]
@@ -78,6 +79,7 @@ class Info:
     output_cells: float | None = None  # Width (degrees) of the cells of the gridded output; None for none
     made: str = ""  # What became of the shape that was asked for, in a line
     loses: bool = False  # A finer lattice would come closer to that shape
+    statics: Statics | None = field(default=None, repr=False)  # Supports, load and theory of a beam, for its map
     test_case: bool = False  # A small case with a known answer, no iceberg: its values are meant, however unusual
 
 

@@ -162,7 +162,7 @@ def _examined(
         product=product.name,
         title=product.title,
         checked_against=product.checked(ds.data_vars),
-        notes=[*product.notes, *remarks(ds)],
+        notes=[*product.cautions, *product.notes, *remarks(ds)],
         space=extent_text(ds),
         time=_time_cover(ds),
     )
@@ -488,15 +488,15 @@ class Report:
         return {**asdict(self), "ready": self.ready}
 
     def text(self) -> str:
-        """Return the report as plain text."""
+        """Return the report as plain text: what was found in these files, each thing once."""
         lines: list[str] = []
-        shown: set[str] = set()
+        said = [*self.assumed]
         for finding in self.data:
-            lines += _data_lines(finding, shown)
-            shown.update(finding.notes)
+            lines += _data_lines(finding, said)
+            said += finding.notes
         for name, reason in self.unreadable.items():
-            lines += [f"{name}", f"  cannot be used: {reason}", ""]
-        lines += [f"Note: {note}" for note in self.notes]
+            lines += [f"{name}", f"  cannot be used: {reason}"]
+        lines += [f"Note: {note}" for note in self.notes if note not in self.assumed]
         lines += [f"Assumed: {text}" for text in self.assumed]
         if self.ready:
             lines.append(
@@ -510,19 +510,23 @@ class Report:
         return "\n".join(lines)
 
 
-def _data_lines(finding: DataFinding, shown: set[str]) -> list[str]:
-    """Return the lines of a dataset, without the notes that were given before."""
+def _data_lines(finding: DataFinding, said: list[str]) -> list[str]:
+    """Return the lines of a dataset, without notes that are given elsewhere."""
     head = finding.files[0] if len(finding.files) == 1 else f"{finding.files[0]} and {len(finding.files) - 1} more"
-    lines = [head, f"  is      {finding.title} ({finding.product}; reader checked against {finding.checked_against})"]
-    lines += [f"  space   {finding.space}", f"  time    {finding.time}"]
+    read = f"; ranges of {finding.sampled.partition(': ')[2].partition(' (')[0]}" if finding.sampled else ""
+    # Where no real file was at hand, trust is less.
+    basis = "" if "real file" in finding.checked_against else f"; reader checked against {finding.checked_against}"
+    lines = [f"{head}: {finding.title} ({finding.product}{basis})", f"  {finding.space}; {finding.time}{read}"]
     for item in finding.fields:
-        meaning = QUANTITIES[item.name].long_name
-        lines.append(f"  gives   {item.name:<20}{meaning}, + is {item.positive}")
-        lines.append(f"          from {item.original_name} ({item.original_units or 'no units'} in the file);")
-        lines[-1] += f" here {item.low:.4g} to {item.high:.4g} {item.units}"
-        lines[-1] += f", {item.missing_share:.2%} missing" if item.missing_share > 0.0 else ""
-        lines += [f"          ! {problem}" for problem in item.problems]
-    lines += [f"  sample  {finding.sampled}"] if finding.sampled else []
-    lines += [f"  note    {note}" for note in finding.notes if note not in shown]
-    lines += [f"  !       {problem}" for problem in finding.problems]
-    return [*lines, ""]
+        missing = f", {item.missing_share:.2%} missing" if item.missing_share > 0.0 else ""
+        unit, units = item.original_units or "no units", "" if item.units == "1" else f" {item.units}"
+        lines.append(
+            f"  {item.name:<12} {item.low:.4g} to {item.high:.4g}{units}, + is {item.positive} (from {item.original_name}, "
+            f"{unit}){missing}"
+        )
+        lines += [f"    ! {problem}" for problem in item.problems]
+    # What files of its product may have stands in the reference of products.
+    usual = product_named(finding.product).notes
+    here = [note for note in finding.notes if note not in usual and not any(text.endswith(note) for text in said)]
+    lines += [f"  note: {note}" for note in here]
+    return [*lines, *(f"  ! {problem}" for problem in finding.problems)]

@@ -359,5 +359,5 @@ PRODUCT = Product(
     matches=lambda heading: False,  # by its fields, not by its heading: see `holds_fields`
     sources=tuple(Source(quantity, (quantity,)) for quantity in QUANTITIES),
     select=_selected,
-    notes=("taken at its word: names, units and signs are those that the file states",),
+    cautions=("taken at its word: names, units and signs are those that the file states",),
 )

@@ -612,8 +612,8 @@ def _a68a_sources(east: str, north: str) -> tuple[Source, ...]:
     )
 
 
+_A68A_CAUTIONS = ("units are not in the files: m s-1, m and Pa are taken, as the experiment does",)
 _A68A_NOTES = (
-    "units are not in the files: m s-1, m and Pa are taken, as the experiment does",
     "currents of exactly zero in unpacked files are land",
     "sea level and depth live at cell centres, currents and winds at cell corners",
     "bare hourly files have no positions: those of the grid file are taken as corners, as the experiment's driver does",
@@ -632,6 +632,7 @@ A68A = Product(
     mend=_mend_a68a,
     finish=_finish_a68a,
     longest_step=31 * SECONDS_PER_DAY,
+    cautions=_A68A_CAUTIONS,
     notes=_A68A_NOTES,
     variants=_A68A_VARIANTS,
 )
@@ -646,5 +647,6 @@ A68A_KEEL_MEAN = Product(
     finish=_finish_a68a,
     longest_step=31 * SECONDS_PER_DAY,
     variants=_A68A_VARIANTS,
+    cautions=_A68A_CAUTIONS,
     notes=(*_A68A_NOTES, "uo, vo are means from the surface to 200 m"),
 )

@@ -146,7 +146,8 @@ DUACS_GEOSTROPHIC = Product(
     matches=lambda heading: False,
     sources=(*DUACS.sources, Source("uo", ("ugos",), "m s-1"), Source("vo", ("vgos",), "m s-1")),
     variants=_DUACS_VARIANTS,
-    notes=("uo, vo are geostrophic only: they lack the wind-driven part", *DUACS.notes[:2]),
+    cautions=("uo, vo are geostrophic only: they lack the wind-driven part",),
+    notes=DUACS.notes[:2],
 )
 
 

@@ -83,6 +83,7 @@ class Product:
     # Length of time that one record stands for; 0 for instants
     averaging: np.timedelta64 = field(default_factory=lambda: np.timedelta64(0, "s"))
     left_out: tuple[str, ...] = ()  # Variables that are not taken on purpose, whatever their metadata say
+    cautions: tuple[str, ...] = ()  # What a run takes on trust from all of its files: the doctor tells it
     notes: tuple[str, ...] = ()  # Signs, stamps and quirks that a user should know, in plain words
     kind_matters: bool = True  # Whether a heading that speaks of a forecast or of near real time is worth a remark
     # Returns the variable of each quantity in a decoded file but some, and a remark (empty if none), instead of ``sources``

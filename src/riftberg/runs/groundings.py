@@ -59,6 +59,7 @@ class Stay:
     ended: str
     lasts: bool  # Whether it was aground at the last date
     event: GroundingEvent
+    held: str = ""  # Since when it has stood still; empty while it slides
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as the summary has it."""
@@ -68,7 +69,7 @@ class Stay:
             "lon": row.lon, "lat": row.lat, "towards": row.towards, "hours": row.seconds / 3600.0, "times": row.times,
             "elements": row.carried, "load": row.load, "capacity": row.capacity, "pressing": row.pressing,
             "lift": row.lift, "bending_stress": row.stress, "gouge": row.gouge, "way_aground": row.way,
-            "stopped_within": None if row.stopped < 0.0 else row.stopped,
+            "stopped_within": None if row.stopped < 0.0 else row.stopped, "held_since": self.held or None,
         }  # fmt: skip
 
 
@@ -87,7 +88,14 @@ def list_stays(model: BareModel) -> list[Stay]:
         return (model.start + timedelta(seconds=seconds)).isoformat()
 
     return [
-        Stay(fragment_name(row.number), date(row.time), date(row.end), row.end >= model.time - 1e-6, row)
+        Stay(
+            fragment_name(row.number),
+            date(row.time),
+            date(row.end),
+            row.end >= model.time - 1e-6,
+            row,
+            date(row.held) if row.held >= 0.0 else "",
+        )
         for row in model.groundings.rows
     ]
 
@@ -103,13 +111,18 @@ def read_stays(run: xr.Dataset, names: Any) -> list[Stay]:
         began, ended = (run[f"grounding_{name}"].values[k] for name in ("time", "end"))
         values: dict[str, Any] = {
             name: run[f"grounding_{places.get(name, name)}"].values[k].item()
-            for name in GroundingEvent.__dataclass_fields__ if name not in ("time", "end")
+            for name in GroundingEvent.__dataclass_fields__
+            if name not in ("time", "end") and f"grounding_{places.get(name, name)}" in run  # earlier versions had less
         }  # fmt: skip
         values |= {
             name: float((date - zero) / np.timedelta64(1, "s")) for name, date in (("time", began), ("end", ended))
         }
         event = GroundingEvent(**values)
-        stays.append(Stay(names(event.number), str(began)[:19], str(ended)[:19], bool(ended >= last), event))
+        held = zero + np.timedelta64(round(event.held), "s")
+        dates = str(began)[:19], str(ended)[:19]
+        stays.append(
+            Stay(names(event.number), *dates, bool(ended >= last), event, str(held)[:19] if event.held >= 0.0 else "")
+        )
     return stays
 
 
@@ -125,6 +138,11 @@ def summarize_ground(model: BareModel) -> dict[str, Any]:
         "first": None,
         "stays": [stay.as_dict() for stay in stays],
     }
+    # Pieces that are too small for a stay of their own are aground all the same.
+    el = model.elements
+    touching = on_the_floor(el.thickness, el.environment.depth, el.keel.floor_load, p.kernel_values())
+    told_of = [stay.event.number for stay in stays if stay.lasts]
+    found["elements_of_small_pieces"] = int((touching & ~np.isin(el.berg, told_of)).sum())
     if not stays:
         return found
     # What is aground now, or where nothing is, what came free last.
@@ -205,12 +223,34 @@ def stay_words(entry: dict[str, Any], weight: float) -> str:
     )
     held = f"; the bed can hold {force_text(entry['capacity'])}" if entry["capacity"] > 0.0 else ""
     pressed = f"{',' if held else ';'} the sea presses with {force_text(entry['pressing'])}"
-    return f"aground since {short_date(entry['first'])} ({inside}{held}{pressed})"
+    still = (
+        f"; it has stood still since {short_date(entry['held_since'])}"
+        if entry.get("held_since")
+        else f"; it slides, {_metres(entry['way_aground'])} so far"
+    )
+    return f"aground since {short_date(entry['first'])} ({inside}{held}{pressed}{still})"
+
+
+def title_lines(stays: list[Stay]) -> list[str]:
+    """Return for the title of a map the stay that lasts, else the first, in a line, and how many more there were."""
+    if not stays:
+        return []
+    stay = next((stay for stay in stays if stay.lasts), stays[0])
+    row, until = stay.event, "the end" if stay.lasts else short_date(stay.ended)
+    still = f"held since {short_date(stay.held)}" if stay.held else f"slid {_metres(row.way)}"
+    more = f"; {len(stays) - 1} more on the sea floor" if len(stays) > 1 else ""
+    whom = f"{stay.name} aground" if stay.name else "Aground"
+    elements = f"{row.carried} element{'s' if row.carried != 1 else ''}"
+    return [f"{whom} {short_date(stay.began)} to {until}: {elements}, {still}{more}"]
 
 
 def ground_lines(ground: dict[str, Any]) -> list[str]:
     """Return what else a run says of the sea floor at its end: other beds, or how near it came."""
     lines = []
+    if small := ground.get("elements_of_small_pieces", 0):
+        lines.append(
+            f"  {small} element{'s' if small != 1 else ''} of small pieces stand{'' if small != 1 else 's'} aground"
+        )
     if any(stay["lasts"] for stay in ground["stays"]) and ground.get("capacity_on"):
         beds = ", ".join(f"{force_text(force)} on {name}" for name, force in ground["capacity_on"].items())
         lines.append(

@@ -134,6 +134,12 @@ GROUNDING_VARIABLES: Final = (
         limits=(0.0, LARGEST),
     ),
     Variable("stopped", "m", "the same when it first came to rest; -1 where it never did", limits=(-1.0, LARGEST)),
+    Variable(
+        "held",
+        "s",
+        "since when it has stood still, from the start of the run; -1 while it slides",
+        limits=(-1.0, LARGEST),
+    ),
 )
 """Stays of bergs and fragments on the sea floor, each written as ``grounding_<name>``."""
 
@@ -302,6 +308,11 @@ def forcing_title(forcing: Any) -> str:
     return text or next((line.strip() for line in forcing_text(forcing).splitlines() if line.strip()), "")
 
 
+def heading_of(run: xr.Dataset, otherwise: str = "Iceberg") -> str:
+    """Return what a run is called in titles: the heading of its experiment, else the name."""
+    return str(run.attrs.get("heading") or run.attrs.get("experiment") or otherwise)
+
+
 def citations(model: BareModel) -> list[str]:
     """Return the works to cite for this run: the model, and the data products that the forcing names."""
     return [HUTH_2022, *(str(text) for text in getattr(model.forcing, "citations", ()))]
@@ -330,7 +341,7 @@ def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None =
         "references": "\n".join(citations(model)),
         "start": model.start.isoformat(),
         "forcing": forcing_text(model.forcing),
-        "forcing_title": forcing_title(model.forcing),
+        "forcing_title": "" if model.parameters.stepping.only_interactions else forcing_title(model.forcing),
         **({"sea_level": level} if (level := model.sea_level_notice) else {}),
         **({"laws": laws} if (laws := model.laws.named()) else {}),
         "parameters": model.parameters.describe(),

@@ -6,6 +6,8 @@ A run that was killed, or whose machine is lost, goes on from the last state tha
 from __future__ import annotations
 
 import logging
+import shutil
+import sys
 import time as clock
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,14 +21,14 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.model import BareModel, Recorder, check_recorders
 from riftberg.ocean.forcing import Forcing
-from riftberg.runs.progress import ProgressRecorder
+from riftberg.runs.progress import ProgressRecorder, in_notebook
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import RunWriter, memory_run, missing_records, open_run
 from riftberg.runs.scene import keep_water
 from riftberg.stepping.laws import LAW_NAMES, Laws
 from riftberg.system.atomic_files import refusal
 from riftberg.system.netcdf_lock import open_netcdf
-from riftberg.system.process import held, say
+from riftberg.system.process import held, in_charge, say
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,7 +38,15 @@ if TYPE_CHECKING:
 
 ENDING: Final = ".restart.nc"
 
+INTERRUPTED: Final = "interrupted.nc"
+"""Where the records of a script that is stopped, and gave no file for them, end up, with its state beside it."""
+
 _NAMES: Final = (f"kept-1{ENDING}", f"kept-2{ENDING}")
+
+
+def in_script() -> bool:
+    """Whether a model is run by a program that ends when it is stopped, and its model with it."""
+    return in_charge() and not in_notebook() and not hasattr(sys, "ps1")
 
 
 class StateKeeper:
@@ -180,7 +190,7 @@ class Model(BareModel):
         output: str | Path | None = None,
         every_hours: float | str = 1.0,
         forces: bool = False,
-        progress: bool = False,
+        progress: bool | None = None,
     ) -> xr.Dataset:
         """Run for some days and return the trajectory.
 
@@ -199,7 +209,8 @@ class Model(BareModel):
         forces : bool, optional
             Record the mean force of each medium on each element too.
         progress : bool, optional
-            Show how far the run is: a bar in a terminal or a notebook, lines elsewhere.
+            Show how far the run is: a bar in a terminal or a notebook, lines elsewhere. By default a run that takes longer
+            than some seconds does, with a line a minute; ``False`` shows nothing.
 
         Returns
         -------
@@ -215,7 +226,8 @@ class Model(BareModel):
             where. Without ``output`` the model itself is left at that state.
         KeyboardInterrupt
             After Ctrl-C, at the end of the step in hand; the run file is complete up to there, and the state is saved as
-            above. So it is with the SystemExit after a request to terminate.
+            above, those of a script without ``output`` in the current folder (``interrupted.nc``). So it is with the
+            SystemExit after a request to terminate.
         """
         check_recorders(recorders)
         if output is not None:
@@ -226,11 +238,13 @@ class Model(BareModel):
         length, end = left / SECONDS_PER_DAY, self.time + left
         for text in of_records(hours, length, self.parameters):
             _LOG.warning(text)
-        shown = [ProgressRecorder(length)] if progress else []
+        shown, script = self._progress(length, progress), in_script()
         with held(), memory_run(output, hours, forces) as writer:
             try:
-                self.advance(days, steps=steps, recorders=[*recorders, writer, *shown])
+                super().advance(days, steps=steps, recorders=[*recorders, writer, *shown])
             except (KeyboardInterrupt, SystemExit):
+                if output is None and script and writer.path.exists():
+                    output = shutil.copy(writer.path, INTERRUPTED)
                 say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, end, 'interrupted')}")
                 raise
             except RiftbergError as error:
@@ -244,13 +258,44 @@ class Model(BareModel):
             keep_water(run, self.forcing)
         return run
 
+    def advance(
+        self, days: float | str | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = (),
+        step: Callable[[], object] | None = None, progress: bool | None = None,
+    ) -> None:  # fmt: skip
+        """Run for some days, calling the recorders; see `run`.
+
+        Ctrl-C and requests to terminate take effect between two steps, after the recorders have finished their files. A
+        recorder may have a method ``interrupted(model)``, which is called then. Of a script the state is saved in the current
+        folder too (``interrupted.restart.nc``). ``step`` takes the model on in place of its own `step`, by one long step or
+        several, as an exchange with an ocean does. ``progress``: as in `run`.
+        """
+        script = step is None and in_script()
+        shown: list[Recorder] = []
+        if progress or script:
+            left = self._number_of_steps(days, steps) * self.parameters.stepping.time_step
+            shown, end = self._progress(left / SECONDS_PER_DAY, progress), self.time + left
+        with held():
+            try:
+                super().advance(days, steps=steps, recorders=[*recorders, *shown], step=step)
+            except (KeyboardInterrupt, SystemExit):
+                if script:
+                    say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(INTERRUPTED, end, '')}")
+                raise
+
+    def _progress(self, days: float, progress: bool | None) -> list[Recorder]:
+        """Return what shows how far a run is: what was asked for, and of a script one that shows a run of some length."""
+        if progress is False or not (progress or in_charge()):
+            return []
+        return [ProgressRecorder(days, patient=progress is None)]
+
     def _rescued(self, output: str | Path | None, end: float, why: str = "failed") -> str:
         """Save the last good state where there is a place for it, and say how to go on."""
         if output is None:
             return "The model is left at its last good state: save it with model.save(path)"
         path = Path(output)
         try:
-            saved = self.save(path.with_name(f"{path.stem}.{why}.restart.nc"))
+            ending = f".{why}" if why and path.stem != why else ""
+            saved = self.save(path.with_name(f"{path.stem}{ending}{ENDING}"))
         except (OSError, RiftbergError) as error:  # it must not hide why the run ended
             return f"The state cannot be saved ({refusal(error)}); the model is left at it: model.save(path)"
         left = round((end - self.time) / self.parameters.stepping.time_step)

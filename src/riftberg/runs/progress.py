@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 REFRESH_SECONDS: Final = 0.2
 LOG_SECONDS: Final = 10.0
 
+PATIENCE: Final = {True: 2.0, False: 60.0}
+"""Seconds after which a script that did not ask for it shows a bar in a terminal, and between its lines elsewhere."""
+
 
 class Stopwatch:
     """Recorder that measures how fast the run is.
@@ -71,14 +74,16 @@ class Stopwatch:
 class ProgressRecorder:
     """Recorder that shows model date, speed, fragments and broken bonds, and says at once what touches the sea floor.
 
-    ``days``: length of this run, days.
+    ``days``: length of this run, days; ``patient``: says nothing in a run of seconds, and elsewhere than on a terminal a line a
+    minute.
     """
 
-    def __init__(self, days: float, *, quiet: bool = False) -> None:
-        self.days, self.quiet = days, quiet
+    def __init__(self, days: float, *, quiet: bool = False, patient: bool = False) -> None:
+        self.days, self.quiet, self.patient = days, quiet, patient
         self._notebook = in_notebook()
         self.terminal = sys.stderr.isatty() or self._notebook
         self._bar: Any = None
+        self._told = False
         self._shown = self._first_day = 0.0
         self._watch, self._ground = Stopwatch(), GroundTeller()
 
@@ -87,24 +92,33 @@ class ProgressRecorder:
         self._watch.start(model)
         self._ground.start(model)
         self._shown, self._first_day = clock.monotonic(), model.time / SECONDS_PER_DAY
-        if self.terminal and not self.quiet:
+        self._put_up(now=not self.patient)
+
+    def _put_up(self, *, now: bool) -> None:
+        """Put up the bar where there is a place for it."""
+        if now and self.terminal and not self.quiet and self._bar is None:
             self._bar = NotebookBar(self.days) if self._notebook else TerminalBar(self.days)
 
     def record(self, model: BareModel) -> None:
         """Show the state where the last look is long enough ago."""
         now = clock.monotonic()
         self._watch.record(model)
-        if not self.quiet:
+        if self.quiet:
+            return
+        if not self.patient:
             self._ground.say(model)
         wait = REFRESH_SECONDS if self.terminal else LOG_SECONDS
-        if not self.quiet and now - self._shown >= wait:
-            self._shown = now
+        if self.patient and (self._bar is None or not self.terminal):
+            wait = PATIENCE[self.terminal]
+        if now - self._shown >= wait:
+            self._put_up(now=True)
+            self._shown, self._told = now, True
             self._show(model)
 
     def finish(self, model: BareModel) -> None:
         """Show the last state and take the bar down."""
         self._watch.finish(model)
-        if self.quiet:
+        if self.quiet or (self.patient and not self._told):
             return
         self._show(model)
         if self._bar is not None:

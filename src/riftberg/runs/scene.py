@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +89,14 @@ class Box:
     east: float
     south: float
     north: float
+
+
+class Statics(NamedTuple):
+    """What holds a beam and loads it, and the line that theory gives its middle."""
+
+    held: Ints  # Rows of the elements that supports hold
+    loaded: Ints  # Rows of the elements that bear the load, towards negative y
+    theory: Floats  # x and y in the units of the run, shape (n, 2)
 
 
 def stretch(y: float, latlon: bool) -> float:
@@ -421,7 +429,7 @@ class Scene:
         """Whether the sea floor acts on the ice at all in this run."""
         p = self.parameters.kernel_values()
         bed = self.parameters.grounding.law == "seabed"
-        return bool(bed or p.ground_coefficient > 0.0 or p.ground_quadratic > 0.0)
+        return not p.only_interactions and bool(bed or p.ground_coefficient > 0.0 or p.ground_quadratic > 0.0)
 
     def chosen_records(self, count: int) -> list[int]:
         """Return records from the first to the last, evenly spaced, on whole days where the run is long enough."""
@@ -442,6 +450,13 @@ class Scene:
             if len(wanted) < count and all(abs(record - other) >= apart for other in wanted):
                 wanted.add(record)
         return sorted(wanted)
+
+    def shape(self, margin: float) -> float:
+        """Return width over height of the extent of the run on the ground, with a margin of a part of the longer side."""
+        box = self.box()
+        wide, high = (box.east - box.west) / stretch(0.5 * (box.south + box.north), self.latlon), box.north - box.south
+        more = 2.0 * margin * max(wide, high)
+        return (wide + more) / (high + more)
 
     def box(self, record: int | None = None) -> Box:
         """Return the extent of bergs and named fragments, at a record or over the whole run."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 import _thread
 import atexit
 import errno
+import multiprocessing
 import os
 import signal
 import sys
@@ -323,6 +324,12 @@ def say(text: str) -> None:
 
 
 _holding: Hold | None = None
+
+
+def in_charge() -> bool:
+    """Whether a call comes straight from a program: not from a thread, a worker, or a block that already minds signals."""
+    alone = threading.current_thread() is threading.main_thread() and multiprocessing.parent_process() is None
+    return alone and _holding is None
 
 
 @contextmanager

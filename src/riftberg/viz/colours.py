@@ -67,13 +67,15 @@ SHORE: Final = "#4A4438"
 
 _FORCE_COLOURS: Final = {
     "ocean drag": "#0072B2",
-    "surface slope": "#009E73",
-    "Coriolis": "#CC79A7",
+    "Coriolis and surface slope": "#009E73",
     "wind drag": "#E69F00",
     "waves": "#56B4E9",
     "sea floor": GROUND,
     "sea ice": "#999999",
 }
+REST: Final = "#8C510A"
+"""What the other part of a berg exerts through a cut."""
+
 _OTHER_FORCES: Final = ("#332288", "#999933", "#882255", "#44AA99")
 
 

@@ -307,7 +307,7 @@ def draw_posterior(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
             ax = grid[row, column]
             if column > row:
                 ax.axis("off")
-                ax.text(0.5, 0.5, f"{float(ds['correlation'][row, column]):+.2f}", ha="center", va="center",
+                ax.text(0.5, 0.5, f"r = {float(ds['correlation'][row, column]):+.2f}", ha="center", va="center",
                         fontsize=9, color=colours.STRENGTH, transform=ax.transAxes)  # fmt: skip
                 continue
             ends = np.array([members[:, column].min(), members[:, column].max()])
@@ -326,9 +326,9 @@ def draw_posterior(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
                 )
             unit = "" if units[column] == "1" else f", {units[column]}"
             if row == count - 1:
-                ax.set_xlabel(f"{names[column]}{unit}", fontsize=8)
+                ax.set_xlabel(f"{style.in_words(names[column])}{unit}", fontsize=8)
             if column == 0 and row > 0:
-                ax.set_ylabel(names[row] + ("" if units[row] == "1" else f", {units[row]}"), fontsize=8)
+                ax.set_ylabel(style.in_words(names[row]) + ("" if units[row] == "1" else f", {units[row]}"), fontsize=8)
             ax.tick_params(labelsize=7)
             style.plain_axes(ax)
     if count > 1:
@@ -350,7 +350,7 @@ def _draw_input(ax: Any, ds: xr.Dataset, k: int, values: Floats, weight: Floats,
     if known:
         ax.axvline(float(ds["likeliest"][k]), color=colours.OBSERVED, lw=0.8, ls="--", label="likeliest")
     else:
-        ax.set_title("unknown", fontsize=8)
+        ax.set_title("not told by what was seen", fontsize=7)
     ax.set_yticks([])
     if k == 0:
         ax.legend(fontsize=6, loc="upper right")
@@ -376,12 +376,18 @@ def draw_predictive(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path
         low, middle, high = (ds[f"predicted_{end}"].values[rows] for end in ("low", "median", "high"))
         ax.errorbar(place - 0.08, middle, np.maximum([middle - low, high - middle], 0.0), fmt="o", ms=4, capsize=3,
                     color=colours.STRESS_LINE, label="after, 90 %")  # fmt: skip
-        ax.errorbar(place + 0.08, np.zeros(len(rows)), 1.645 * ds["error"].values[rows], fmt="s", ms=4, capsize=3,
-                    color=colours.OBSERVED, label="observed, with the error of observation and model")  # fmt: skip
         shown = np.r_[low, high, 3.0 * ds["error"].values[rows], -3.0 * ds["error"].values[rows]]
-        ax.set_ylim(1.1 * shown.min() - 0.1, 1.1 * shown.max() + 0.1)
+        ends = 1.1 * shown.min() - 0.1, 1.1 * shown.max() + 0.1
+        ax.set_ylim(*ends)
         labels = [names[k].partition(",")[0].removesuffix(f" {word}").removesuffix(" 00:00") for k in rows]
-        ax.set_xticks(place, [label[5:] if label[:2] == "20" else label for label in labels], fontsize=7)
+        observed = {"color": colours.OBSERVED, "label": "observed, with the error of observation and model"}
+        if word == "log margin":  # a berg that was whole had any margin below 0, one that was broken any above it
+            for x, label in zip(place, labels, strict=True):
+                ax.plot([x + 0.08] * 2, [0.0, ends[0] if label.startswith("whole") else ends[1]], lw=3.0, **observed)
+        else:
+            error = 1.645 * ds["error"].values[rows]
+            ax.errorbar(place + 0.08, np.zeros(len(rows)), error, fmt="s", ms=4, capsize=3, **observed)
+        ax.set_xticks(place, [style.date_in(label) for label in labels], fontsize=7)
         ax.set_xlim(-0.5, len(rows) - 0.5)
         ax.set_ylabel(heads[word], fontsize=8)
         style.plain_axes(ax)
@@ -407,7 +413,7 @@ def draw_sensitivity(found: xr.Dataset, path: str | Path, *, title: str = "", dp
             continue
         row = found.isel(result=k)
         unit = "" if row["unit"].item() == "1" else f", {row['unit'].item()}"
-        label, head = f"mean change{unit}", names[k]
+        label, head = f"mean change{unit}", style.in_words(names[k])
         if "effect" in row and row["effect"].notnull().any():
             keys = [("effect", colours.MODEL, "")]
         elif "total" in row and row["total"].notnull().any():
@@ -428,7 +434,7 @@ def draw_sensitivity(found: xr.Dataset, path: str | Path, *, title: str = "", dp
         ax.axvline(0.0, color=colours.ZERO, lw=0.8)
         ax.set_title(head, fontsize=9)
         ax.set_xlabel(label, fontsize=8)
-        ax.set_yticks(place, inputs)
+        ax.set_yticks(place, [style.in_words(name) for name in inputs])
         ax.set_ylim(len(inputs) - 0.4, -0.6)
         style.plain_axes(ax)
     style.put_title(figure, f"{title}; lines: 90 % intervals" if title else "Lines: 90 % intervals")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Final, overload
 
 import numpy as np
 import xarray as xr
@@ -12,10 +13,13 @@ import xarray as xr
 from riftberg.config.values import required
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
-from riftberg.runs.scene import Scene
+from riftberg.runs.groundings import title_lines
+from riftberg.runs.layout import heading_of
+from riftberg.runs.scene import Scene, Statics
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.panels import (
+    SEAM,
     Panel,
     Projection,
     Water,
@@ -48,24 +52,37 @@ Outlines = Mapping[str, Sequence[Floats]]
 NEAR = 8.0
 """Marks on the track that are nearer than this (points) share one date."""
 
-OVERVIEW = 0.95
-"""Width over height of the overview in the figure of a map."""
+OVERVIEW: Final = 0.95
+"""Least width over height of the overview in the figure of a map."""
+
+WIDE: Final = 1.6
+"""Width over height from which on the overview stands above the panels, not beside them."""
+
+WIDEST: Final = 4.5
+"""Largest width over height of the overview."""
+
+MARGIN: Final = 0.05
+"""Margin of the overview, as part of its longer side."""
+
+SUPPORT: Final[dict[str, Any]] = {"marker": "^", "ms": 9, "mfc": "white", "mec": "black", "mew": 1.4}
+THEORY: Final[dict[str, Any]] = {"color": colours.OBSERVED, "lw": 1.6, "ls": "--"}
+"""Looks of the supports of a beam, and of the line that theory gives it."""
 
 
 @overload
 def draw_map(
     run: xr.Dataset, path: str | Path, *, forcing: Water | None = None, title: str = "", dates: int = 6,
-    observed: Outlines | None = None, projection: Projection = "auto", dpi: int = 150,
+    observed: Outlines | None = None, statics: Statics | None = None, projection: Projection = "auto", dpi: int = 150,
 ) -> Path: ...  # fmt: skip
 @overload
 def draw_map(
     run: xr.Dataset, path: None = None, *, ax: Axes, date: Any = None, forcing: Water | None = None,
-    observed: Outlines | None = None, projection: Projection = "auto",
+    observed: Outlines | None = None, statics: Statics | None = None, projection: Projection = "auto",
 ) -> Axes: ...  # fmt: skip
 @overload
 def draw_map(
     run: xr.Dataset, path: None = None, *, forcing: Water | None = None, title: str = "", dates: int = 6,
-    observed: Outlines | None = None, projection: Projection = "auto", dpi: int = 150,
+    observed: Outlines | None = None, statics: Statics | None = None, projection: Projection = "auto", dpi: int = 150,
 ) -> Figure: ...  # fmt: skip
 def draw_map(
     run: xr.Dataset,
@@ -77,14 +94,16 @@ def draw_map(
     title: str = "",
     dates: int = 6,
     observed: Outlines | None = None,
+    statics: Statics | None = None,
     projection: Projection = "auto",
     dpi: int = 150,
 ) -> Path | Axes | Figure:
     """Draw the map of a run: into a file, into axes of one's own, or as a figure.
 
-    The figure has on the left the tracks of the fragments, with the berg at the first and the last date; on the right the
-    berg at ``dates`` dates, after its break-ups and between them, in the currents of these dates. Elements are drawn in
-    their true size, shape and orientation. A track has a gap where the fragment broke: there its centroid jumps.
+    The figure has on the left, or above where the drift is wide, the tracks of the fragments, with the berg at the first
+    and the last date; beside that the berg at up to ``dates`` dates, after its break-ups and between them, in the currents
+    of these dates. Elements are drawn in their true size, shape and orientation. A track has a gap where the fragment
+    broke: there its centroid jumps.
 
     Parameters
     ----------
@@ -105,6 +124,8 @@ def draw_map(
         Number of dates, 2 to 6.
     observed : mapping, optional
         Observed outlines by ISO date, drawn on the dates that they belong to.
+    statics : Statics, optional
+        Supports, load and theory of a beam, as the built-in experiments have them (``info.statics``).
     projection : {"auto", "polar", "degrees"}, optional
         ``"auto"`` is polar stereographic where the middle of the run is beyond 60 degrees, and degrees elsewhere and on ``ax``.
     dpi : int, optional
@@ -129,11 +150,10 @@ def draw_map(
     if ax is not None:
         if path is not None:
             raise InputError("both a file and axes", where="draw_map", remedy="Give path or ax; save the figure of ax")
-        return _draw_into(ax, scene, water, observed or {}, date)
+        return _draw_into(ax, scene, water, observed or {}, statics, date)
     if path is not None:
         style.check_format(path)
-    figure = style.new_figure(15.5, 7.8, dpi)
-    _draw_figure(figure, scene, water, observed or {}, scene.telling_records(dates), _title(run, scene, title))
+    figure = _draw_figure(scene, water, observed or {}, statics, dates, _title(run, scene, title), dpi)
     return figure if path is None else style.save_figure(figure, path)
 
 
@@ -174,50 +194,70 @@ def draw_tracks(run: xr.Dataset, *, title: str = "", projection: Projection = "a
 
 def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
     """Return a title that names the run, its dates, its forcing and what melted."""
-    first = title or str(run.attrs.get("experiment") or "Iceberg drift")
+    first = title or heading_of(run, "Iceberg drift")
     second = str(run.attrs.get("forcing_title", "")).strip()
-    melted = "".join(f"\n{line}" for line in melt_lines(run)[:1])
+    melted = "".join(f"\n{line}" for line in [*title_lines(scene.stays), *melt_lines(run)[:1]])
     return f"{first}, {style.span_text(scene.times)}" + (f"\nForcing: {second}" if second else "") + melted
 
 
 def _draw_figure(
-    figure: Figure, scene: Scene, water: Water | None, observed: Outlines, records: list[int], title: str
-) -> None:
-    """Draw the overview on the left, and on the right the berg at each of the records."""
-    shown, columns = fragment_colours(scene), (len(records) + 1) // 2
-    halves: Any = figure.subfigures(1, 2, width_ratios=(0.4, 0.6))
-    left, right = halves
-    overview = Overview(left.subplots(), scene, water, OVERVIEW, observed)
+    scene: Scene, water: Water | None, observed: Outlines, statics: Statics | None, dates: int, title: str, dpi: int
+) -> Figure:
+    """Draw the overview on the left, or above where it is wide, and beside it the berg at some dates."""
+    shape = max(OVERVIEW, min(scene.shape(MARGIN), WIDEST))
+    # Of a beam the overview shows the two dates that tell.
+    records = [0, len(scene.times) - 1] if statics is not None else scene.telling_records(dates)
+    shown = records if statics is None else []
+    wide = shape > WIDE
+    if wide:
+        columns = max(4, len(shown))
+        heights = 13.5 / shape + 1.8, 13.5 / columns + 1.4 if shown else 0.0
+        figure = style.new_figure(15.5, sum(heights), dpi)
+        parts: Any = figure.subfigures(2, 1, height_ratios=heights) if shown else [figure]
+    else:
+        columns = (len(shown) + 1) // 2
+        figure = style.new_figure(15.5 if shown else 7.0, 7.8, dpi)
+        parts = figure.subfigures(1, 2, width_ratios=(0.4, 0.6)) if shown else [figure]
+    overview = Overview(parts[0].subplots(), scene, water, shape, observed, statics)
     depth_bar(overview.panel)
-    left.legend(handles=overview.handles(), fontsize=8, loc="outside lower left", ncols=2, frameon=False)
-    places = list(right.subplots(2, columns, squeeze=False).flat)
-    # With an odd number of dates the grid has one place too many.
-    for unused in places[len(records) :]:
+    marks = "track and dates of the panels" if shown else "track and dates"
+    parts[0].legend(
+        handles=overview.handles(marks), fontsize=8, loc="outside lower left", ncols=6 if wide else 2, frameon=False
+    )
+    style.put_title(figure, title, size=11.0)
+    if not shown:
+        style.lay_out(figure)
+        overview.draw(records)
+        return figure
+    places = list(parts[1].subplots(1 if wide else 2, columns, squeeze=False).flat)
+    for unused in places[len(shown) :]:
         unused.remove()
-    places = places[: len(records)]
-    panels = panels_at(places, scene, water, records, margin=0.08)
+    places = places[: len(shown)]
+    panels = panels_at(places, scene, water, shown, margin=0.08)
     # One scale of speed for all dates, so that they can be compared.
-    top, flows = speed_scale(panels, records)
+    top, flows = speed_scale(panels, shown)
     style.letters([overview.ax, *places])
     style.outer_names(places, columns)
     if flows:
         speed_bar(places, top)
     # The colours of fragments tell several pieces apart; those of a single one are free for what it has lost.
     lost = thickness_lost(scene) if len(scene.numbers) == 1 and melts(scene.run) else None
-    scale = None if lost is None else melt_bar(places, 0.0, float(np.nanmax(lost[records], initial=0.0)))
-    style.put_title(figure, title, size=13.0)
+    scale = None if lost is None else melt_bar(places, 0.0, float(np.nanmax(lost[shown], initial=0.0)))
     style.lay_out(figure)
     # Only now, for labels find their places by where the axes came to lie.
     overview.draw(records)
-    for k, (panel, record) in enumerate(zip(panels, records, strict=True)):
+    for k, (panel, record) in enumerate(zip(panels, shown, strict=True)):
         rings = observed.get(str(scene.times[record])[:10], ())
         melted = None if lost is None or scale is None else (lost[record], scale)
-        quiver = panel.draw_date(record, top, shown, rings, arrows=9, depths=False, melted=melted)
+        quiver = panel.draw_date(record, top, overview.colours, rings, arrows=9, depths=False, melted=melted)
         if quiver is not None and flows and k == 0:
             arrow_key(quiver, top)
+    return figure
 
 
-def _draw_into(ax: Axes, scene: Scene, water: Water | None, observed: Outlines, date: Any) -> Axes:
+def _draw_into(
+    ax: Axes, scene: Scene, water: Water | None, observed: Outlines, statics: Statics | None, date: Any
+) -> Axes:
     """Draw the tracks, or the berg at a date, into axes of the user's."""
     if not hasattr(ax, "get_position"):
         raise InputError(
@@ -235,7 +275,7 @@ def _draw_into(ax: Axes, scene: Scene, water: Water | None, observed: Outlines, 
     place = ax.get_position(original=True)
     shape = float(ax.figure.bbox.width * place.width / (ax.figure.bbox.height * place.height))
     if date is None:
-        Overview(ax, scene, water, shape, observed).draw(scene.telling_records(6))
+        Overview(ax, scene, water, shape, observed, statics).draw(scene.telling_records(6))
         return ax
     record = nearest_record(scene, np.datetime64(date))
     (box,) = common_boxes(scene, [record])
@@ -255,11 +295,12 @@ class Overview:
     """The drift of the berg on given axes: tracks, first and last position, break-ups and the sea floor."""
 
     def __init__(
-        self, ax: Axes, scene: Scene, water: Water | None, shape: float, observed: Outlines | None = None
-    ) -> None:
-        self.ax, self.scene, self.observed = ax, scene, observed or {}
+        self, ax: Axes, scene: Scene, water: Water | None, shape: float, observed: Outlines | None = None,
+        statics: Statics | None = None,
+    ) -> None:  # fmt: skip
+        self.ax, self.scene, self.observed, self.statics = ax, scene, observed or {}, statics
         self.colours = fragment_colours(scene)
-        box = widened(scene.box(), scene.latlon, shape, margin=0.05)
+        box = widened(scene.box(), scene.latlon, shape, margin=MARGIN)
         self.panel = Panel(ax, scene, box, water, ticks=6, labels=True)
         self.panel.draw_ground(shaded=True)
 
@@ -272,18 +313,36 @@ class Overview:
         for touch in self.touches():
             self.ax.plot(*touch, "v", ms=9, mfc=colours.GROUND, mec="black", mew=0.8, zorder=9)
             labels.avoid(*touch, 6.0)
-        for number in self.scene.numbers:
+        ends = {}
+        for number in self.colours:
             x, y, _ = self.scene.track(number)
+            ends[number] = float(x[-1]), float(y[-1])
             if self.scene.birth(number) is not None:
-                colour = self.colours.get(number, colours.SMALL)
-                self.ax.plot(x[0], y[0], "*", ms=15, mfc=colour, mec="black", zorder=9)
+                self.ax.plot(x[0], y[0], "*", ms=13, mfc=self.colours[number], mec="black", zorder=9)
                 labels.avoid(x[0], y[0], 8.0)
         # Smaller pieces first, so that the track of the largest lies on top.
         for number in reversed(list(self.colours)):
             self._draw_track(number, labels)
         self.panel.draw_place(self.scene.x, self.scene.y, labels)
         self._draw_dates(labels, records)
+        for number, place in ends.items():
+            if len(ends) > 1:
+                labels.put(self.scene.name(number), *place, fontsize=8, style="italic")
+        if self.statics is not None:
+            self._draw_statics(self.statics, records)
         self.panel.draw_scale()
+
+    def _draw_statics(self, statics: Statics, records: list[int]) -> None:
+        """Draw supports where the beam began, and its load and the line of theory where it is at the end."""
+        x, y = self.scene.x, self.scene.y
+        half = 0.5 * math.sqrt(float(self.scene.area.max()))
+        self.ax.plot(x[records[0]][statics.held], y[records[0]][statics.held] - half, ls="", **SUPPORT, zorder=9)
+        for k in statics.loaded:
+            self.ax.annotate(
+                "", (x[records[-1]][k], y[records[-1]][k] - half), (0, 34), textcoords="offset points", zorder=9,
+                arrowprops={"arrowstyle": "-|>", "color": colours.GROUND, "lw": 2.0, "shrinkA": 0.0, "shrinkB": 0.0},
+            )  # fmt: skip
+        self.ax.plot(*statics.theory.T, **THEORY, zorder=8.5)
 
     def _draw_track(self, number: int, labels: style.Labels) -> None:
         from matplotlib.patheffects import Normal, withStroke
@@ -329,9 +388,16 @@ class Overview:
         if not np.isin(self.scene.berg[[0, -1]], [0, *self.colours]).all():
             handles.append(Patch(fc=colours.SMALL, ec="black", lw=0.5, label="smaller bergs and pieces"))
         handles.append(Line2D([], [], color="black", marker="o", mfc="white", lw=2, label=marks))
-        if any(self.scene.birth(n) for n in self.scene.numbers):
+        if self.statics is not None:
+            arrow = Line2D([], [], ls="", marker="$\\downarrow$", ms=11, color=colours.GROUND, label="load")
+            handles += [
+                Line2D([], [], ls="", label="support", **SUPPORT),
+                arrow,
+                Line2D([], [], label="theory", **THEORY),
+            ]
+        if any(self.scene.birth(n) for n in self.colours):
             handles.append(
-                Line2D([], [], ls="", marker="*", ms=11, mfc="white", mec="black", label="place of a break-up")
+                Line2D([], [], ls="", marker="*", ms=11, mfc="white", mec="black", label="where it broke off")
             )
         if self.scene.stays:
             handles.append(
@@ -351,6 +417,8 @@ class Overview:
             for colour, name in ((colours.LAND, "land"), (colours.SHELF, "ice shelf")) if colour in self.panel.coast
         ]  # fmt: skip
         handles += self.panel.ground_patches()
+        if self.panel.seams:
+            handles.append(Line2D([], [], label="where the channel begins anew", **SEAM))
         if self.observed:
             handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.1, label="observed outline"))
         return handles

@@ -18,6 +18,7 @@ from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.plane import ConformalPlane, near
 from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, stretch, water_of
+from riftberg.runs.tracks import is_channel
 from riftberg.state import Floats
 from riftberg.stepping.fracture.rift_tips import tip_label
 from riftberg.viz import colours, style
@@ -139,7 +140,10 @@ def draw_graticule(ax: Axes, box: Box, plane: ConformalPlane, *, lines: int) -> 
 ISOBATHS: Final = (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000)
 
 DEPTHS: Final = (0, *ISOBATHS, 7000, 12000)
-"""Edges (m) of the steps in which the sea floor is shaded."""
+"""Edges (m) of the steps in which a sea floor from shelf to deep sea is shaded."""
+
+FEW_STEPS: Final = 4
+"""A map with fewer of them has even steps between its own depths."""
 
 NO_FLOOR: Final = 20.0
 """A floor nowhere deeper than this (m) is none: a depth of 0, and the sea level on top of it."""
@@ -149,6 +153,18 @@ FLOOR_POINTS: Final = 260
 
 STEPPED: Final = 50
 """A floor of fewer depths than this has steps, such as a zone that is simply declared dry, and no isobaths."""
+
+
+def depth_steps(low: float, high: float) -> list[float]:
+    """Return the edges (m) of the steps of a scale that shows the depths of a map; none where they are all about the same."""
+    from matplotlib.ticker import MaxNLocator
+
+    if high - low < max(1.0, 0.01 * high):
+        return []
+    first, last = np.searchsorted(DEPTHS, low, side="right") - 1, np.searchsorted(DEPTHS, min(high, DEPTHS[-1]))
+    if last - first >= FEW_STEPS:
+        return [float(depth) for depth in DEPTHS[first : last + 1]]
+    return [float(depth) for depth in MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)]
 
 
 def is_zone(depth: Floats) -> bool:
@@ -187,7 +203,7 @@ class Map:
         else:
             draw_graticule(ax, box, plane, lines=ticks)
         ax.set_facecolor(colours.SEA)
-        self.shaded = False
+        self.depth_steps: list[float] = []  # Of the scale in which the sea floor is shaded
         # Runs in metres that are no place on the Earth have no coast.
         self.coast = draw_coast(ax, box, plane=plane) if latlon or plane is not None else set()
 
@@ -242,7 +258,10 @@ class Map:
         self, water: Water | None, *, shaded: bool = False, labels: bool = True, draft: float | None = None,
         hatched: bool = False,
     ) -> None:  # fmt: skip
-        """Draw the sea floor: depth in steps of colour if ``shaded``, isobaths, and if ``hatched`` what is above ``draft``, m."""
+        """Draw the sea floor: isobaths, if ``shaded`` steps of colour, and if ``hatched`` what is above ``draft``, m.
+
+        A shaded floor needs its `depth_bar`.
+        """
         from matplotlib.colors import BoundaryNorm
 
         if water is None:
@@ -253,13 +272,12 @@ class Map:
             return
         low, high = float(depth.min()), float(depth.max())
         stepped, zone = len(np.unique(depth.compressed())) < STEPPED, is_zone(depth.compressed())
-        # A floor that is all of one colour needs no scale.
-        coloured = shaded and low < UNKNOWN_DEPTH and not zone
-        self.shaded = coloured and len(set(np.digitize([low, high], DEPTHS))) > 1
-        if coloured:  # also where it is all of one colour: maps side by side have the same sea
+        if shaded and low < UNKNOWN_DEPTH and not zone:
+            self.depth_steps = depth_steps(max(low, 0.0), high)
+        if self.depth_steps:
             shades = colours.depth_map()
-            norm = BoundaryNorm(DEPTHS, shades.N)
-            self.ax.contourf(x, y, depth, levels=DEPTHS, cmap=shades, norm=norm, zorder=0.5, antialiased=True)
+            norm = BoundaryNorm(self.depth_steps, shades.N)
+            self.ax.contourf(x, y, depth, levels=self.depth_steps, cmap=shades, norm=norm, zorder=0.5, antialiased=True)
         levels = [d for d in ISOBATHS if low < d < high]
         if levels and not stepped:
             lines = self.ax.contour(x, y, depth, levels=levels, colors=colours.ISOBATH, linewidths=0.6, zorder=2)
@@ -285,6 +303,9 @@ class Map:
 
 Water = Forcing | StoredWater | KeptWater | PolarWater
 
+SEAM: Final[dict[str, Any]] = {"color": "black", "lw": 1.0, "ls": (0, (6, 4))}
+"""Look of the ends of a periodic channel."""
+
 DOT: Final = 3.0
 """Size (points) below which a fragment is drawn as a dot."""
 
@@ -305,6 +326,12 @@ class Panel(Map):
             ax, box, latlon=scene.latlon, radius=scene.radius, ticks=ticks, labels=labels, plane=scene.plane
         )
         self.scene, self.water = scene, water
+        # A periodic channel goes on: its ends stand where one passes into the next.
+        period, self.seams = scene.parameters.earth.period, []
+        if is_channel(scene.parameters):
+            self.seams = [period * k for k in range(math.ceil(box.west / period), math.floor(box.east / period) + 1)]
+        for x in self.seams:
+            ax.axvline(x, zorder=3.5, **SEAM)
 
     def speeds(self, record: int) -> tuple[float, float]:
         """Return the smallest and the largest current speed in the panel, m s-1; 0 where there is no current."""
@@ -317,13 +344,13 @@ class Panel(Map):
         self, record: int, top: float, shown: dict[int, str], rings: Sequence[Floats] = (), *, arrows: int = 13,
         steps: int | None = None, depths: bool = True, melted: tuple[Floats, Normalize] | None = None, **look: Any,
     ) -> Quiver | None:  # fmt: skip
-        """Draw a record: currents, or the sea floor where there are none, ice, observed outlines and a scale bar.
+        """Draw a record: currents, sea floor, ice, observed outlines and a scale bar.
 
         ``melted``: thickness that the elements have lost (m) and its scale, which then colours the ice. Returns the arrows
         of the currents.
         """
         quiver = self.draw_currents(record, top, arrows=arrows, steps=steps)
-        self.draw_ground(shaded=quiver is None, labels=depths)
+        self.draw_ground(labels=depths)
         if melted is None:
             self.draw_ice(record, shown)
         else:
@@ -434,6 +461,7 @@ class Panel(Map):
     def draw_bonds(self, record: int, values: Floats, shades: Colormap, scale: Normalize) -> None:
         """Draw unbroken bonds in the colour of their values, cracks as lines, and broken bonds without one dotted."""
         from matplotlib.collections import LineCollection, PolyCollection
+        from matplotlib.colors import to_rgba
 
         scene, run = self.scene, self.scene.run
         first, second = run["bond_first"].values, run["bond_second"].values
@@ -441,12 +469,14 @@ class Panel(Map):
         # Bonds of hexagons cross at 60 degrees and are drawn slimmer.
         width = np.sqrt(scene.areas[record][first]) * np.where(scene.sides[first] == 6, 0.34, 0.62)
         points = np.maximum(0.6, self.points_per_metre() * width)
-        ice = PolyCollection(
-            list(scene.polygons(record)), facecolors=colours.ICE, edgecolors=colours.ICE_EDGE, linewidths=0.2, zorder=4
-        )
-        self.ax.add_collection(ice)
         intact = np.flatnonzero(scene.unbroken[record])
         intact = intact[np.argsort(values[intact])]  # the largest values on top
+        # Between its bonds an element has the mean of their colours, or the map would be a grid of gaps.
+        held = np.concatenate([first[intact], second[intact]])
+        bonds = np.bincount(held, minlength=len(scene.area))
+        mean = np.bincount(held, np.tile(values[intact], 2), minlength=len(scene.area)) / np.maximum(bonds, 1)
+        faces = np.where(bonds[:, None] > 0, shades(scale(mean)), to_rgba(colours.ICE))
+        self.ax.add_collection(PolyCollection(list(scene.polygons(record)), facecolors=faces, linewidths=0.0, zorder=4))
         self.ax.add_collection(
             LineCollection(
                 list(ends[intact]), array=values[intact], cmap=shades, norm=scale, linewidths=points[intact],
@@ -544,22 +574,25 @@ def depth_bar(panel: Map) -> None:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm
 
-    if not panel.shaded:
+    if not panel.depth_steps:
         return
     shades = colours.depth_map()
-    scale = ScalarMappable(BoundaryNorm(DEPTHS, shades.N), shades)
-    style.colour_bar([panel.ax], scale, "depth of the sea floor (m)", shrink=0.7, aspect=40)
+    scale = ScalarMappable(BoundaryNorm(panel.depth_steps, shades.N), shades)
+    ticks = panel.depth_steps[:: 1 + len(panel.depth_steps) // 9]
+    style.colour_bar([panel.ax], scale, "depth of the sea floor (m)", shrink=0.7, aspect=40, ticks=ticks)
 
 
 def arrow_key(quiver: Quiver, top: float) -> None:
-    """Draw an arrow of a round speed of up to ``top`` (m s-1) above the right end of its panel."""
+    """Draw an arrow of a round speed of up to ``top`` (m s-1) in the upper right corner of its panel."""
+    from matplotlib.patheffects import withStroke
+
     speed = style.round_length(0.75 * top)
     axes: Any = quiver.axes
     key = axes.quiverkey(
-        quiver, 0.8, 1.025, speed, f"{speed:g} m s$^{{-1}}$", labelpos="E", labelsep=0.06, color=colours.ARROW,
-        fontproperties={"size": 8},
+        quiver, 0.95, 0.94, speed, f"{speed:g} m s$^{{-1}}$", labelpos="W", labelsep=0.06, color=colours.ARROW,
+        fontproperties={"size": 8}, zorder=10,
     )  # fmt: skip
-    key.set_in_layout(False)  # it may reach over the edge of its panel
+    key.text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 
 
 def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) -> list[Box]:

@@ -12,6 +12,7 @@ import xarray as xr
 
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
+from riftberg.runs.layout import heading_of
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -48,15 +49,16 @@ Outlines = Mapping[str, Sequence[Floats]]
 IMPACT = 0.1
 """A break came by an impact where no bond had this part of the strength at the record before."""
 
-CRACK = 2.0
+WHILE_IT_CRACKS = "off the scale: the last bonds of a crack bear its load"
+
+CRACK = 1.3
 """Largest stress of the scale, as a part of the strength; what goes beyond is said."""
 
 
 def figure_title(run: xr.Dataset, what: str) -> str:
     """Return the title of a figure; its second line says what the forcing is."""
-    name = str(run.attrs.get("experiment") or "Iceberg")
     note = str(run.attrs.get("forcing_title", "")).strip()
-    return f"{name}: {what}" + (f"\nForcing: {note}" if note else "")
+    return f"{heading_of(run)}: {what}" + (f"\nForcing: {note}" if note else "")
 
 
 def chosen(scene: Scene, dates: Sequence[np.datetime64] | None, most: int = 6) -> list[int]:
@@ -252,7 +254,7 @@ def _bond_maps(
     style.put_title(figure, figure_title(scene.run, what))
     style.lay_out(figure)
     for panel, record in zip(panels, records, strict=True):
-        panel.draw_ground(shaded=True)
+        panel.draw_ground()
         panel.draw_bonds(record, values[record], shades, scale)
         panel.draw_scale()
     return figure
@@ -356,7 +358,7 @@ def draw_melt(
     style.letters([ax, curves])
     style.put_title(figure, "\n".join([figure_title(run, "thickness lost, melt water"), *melt_lines(run)[:1]]))
     style.lay_out(figure)
-    panel.draw_ground(shaded=True)
+    panel.draw_ground()
     panel.draw_values(record, lost, colours.melt_map(), scale)
     panel.draw_scale()
     return figure
@@ -438,11 +440,11 @@ def _areas(ax: Axes, scene: Scene, times: Any) -> None:
 def _peak_stress(ax: Axes, scene: Scene, times: Any) -> None:
     """Draw the largest tension between records and, thinner, at them: what lies between both is ringing and impact."""
     peak = scene.tension().max(axis=1, initial=0.0) / 1e3
-    ax.plot(times, peak, color=colours.STRESS_LINE, lw=1.3, label="between records")
+    ax.plot(times, peak, color=colours.STRESS_LINE, lw=1.3, label="largest between outputs")
     if "peak_stress" in scene.run:
         stress = np.where(scene.unbroken, scene.run["normal_stress"].transpose("time", "bond").values, 0.0)
         at_records = stress.max(axis=1, initial=0.0) / 1e3
-        ax.plot(times, at_records, color=colours.STRENGTH, lw=0.8, label="at the records")
+        ax.plot(times, at_records, color=colours.STRENGTH, lw=0.8, label="at the outputs")
     if scene.parameters.fracture.enabled:
         strength = scene.strength / 1e3
         ax.axhline(strength, color=colours.STRENGTH, ls="--", lw=1.0)
@@ -469,6 +471,6 @@ def _cut_off_cracks(ax: Axes, times: Any, peak: Any, highest: float) -> None:
         k = begin + int(np.argmax(peak[begin:end]))
         late = k > 0.7 * len(times)  # the words would leave the picture
         ax.annotate(
-            "off the scale while it cracks", (times[k], highest), (-4 if late else 4, -3), textcoords="offset points",
+            WHILE_IT_CRACKS, (times[k], highest), (-4 if late else 4, -3), textcoords="offset points",
             fontsize=7, va="top", ha="right" if late else "left", color=colours.STRESS_LINE,
         )  # fmt: skip

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from riftberg.diagnostics.summary import melt_lines, melted_words
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane, ellipses, ranges
+from riftberg.runs.layout import heading_of
 from riftberg.runs.scene import Scene, StoredWater, on_even_grid, stored_water
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import write_text
@@ -138,7 +139,7 @@ class ReplayContent:
         """Read the geometry of the run and choose the records."""
         self.scene = Scene(self.run)
         self.water: StoredWater | None = stored_water(self.run)
-        self.title = self.title or str(self.run.attrs.get("experiment") or "Iceberg") + " replay"
+        self.title = self.title or heading_of(self.run) + " replay"
         self.records: Ints = chosen_records(self.run.sizes["time"], self.run.sizes["trajectory"], self.largest)
 
     @cached_property

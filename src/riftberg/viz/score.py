@@ -12,11 +12,12 @@ import numpy as np
 from riftberg.config.units import area_text, minute_text
 from riftberg.diagnostics.cut import Breakup, FirstBond
 from riftberg.diagnostics.score import Match, Score
+from riftberg.diagnostics.whole import WholeBerg
 from riftberg.diagnostics.why import Reasons
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.colours import MODEL, OBSERVED, PAIRING
-from riftberg.viz.panels import Map, PolarWater, Water
+from riftberg.viz.panels import Map, PolarWater, Water, depth_bar
 from riftberg.viz.style import date_axis, day_text, new_figure, plain_axes, save_figure
 
 if TYPE_CHECKING:
@@ -139,8 +140,11 @@ def _draw_tracks(figure: Figure, ax: Axes, score: Score, water: Water | None) ->
     style.legend_above(ax, ncols=2)
     chart.draw_floor(water if chart.plane is None or water is None else PolarWater(water, chart.plane), shaded=True)
     chart.draw_scale()
-    note = "grey lines: of the same time" + ("; small: other pieces" if any(other for _, other in matches) else "")
-    ax.set_xlabel(note + ("; sea floor, darker is deeper" if chart.shaded else ""), fontsize=8)
+    depth_bar(chart)
+    note = "grey lines join model and observation" + (
+        "; small: other pieces" if any(other for _, other in matches) else ""
+    )
+    ax.set_xlabel(note, fontsize=8)
     style.lay_out(figure)
     labels = style.Labels(ax)
     for line in (seen, made):
@@ -339,8 +343,8 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, dpi: int = 150) -> Path:
         Resolution.
     """
     style.check_format(path)
-    shown = reasons.breakups[:SHOWN]
-    figure = new_figure(15.0, 4.3 * len(shown) + 1.5 if shown else 2.2, dpi)
+    shown, whole = reasons.breakups[:SHOWN], reasons.whole
+    figure = new_figure(15.0, 4.3 * len(shown) + 1.5 if shown else 7.5, dpi)
     if shown:
         grid = figure.subplots(len(shown), 3, squeeze=False, width_ratios=(0.9, 1.2, 1.0))
         for axes, breakup in zip(grid, shown, strict=True):
@@ -348,12 +352,44 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, dpi: int = 150) -> Path:
                 draw(ax, breakup)
         style.letters(list(grid.flat))
         _legend(figure, shown)
-    else:
-        figure.text(0.5, 0.3, "nothing broke off", ha="center", fontsize=12)
+    elif whole is not None:
+        _draw_whole(figure, whole)
     forcing = f"\nForcing: {reasons.forcing}" if reasons.forcing else ""
     melted = "".join(f"\n{line}" for line in reasons.melt[:1])
-    style.put_title(figure, f"{reasons.experiment or 'Iceberg'}: why it broke{forcing}{melted}")
+    why = "why it broke" if shown else "why it stayed whole, what drove and braked it"
+    style.put_title(figure, f"{reasons.experiment or 'Iceberg'}: {why}{forcing}{melted}")
     return save_figure(figure, path)
+
+
+def _draw_whole(figure: Figure, berg: WholeBerg) -> None:
+    """Draw how near a berg came to breaking, how fast it went, and the forces on it, over time; red where it was aground."""
+    axes = list(figure.subplots(3 if berg.used else 2, 1, sharex=True, squeeze=False)[:, 0])
+    times, moments = (np.array(texts, "datetime64[s]") for texts in (berg.times, berg.moments))
+    stress, speed, forces = axes if berg.used else (None, *axes)
+    if stress is not None and berg.nearest is not None:
+        part = berg.nearest.stress / berg.nearest.strength if berg.nearest.strength else 0.0
+        stress.plot(times, berg.used, color=colours.STRESS_LINE, lw=1.4, label="of the bond nearest to breaking")
+        stress.plot(
+            np.datetime64(berg.nearest.time), part, "o", color=colours.STRESS_LINE, mec="black", label="nearest"
+        )
+        stress.axhline(1.0, color=colours.STRENGTH, ls="--", lw=1.0, label="strength")
+        stress.set_ylabel("largest tensile stress\nover strength", fontsize=9)
+        style.legend_above(stress, ncols=3)
+    speed.plot(moments, berg.speed, color=MODEL, **MARK)
+    speed.set_ylabel("speed (m s$^{-1}$)", fontsize=9)
+    shades = colours.force_colours(berg.forces)
+    for name, sizes in berg.forces.items():
+        if any(sizes):
+            forces.plot(moments, np.array(sizes) / 1e9, color=shades[name], lw=1.5, label=name)
+    forces.set_ylabel("force (GN)", fontsize=9)
+    for ax in axes:
+        ax.set_ylim(bottom=0.0)
+        ax.fill_between(moments, 0, 1, where=np.array(berg.aground) > 0, color=colours.GROUND, alpha=0.12, lw=0,
+                        transform=ax.get_xaxis_transform(), label="aground" if any(berg.aground) else None)  # fmt: skip
+        plain_axes(ax)
+    style.legend_above(forces, ncols=8)
+    date_axis(axes[-1])
+    style.letters(axes)
 
 
 def _legend(figure: Figure, shown: Sequence[Breakup]) -> None:
@@ -364,7 +400,8 @@ def _legend(figure: Figure, shown: Sequence[Breakup]) -> None:
     acting = [n for n in shades if any(math.hypot(*b.budgets[k].forces[n]) > 0.0 for b in shown for k in SIDES)]
     handles = [Line2D([], [], color=shades[name], lw=2.4, label=name) for name in acting]
     handles += [
-        Line2D([], [], color="black", lw=2.4, label="other part of the berg (arrows), all forces (curves)"),
+        Line2D([], [], color="black", lw=2.4, label="all forces (curves)"),
+        Line2D([], [], color=colours.REST, lw=2.4, label="the other part of the berg, through the cut (arrows)"),
         Line2D([], [], color=colours.STRENGTH, lw=2.4, label="arrow: on the fragment"),
         Line2D([], [], color=colours.STRENGTH, lw=1.2, ls="--", label="arrow: on an equal mass of the rest"),
     ]
@@ -383,7 +420,7 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
         budget = b.budgets[name]
         vectors: list[tuple[Any, str]] = [(f, shades[n]) for n, f in budget.forces.items() if math.hypot(*f) > 0.0]
         if budget.residual is not None:
-            vectors.append((budget.residual, "black"))
+            vectors.append((budget.residual, colours.REST))
         # On the rest as much of them as acts on a mass like that of the fragment: else its arrows would hide the others.
         share = b.budgets["fragment"].mass / budget.mass / 1e9
         drawn = [(np.array(force) * share, colour) for force, colour in vectors]
@@ -417,8 +454,8 @@ def _draw_load(ax: Axes, b: Breakup) -> None:
     ax.text(_hours(b.first_break, b.time), 0.98, "first bond ", color=colours.GROUND, fontsize=7, ha="right", va="top",
             transform=ax.get_xaxis_transform())  # fmt: skip
     ax.axhline(0.0, color=colours.ZERO, lw=0.6)
-    ax.set_title(f"load of the cut of {b.decisive.cut_km:.3g} km, by force", fontsize=9)
-    ax.set_ylabel("nominal stress (kPa)", fontsize=9)
+    ax.set_title(f"load of the whole cut of {b.decisive.cut_km:.3g} km, by force", fontsize=9)
+    ax.set_ylabel("nominal stress, as of a beam (kPa)", fontsize=9)
     ax.set_xlabel(f"hours from {minute_text(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
 
@@ -438,10 +475,10 @@ def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
     ax.axhline(strength, color=colours.STRENGTH, ls="--", lw=1.0)
     ax.text(0.01, strength, "strength", fontsize=7, va="bottom", transform=ax.get_yaxis_transform())
     if any(map(_differs, b.first_bonds)):
-        ax.plot([], [], lw=0.8, ls=":", color="black", label="at the records")
+        ax.plot([], [], lw=0.8, ls=":", color="black", label="at the outputs")
     ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, title="bonds, by time of failure",
               title_fontsize=7)  # fmt: skip
-    which = "largest tensile stress between records (kPa)" if b.first_bonds[0].peak else "tensile stress (kPa)"
+    which = "largest tensile stress between outputs (kPa)" if b.first_bonds[0].peak else "tensile stress (kPa)"
     ax.set_ylabel(which, fontsize=9)
     ax.set_title("the first bonds to fail", fontsize=9)
     ax.set_xlabel(f"hours from {minute_text(b.time)}", fontsize=9)
@@ -454,12 +491,20 @@ def _differs(bond: FirstBond) -> bool:
 
 
 def _failures(times: Sequence[str]) -> list[str]:
-    """Return the times at which bonds failed: to the second where minutes are alike, and the order where seconds are too."""
+    """Return the times at which bonds failed, to the second where minutes are alike; of bonds that failed at once one entry."""
     minutes = [minute_text(time)[5:] for time in times]
-    if len(set(minutes)) == len(times):
-        return minutes
-    seconds = [str(np.datetime64(time, "s"))[5:].replace("T", " ") for time in times]
-    return seconds if len(set(seconds)) == len(times) else [f"{k + 1}: {text}" for k, text in enumerate(seconds)]
+    texts = (
+        minutes
+        if len(set(minutes)) == len(times)
+        else [str(np.datetime64(t, "s"))[5:].replace("T", " ") for t in times]
+    )
+    counts = {text: texts.count(text) for text in texts}
+    return [
+        f"{text} ({counts[text]} bonds)"
+        if counts[text] > 1 and text not in texts[:k]
+        else "_" * (text in texts[:k]) + text
+        for k, text in enumerate(texts)
+    ]
 
 
 def _hours(text: str, end: str) -> float:

@@ -26,25 +26,18 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 
-PLACES = (
-    (7, 5, "left", "bottom"),
-    (7, -5, "left", "top"),
-    (-7, 5, "right", "bottom"),
-    (-7, -5, "right", "top"),
-    (0, 10, "center", "bottom"),
-    (0, -10, "center", "top"),
-    (12, 14, "left", "bottom"),
-    (12, -14, "left", "top"),
-    (-12, 14, "right", "bottom"),
-    (-12, -14, "right", "top"),
-    (26, 8, "left", "bottom"),
-    (26, -8, "left", "top"),
-    (-26, 8, "right", "bottom"),
-    (-26, -8, "right", "top"),
-    (40, 24, "left", "bottom"),
-    (40, -24, "left", "top"),
-    (-40, 24, "right", "bottom"),
-    (-40, -24, "right", "top"),
+DIRECTIONS: Final = ((1, 1), (1, -1), (-1, 1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
+"""In which a label may stand from its point, best first."""
+
+PLACES: Final = tuple(
+    (
+        reach * x / math.hypot(x, y),
+        reach * y / math.hypot(x, y),
+        ("center", "left", "right")[x],
+        ("center", "bottom", "top")[y],
+    )
+    for reach in (9.0, 20.0, 36.0, 54.0)
+    for x, y in DIRECTIONS
 )
 """Where a label may stand beside its point: offset in points and alignment, best first."""
 
@@ -161,10 +154,14 @@ def geographic_axes(ax: Axes, *, latlon: bool, ticks: int = 6, labels: bool = Tr
     """Label the axes in degrees, or in km where positions are metres."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-    # The metres in the unit of the axes of a map in metres: those of a kilometre, or 1 on a small map.
     (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
+    # Of a map in metres kilometres, or on a small one metres, from a round kilometre where that is far from the origin.
     factor = 1e3 if max(east - west, north - south) > 4e3 else 1.0
-    for axis, names in ((ax.xaxis, "EW"), (ax.yaxis, "NS")):
+    origins = [
+        1e3 * round(5e-4 * (low + high)) if factor == 1.0 and abs(low + high) > 2e4 else 0.0
+        for low, high in ((west, east), (south, north))
+    ]
+    for axis, names, origin in ((ax.xaxis, "EW", origins[0]), (ax.yaxis, "NS", origins[1])):
         axis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
         if latlon:
             places = axis.get_major_locator().tick_values(*axis.get_view_interval())
@@ -172,11 +169,12 @@ def geographic_axes(ax: Axes, *, latlon: bool, ticks: int = 6, labels: bool = Tr
             decimals = max(0, -math.floor(math.log10(float(np.diff(places).min())) + 1e-9))
             axis.set_major_formatter(FuncFormatter(lambda v, _, n=names, d=decimals: degree_label(v, n[0], n[1], d)))
         else:
-            axis.set_major_formatter(FuncFormatter(lambda v, _, f=factor: f"{v / f:.10g}"))
+            axis.set_major_formatter(FuncFormatter(lambda v, _, o=origin, f=factor: f"{(v - o) / f:.10g}"))
     if not latlon and labels:
-        unit = "km" if factor > 1.0 else "m"
-        ax.set_xlabel(f"x ({unit})", fontsize=8, labelpad=2)
-        ax.set_ylabel(f"y ({unit})", fontsize=8, labelpad=2)
+        for axis, name, origin in ((ax.xaxis, "x", origins[0]), (ax.yaxis, "y", origins[1])):
+            start = f" \u2212 {origin / 1e3:,.0f} km" if origin else ""
+            axis.set_label_text(f"{name}{start} ({'km' if factor > 1.0 else 'm'})", fontsize=8)
+            axis.labelpad = 2
     ax.tick_params(labelsize=8, length=3)
 
 
@@ -407,6 +405,17 @@ def day_text(moment: np.datetime64, *, year: bool = False, hour: bool = True) ->
     when = moment.astype("datetime64[s]").item()
     text = f"{when.day} {when:%b}" + (f" {when.year}" if year else "")
     return text + (f" {when:%H:%M}" if hour else "")
+
+
+def in_words(name: str) -> str:
+    """Return the name of an input or result as words, such as ``start east`` for ``start.east``."""
+    words = re.sub(r"[._]", " ", name)
+    return re.sub(r"\blat\b", "latitude", re.sub(r"\blon\b", "longitude", words))
+
+
+def date_in(text: str) -> str:
+    """Return a text with its ISO date as in all other places of a picture, such as ``17 Dec 2020 13:00``."""
+    return re.sub(r"\d{4}-\d\d-\d\d", lambda found: day_text(np.datetime64(found[0]), year=True, hour=False), text)
 
 
 def moment_text(times: Times, moment: np.datetime64, *, year: bool = False) -> str:

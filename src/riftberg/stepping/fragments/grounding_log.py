@@ -54,6 +54,9 @@ class GroundingEvent:
     gouge: float  # How deep it has pressed a bed that yields at most, m
     way: float  # Way of its centre on the floor, with that before the touch in the first step, m
     stopped: float  # The same when it first came to rest; -1 where it never did
+    held: float = (
+        -1.0
+    )  # End of the step since which it has stood still, s since the start of the run; -1 while it slides
 
 
 class GroundingLog:
@@ -100,11 +103,13 @@ class GroundingLog:
             return
         way = known.way + row.way
         stopped = known.stopped if known.stopped >= 0.0 or row.stopped < 0.0 else way
+        held = row.held if row.held < 0.0 or known.held < 0.0 else known.held
         # Field by field: a copy that names what changes takes most of the time of a field of bergs aground.
         self.rows[k] = GroundingEvent(
             row.number, known.time, row.end, known.lon, known.lat, known.towards, known.elements,
             known.times + (known.end < began), known.seconds + row.seconds, row.carried, row.load, row.capacity, row.pressing,
             max(known.lift, row.lift), max(known.stress, row.stress), max(known.gouge, row.gouge), way, stopped,
+            held,
         )  # fmt: skip
 
 
@@ -168,7 +173,7 @@ def _measured(
         event = GroundingEvent(
             number, began, ended, float(place.lon[k] + touch_x[n]), float(place.lat[k] + touch_y[n]), float(towards[n]),
             int(carried[n]), 1, ended - began, int(carried[n]), float(borne[n]), float(holds[n]), float(pressing[n]),
-            lift[n], stress[n], gouge[n], float(way[n]), float(way[n]) if speed[n] < STANDSTILL else -1.0,
+            lift[n], stress[n], gouge[n], float(way[n]), *((float(way[n]), ended) if speed[n] < STANDSTILL else (-1.0, -1.0)),
         )  # fmt: skip
         measured.append(_Measured(number, float(area[n]), event))
     return measured
