@@ -349,7 +349,7 @@ def test_currents_described_as_deep_are_refused(tmp_path: Path) -> None:
 def test_the_doctor_names_the_variable_and_what_it_noticed(tmp_path: Path) -> None:
     path = written(tmp_path, replace(PLAIN, level="depth:1:0.494:m", member="one"))
     text = doctor(path, needed=("uo", "vo")).text()
-    assert "from a (m s-1 in the file)" in text
+    assert "(from a, m s-1)" in text
     assert "0.494 m" in text
     assert "member 1" in text
 

@@ -78,7 +78,7 @@ def test_the_home_folder_is_written_out(home: Path) -> None:
     assert runs("~/sea.nc", Path("elsewhere"))
     assert runs("~/s*.nc", Path("elsewhere"))
     assert open_product("~/sea.nc").attrs["source"] == str(path)
-    assert "gives   uo" in doctor(["~/*.nc"], needed=()).text()
+    assert "\n  uo " in doctor(["~/*.nc"], needed=()).text()
     with pytest.raises(ForcingError, match=str(home / "no.nc")):
         open_product("~/no.nc")
 

@@ -120,7 +120,7 @@ def arrives(path: Path, names: tuple[str, ...] = tuple(FIELDS), centre: float = 
             np.testing.assert_allclose(got, expected, atol=near * max(1.0, mean), err_msg=f"{way} {name}")
     for name in names:
         shown = "depth_below_surface" if name == "deptho" else name
-        assert f"gives   {shown} " in report, report
+        assert f"\n  {shown} " in report, report
 
 
 def refused(path: Path, *words: str, remedy: str = "") -> None:

@@ -522,7 +522,7 @@ def test_a_beam_is_drawn_with_supports_load_and_theory(name: str, tmp_path: Path
     writer.finish(model)
     with open_run(tmp_path / "run.nc") as run:
         assert not Scene(run).aground().any()
-        figure = draw_map(run, statics=info.statics)
+        figure = draw_map(run, observed=info.statics)
     assert {"support", "load", "theory"} <= set(legend_of(figure))
     assert len(figure.axes) == 1
     title = figure.get_suptitle()

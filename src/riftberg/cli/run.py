@@ -504,7 +504,7 @@ class Session:
             with open_own(self.folder / "run.nc") as dataset:
                 draw_map(
                     dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
-                    observed=self.info.observed, statics=self.info.statics,
+                    observed=self.info.observed or self.info.statics,
                 )  # fmt: skip
                 if ashore := over_land(dataset):
                     say(f"Notice: {ashore}")

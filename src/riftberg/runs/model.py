@@ -6,7 +6,6 @@ A run that was killed, or whose machine is lost, goes on from the last state tha
 from __future__ import annotations
 
 import logging
-import shutil
 import sys
 import time as clock
 from collections.abc import Callable, Sequence
@@ -26,7 +25,7 @@ from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import RunWriter, memory_run, missing_records, open_run
 from riftberg.runs.scene import keep_water
 from riftberg.stepping.laws import LAW_NAMES, Laws
-from riftberg.system.atomic_files import refusal
+from riftberg.system.atomic_files import copy_file, refusal
 from riftberg.system.netcdf_lock import open_netcdf
 from riftberg.system.process import held, in_charge, say
 
@@ -244,7 +243,8 @@ class Model(BareModel):
                 super().advance(days, steps=steps, recorders=[*recorders, writer, *shown])
             except (KeyboardInterrupt, SystemExit):
                 if output is None and script and writer.path.exists():
-                    output = shutil.copy(writer.path, INTERRUPTED)
+                    copy_file(writer.path, INTERRUPTED)
+                    output = INTERRUPTED
                 say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, end, 'interrupted')}")
                 raise
             except RiftbergError as error:

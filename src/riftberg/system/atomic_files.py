@@ -99,6 +99,12 @@ def replacing(path: str | Path, *, copy: bool = False, to_disk: bool = False, en
             part.unlink()
 
 
+def copy_file(source: str | Path, path: str | Path) -> None:
+    """Copy a file to one that is whole or not there."""
+    with replacing(path) as part:
+        shutil.copyfile(source, part)
+
+
 def write_text(path: str | Path, text: str) -> None:
     """Write a text file (UTF-8) that is whole or not there."""
     with replacing(path) as part:

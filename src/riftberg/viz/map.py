@@ -72,17 +72,17 @@ THEORY: Final[dict[str, Any]] = {"color": colours.OBSERVED, "lw": 1.6, "ls": "--
 @overload
 def draw_map(
     run: xr.Dataset, path: str | Path, *, forcing: Water | None = None, title: str = "", dates: int = 6,
-    observed: Outlines | None = None, statics: Statics | None = None, projection: Projection = "auto", dpi: int = 150,
+    observed: Outlines | Statics | None = None, projection: Projection = "auto", dpi: int = 150,
 ) -> Path: ...  # fmt: skip
 @overload
 def draw_map(
     run: xr.Dataset, path: None = None, *, ax: Axes, date: Any = None, forcing: Water | None = None,
-    observed: Outlines | None = None, statics: Statics | None = None, projection: Projection = "auto",
+    observed: Outlines | Statics | None = None, projection: Projection = "auto",
 ) -> Axes: ...  # fmt: skip
 @overload
 def draw_map(
     run: xr.Dataset, path: None = None, *, forcing: Water | None = None, title: str = "", dates: int = 6,
-    observed: Outlines | None = None, statics: Statics | None = None, projection: Projection = "auto", dpi: int = 150,
+    observed: Outlines | Statics | None = None, projection: Projection = "auto", dpi: int = 150,
 ) -> Figure: ...  # fmt: skip
 def draw_map(
     run: xr.Dataset,
@@ -93,8 +93,7 @@ def draw_map(
     forcing: Water | None = None,
     title: str = "",
     dates: int = 6,
-    observed: Outlines | None = None,
-    statics: Statics | None = None,
+    observed: Outlines | Statics | None = None,
     projection: Projection = "auto",
     dpi: int = 150,
 ) -> Path | Axes | Figure:
@@ -122,10 +121,9 @@ def draw_map(
         First line of the title; by default the experiment. The second line says what the forcing is.
     dates : int, optional
         Number of dates, 2 to 6.
-    observed : mapping, optional
-        Observed outlines by ISO date, drawn on the dates that they belong to.
-    statics : Statics, optional
-        Supports, load and theory of a beam, as the built-in experiments have them (``info.statics``).
+    observed : mapping or Statics, optional
+        Observed outlines by ISO date, drawn on the dates that they belong to; of a beam its supports, load and theory, as the
+        built-in experiments have them (``info.statics``).
     projection : {"auto", "polar", "degrees"}, optional
         ``"auto"`` is polar stereographic where the middle of the run is beyond 60 degrees, and degrees elsewhere and on ``ax``.
     dpi : int, optional
@@ -147,13 +145,14 @@ def draw_map(
     if ax is not None and projection == "auto":
         projection = "degrees"
     scene, water = on_a_map(run, projection, forcing)
+    statics, outlines = (observed, {}) if isinstance(observed, Statics) else (None, observed or {})
     if ax is not None:
         if path is not None:
             raise InputError("both a file and axes", where="draw_map", remedy="Give path or ax; save the figure of ax")
-        return _draw_into(ax, scene, water, observed or {}, statics, date)
+        return _draw_into(ax, scene, water, outlines, statics, date)
     if path is not None:
         style.check_format(path)
-    figure = _draw_figure(scene, water, observed or {}, statics, dates, _title(run, scene, title), dpi)
+    figure = _draw_figure(scene, water, outlines, statics, dates, _title(run, scene, title), dpi)
     return figure if path is None else style.save_figure(figure, path)
 
 
