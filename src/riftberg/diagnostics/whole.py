@@ -37,9 +37,8 @@ class WholeBerg:
 
     name: str
     times: list[str]
-    used: list[
-        float
-    ]  # Largest tensile stress of any of its bonds since the record before, over its strength; empty without bonds
+    # Largest tensile stress of any of its bonds since the last record, over its strength; empty without bonds
+    used: list[float]
     nearest: NearestBond | None
     fracture: bool  # Whether bonds may break at all
     moments: list[str]  # Dates of what follows

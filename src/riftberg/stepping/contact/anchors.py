@@ -1,7 +1,6 @@
 """Friction of the sea floor on fragments that others press, in the sub-steps of contact.
 
-It is that of the anchors of `riftberg.stepping.ground.landing`.
-The force of an anchor after a sub-step of h s is
+It is that of the anchors of `riftberg.stepping.ground.landing`. The force of an anchor after a sub-step of h s is
 
     f = grip (a - k h v),    grip = min(1, H / |a - k h v|)
 

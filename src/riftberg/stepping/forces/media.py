@@ -389,8 +389,7 @@ def on_the_floor(
 
     ``floor_load``: what a bed of sediment carries, N; 0 where there is none.
     """
-    if (
-        p.only_interactions
-    ):  # A lattice without its surroundings, such as a beam: the drag of the floor only brings it to rest
+    if p.only_interactions:
+        # A lattice without its surroundings, such as a beam: the drag of the floor only brings it to rest.
         return np.zeros(np.shape(thickness), bool)
     return np.asarray(aground(thickness, depth, p) | (np.asarray(floor_load) > 0.0))

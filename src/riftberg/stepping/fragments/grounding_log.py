@@ -54,9 +54,8 @@ class GroundingEvent:
     gouge: float  # How deep it has pressed a bed that yields at most, m
     way: float  # Way of its centre on the floor, with that before the touch in the first step, m
     stopped: float  # The same when it first came to rest; -1 where it never did
-    held: float = (
-        -1.0
-    )  # End of the step since which it has stood still, s since the start of the run; -1 while it slides
+    # End of the step since which it has stood still, s since the start of the run; -1 while it slides
+    held: float = -1.0
 
 
 class GroundingLog:

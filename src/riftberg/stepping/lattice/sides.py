@@ -40,9 +40,8 @@ class FragmentSides:
     def __init__(self, footprints: FootprintBook) -> None:
         self._footprints = footprints
         self._fragments: dict[tuple[int, bytes, bytes], tuple[Ints, Floats]] = {}
-        self._latest: dict[
-            tuple[int, bytes, bytes, bytes], Floats
-        ] = {}  # of the groups that a population is stepped in
+        # Of the groups that a population is stepped in.
+        self._latest: dict[tuple[int, bytes, bytes, bytes], Floats] = {}
 
     def find(self, model: RunState, body: Ints, xy: Floats) -> Floats:
         """Return the points of all elements as `riftberg.stepping.bodies.dynamics.ElementForcing` has them.
