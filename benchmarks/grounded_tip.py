@@ -21,9 +21,9 @@ from story import put, table
 
 from riftberg import Model
 from riftberg.diagnostics.summary import breakups
+from riftberg.engines.quasi_static.fracture.criteria import FLEXURAL
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
-from riftberg.stepping.fracture.criteria import FLEXURAL
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "ground.md"
 DAYS = 9.0

@@ -2,7 +2,7 @@
 
     python benchmarks/house.py                 # of src/riftberg
     python benchmarks/house.py --list FOLDER   # of another copy of the package, with every finding
-    python benchmarks/house.py --write         # put files and lines of each folder into docs/explanation/architecture.md
+    python benchmarks/house.py --write         # bring the tables of the docs up to date: lines, fields of types
 
 Nothing is imported: the files are read as text. Imports count wherever they stand (inside functions and under
 ``TYPE_CHECKING`` too).
@@ -17,7 +17,7 @@ import re
 import tokenize
 import tomllib
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 PACKAGE = "riftberg"
@@ -32,9 +32,24 @@ PRIVATE_WORDS = (
 )  # fmt: skip
 """Words of earlier versions for what numerical mechanics and contact dynamics have names for."""
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "architecture.md"
-"""Page with the table of folders."""
+DOCS = Path(__file__).resolve().parents[1] / "docs"
 
+PAGES = (DOCS / "explanation" / "architecture.md", DOCS / "reference" / "code.md")
+"""Pages with tables that are made here."""
+
+
+CENTRAL_TYPES = (
+    ("state/variables.py", "Elements"),
+    ("state/variables.py", "Bonds"),
+    ("engines/common/run_state.py", "RunState"),
+    ("engines/quasi_static/bodies/pose.py", "Bodies"),
+    ("engines/quasi_static/rigid_step.py", "BodyState"),
+)
+"""Types that the page shows with their fields."""
+
+FOLDER_ROW = r"^\| `([^`]+/)` \| [\d,]+ \| [\d,]+ \|"
+FILE_ROW = r"^\| (\d+) \| `([^`]+)` \| \d+ \|"
+"""Rows of the tables of folders and of files."""
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -188,18 +203,43 @@ def folder_sizes(folder: Path) -> dict[str, tuple[int, int]]:
     return dict(sizes)
 
 
-def with_sizes(page: str, sizes: dict[str, tuple[int, int]]) -> str:
-    """Return the page with the present files and lines in the rows of its table of folders."""
-    before, begin, rest = page.partition("<!-- folders: begin -->")
-    table, end, after = rest.partition("<!-- folders: end -->")
+def replaced(page: str, name: str, change: Callable[[str], str]) -> str:
+    """Return a page with a marked passage changed; as it is where it has none of that name."""
+    start, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    if start not in page:
+        return page
+    before, _, rest = page.partition(start)
+    inside, _, after = rest.partition(end)
+    return before + start + change(inside) + end + after
 
-    def row(match: re.Match[str]) -> str:
+
+def with_sizes(page: str, folder: Path) -> str:
+    """Return the page with the present numbers of files and lines, and the present fields of the central types."""
+    sizes = folder_sizes(folder)
+
+    def folder_row(match: re.Match[str]) -> str:
         files, lines = sizes[match[1]]
         return f"| `{match[1]}` | {files} | {lines:,} |"
 
-    return (
-        before + begin + re.sub(r"^\| `([^`]+/)` \| [\d,]+ \| [\d,]+ \|", row, table, flags=re.MULTILINE) + end + after
-    )
+    def file_row(match: re.Match[str]) -> str:
+        lines = len((folder / match[2]).read_text(encoding="utf-8").splitlines())
+        return f"| {match[1]} | `{match[2]}` | {lines} |"
+
+    page = replaced(page, "folders", lambda table: re.sub(FOLDER_ROW, folder_row, table, flags=re.MULTILINE))
+    page = replaced(page, "path", lambda table: re.sub(FILE_ROW, file_row, table, flags=re.MULTILINE))
+    return replaced(page, "types", lambda _: f"\n\n{types_table(folder)}\n\n")
+
+
+def types_table(folder: Path) -> str:
+    """Return a table of the central types: what each is by its docstring, and its fields."""
+    rows = ["| type | what it is | fields |", "|---|---|---|"]
+    for file, name in CENTRAL_TYPES:
+        tree = ast.parse((folder / file).read_text(encoding="utf-8"))
+        node = next(n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == name)
+        said = (ast.get_docstring(node) or "").split("\n")[0].rstrip(".")
+        fields = [n.target.id for n in node.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)]
+        rows.append(f"| `{name}` (`{file}`) | {said[0].lower()}{said[1:]} | {', '.join(f'`{f}`' for f in fields)} |")
+    return "\n".join(rows)
 
 
 def main() -> None:
@@ -209,11 +249,12 @@ def main() -> None:
     parser.add_argument("folder", nargs="?", type=Path, default=home, help="folder of the package")
     parser.add_argument("--list", action="store_true", help="print every finding")
     parser.add_argument(
-        "--write", action="store_true", help="update the table of folders in the page on the architecture"
+        "--write", action="store_true", help="update the tables of the docs"
     )
     options = parser.parse_args()
     if options.write:
-        PAGE.write_text(with_sizes(PAGE.read_text(encoding="utf-8"), folder_sizes(home)), encoding="utf-8")
+        for page in PAGES:
+            page.write_text(with_sizes(page.read_text(encoding="utf-8"), home), encoding="utf-8")
         return
     trees = modules(options.folder)
     edges = imports(trees)

@@ -23,10 +23,10 @@ LIFE = (
     ("Shape", "An outline, mask, table or rectangle is filled with a lattice on an equal-area plane.", "bergs/"),
     ("Birth", "Positions, size, thickness and density give the mass; an id names the element for good.", "bergs/, state/"),
     ("Bonds", "Neighbours within reach are bonded at their distance of that moment. Rifts weaken or drop some.", "bergs/"),
-    ("Time step", "The element takes currents, wind, waves, ice and sea floor where it is; they push it.", "ocean/, stepping/"),
-    ("Bonds bear the load", "Bonds pull, shear and bend, and bergs that touch press on each other.", "stepping/lattice, contact"),
+    ("Time step", "The element takes currents, wind, waves, ice and sea floor where it is; they push it.", "ocean/, engines/"),
+    ("Bonds bear the load", "Bonds pull, shear and bend, and bergs that touch press on each other.", "engines/quasi_static/lattice, contact"),
     ("Break-up", "A bond beyond its strength fails, for good. Parts that come apart get numbers of their own.",
-     "stepping/fracture, fragments"),
+     "engines/quasi_static/fracture, fragments"),
     ("Melt", "Thickness and sides melt; small bergs roll; edges calve.", "life/"),
     ("Removal", "What has melted leaves with its bonds. Its record ends, and its id is never used again.", "life/, runs/"),
 )  # fmt: skip

@@ -49,7 +49,7 @@ SAME = TESTS / "mutations_same.txt"
 FOLDERS = tuple(sorted(p.parent.name for p in SOURCE.glob("*/__init__.py")))
 
 OTHERS = {
-    "physics": ("stepping",),
+    "physics": ("engines",),
     "diagnostics": ("viz", "cli"),
     "runs": ("cli",),
     "cli": ("ensembles", "verify"),
@@ -60,10 +60,10 @@ OTHERS = {
 }
 """Folders and files of tests that also hold a folder of the source to its word."""
 
-PLAIN = ("physics", "stepping", "life", "ocean")
+PLAIN = ("physics", "engines", "life", "ocean")
 """Folders made of kernels, whose tests run without compilation first: no probe is seen in machine code."""
 
-COMPILED_OTHERS = {"stepping": ("verification",), "physics": ("verification",)}
+COMPILED_OTHERS = {"engines": ("verification",), "physics": ("verification",)}
 """The same, of tests that take too long without compilation."""
 
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {

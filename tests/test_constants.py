@@ -10,7 +10,7 @@ import pytest
 from riftberg import constants
 
 SOURCES = Path(constants.__file__).parent
-LAWS = [p for room in ("physics", "stepping") for p in sorted((SOURCES / room).glob("*.py"))]
+LAWS = [p for room in ("physics", "engines") for p in sorted((SOURCES / room).rglob("*.py"))]
 ALL = [p for p in sorted(SOURCES.rglob("*.py")) if p.name != "constants.py"]
 VALUES = {name: value for name, value in vars(constants).items() if name.isupper() and isinstance(value, float)}
 ORDINARY = {

@@ -270,11 +270,18 @@ def test_every_public_name_is_on_the_page_of_python(name: str) -> None:
     assert re.search(rf"\briftberg\.{name}\b", (DOCS / "reference" / "api.md").read_text("utf-8"))
 
 
-def test_the_table_of_folders_is_that_of_the_package() -> None:
-    text = (DOCS / "explanation" / "architecture.md").read_text("utf-8")
+def test_the_tables_of_the_code_are_those_of_the_package() -> None:
+    """Folders, central types with their fields, and the files of the reading path, whose lengths may be a little old."""
+    house, package = loaded("benchmarks/house.py"), ROOT / "src" / "riftberg"
+    code = (DOCS / "reference" / "code.md").read_text("utf-8")
+    assert house.types_table(package) in code
+    path = re.findall(house.FILE_ROW, (DOCS / "explanation" / "architecture.md").read_text("utf-8"), flags=re.MULTILINE)
+    assert len(path) == 30
+    assert all((package / file).exists() for _, file in path)
+    text = code
     table = text.partition("<!-- folders: begin -->")[2].partition("<!-- folders: end -->")[0]
     named = re.findall(r"^\| `([^`]+/)` \|", table, flags=re.MULTILINE)
-    assert sorted(named) == sorted(loaded("benchmarks/house.py").folder_sizes(ROOT / "src" / "riftberg"))
+    assert sorted(named) == sorted(house.folder_sizes(package))
 
 
 EQUATIONS = {"equations": DOCS / "explanation" / "equations.md", "files": DOCS / "explanation" / "equations-of-life.md"}

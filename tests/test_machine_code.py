@@ -154,8 +154,8 @@ import os, sys
 import numba, numpy
 CALL = \"\"\"
 from riftberg.state.pair import Pair
-from riftberg.stepping.outer import outer
-from riftberg.stepping.other import other
+from riftberg.engines.outer import outer
+from riftberg.engines.other import other
 result = outer(Pair(5.0, 7.0))
 print(result, bool(outer.stats.cache_hits), other(1.0), bool(other.stats.cache_hits), flush=True)
 \"\"\"
@@ -262,7 +262,7 @@ GROUNDED = """
 import sys
 import numpy as np
 from riftberg import Parameters
-from riftberg.stepping.forces.media import aground
+from riftberg.engines.common.forces.media import aground
 
 constants = Parameters().kernel_values()
 for shape in eval(sys.argv[1]):

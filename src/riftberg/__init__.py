@@ -21,6 +21,7 @@ from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
+    from riftberg.engines.common.laws import Laws
     from riftberg.ensembles.forecast import forecast
     from riftberg.ensembles.result import open_cells, open_sweep
     from riftberg.ensembles.sensitivity import sensitivity
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from riftberg.runs.model import Model
     from riftberg.runs.opendrift import read_opendrift, write_opendrift
     from riftberg.runs.run_file import open_run
-    from riftberg.stepping.laws import Laws
     from riftberg.system.input_files import allow_large
     from riftberg.verification.calibrate import calibrate
     from riftberg.viz.ensemble import draw_sweep
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Iceberg": "riftberg.bergs.iceberg",
-    "Laws": "riftberg.stepping.laws",
+    "Laws": "riftberg.engines.common.laws",
     "Model": "riftberg.runs.model",
     "Parameters": "riftberg.parameters",
     "A68A_2022": "riftberg.parameters",

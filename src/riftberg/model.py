@@ -19,6 +19,19 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.config.units import place_text
 from riftberg.config.usual_ranges import of_length, unusual
 from riftberg.config.values import moment, native, number, required
+from riftberg.engines.common.forces.media import OWN
+from riftberg.engines.common.fragments.connectivity import connected_parts
+from riftberg.engines.common.fragments.contact_log import ContactLog
+from riftberg.engines.common.fragments.grounding_log import GroundingLog
+from riftberg.engines.common.fragments.tree import Fragment, FragmentTree, measure_outlines
+from riftberg.engines.common.laws import OWN_VARIABLES, Laws, WithOwnForces
+from riftberg.engines.common.reserves import reserve_lines
+from riftberg.engines.common.rift_tips import RiftTip, rift_notice, standing_tips
+from riftberg.engines.common.run_state import RunState
+from riftberg.engines.common.slenderness import narrow_warning
+from riftberg.engines.common.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
+from riftberg.engines.common.stepper import Stepper, complete_state, sample_new_elements
+from riftberg.engines.schemes import assign_substeps, check_long_step, make_stepper, resonance_warning, size_bins
 from riftberg.errors import InputError
 from riftberg.life.coming import COMING, bear, coming, coming_text, parted_by_date
 from riftberg.life.motion import MotionLedger
@@ -28,25 +41,6 @@ from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import ExplicitParameters, Parameters
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Environment, Floats, Ints, copy_state
 from riftberg.state.population import Population, Saved, by_identifier, changed_rows, cut_out
-from riftberg.stepping.explicit.stability import (
-    assign_substeps,
-    check_long_step,
-    resonance_warning,
-    size_bins,
-)
-from riftberg.stepping.forces.media import OWN
-from riftberg.stepping.fracture.reserves import reserve_lines
-from riftberg.stepping.fracture.rift_tips import RiftTip, rift_notice, standing_tips
-from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.fragments.contact_log import ContactLog
-from riftberg.stepping.fragments.grounding_log import GroundingLog
-from riftberg.stepping.fragments.tree import Fragment, FragmentTree, measure_outlines
-from riftberg.stepping.laws import OWN_VARIABLES, Laws, WithOwnForces
-from riftberg.stepping.run_state import RunState
-from riftberg.stepping.schemes import make_stepper
-from riftberg.stepping.slenderness import narrow_warning
-from riftberg.stepping.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
-from riftberg.stepping.stepper import Stepper, complete_state, sample_new_elements
 from riftberg.system.input_files import check_work, shortened, value_shown
 from riftberg.system.process import Hold, held
 
@@ -321,7 +315,7 @@ class BareModel(RunState):
         Returns
         -------
         array, shape (elements, forces, 2)
-            East and north, for each name of `riftberg.stepping.forces.media.FORCES`.
+            East and north, for each name of `riftberg.engines.common.forces.media.FORCES`.
         """
         return self._of_last_step(self._stepper.applied, self.elements if elements is None else elements)
 
@@ -747,7 +741,7 @@ def _bytes_of(arrays: tuple[Floats, ...]) -> list[bytes]:
 def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Parameters:
     """Fill in the constant interaction size: if one side is 0, both become the means of all elements (Q37).
 
-    Several bergs have their own means (`riftberg.stepping.stepper`), unless they are coupled as in the reference.
+    Several bergs have their own means (`riftberg.engines.common.stepper`), unless they are coupled as in the reference.
     """
     if not isinstance(p, ExplicitParameters):
         return p

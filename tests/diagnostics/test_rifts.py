@@ -107,7 +107,7 @@ def test_a_rift_without_a_toughness_is_told() -> None:
 
 
 def test_pressed_faces_are_said_to_be() -> None:
-    from riftberg.stepping.fracture.rift_tips import tip_lines
+    from riftberg.engines.common.rift_tips import tip_lines
 
     model = cracked(INSIDE, -500.0)
     model.advance(steps=1)

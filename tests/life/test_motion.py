@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from engines.test_media import SCHEMES
+from engines.test_media import model as adrift
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.run import ledger_lines
 from riftberg.diagnostics.summary import summarize
+from riftberg.engines.common.forces.media import FORCES
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.life.motion import CLOSES, GIVERS, MotionBalance, energy_in_bonds, stock
@@ -19,10 +22,7 @@ from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
-from riftberg.stepping.forces.media import FORCES
 from riftberg.system.atomic_files import write_json
-from stepping.test_media import SCHEMES
-from stepping.test_media import model as adrift
 from verification.setups import energy, lattice, parameters, shake
 
 ALONE = {"only_interactions": True, "time_step": 600.0}

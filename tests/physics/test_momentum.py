@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import assume, given
 
 from physics.agreement import angle, assert_same, between, quick, speed, turn
-from riftberg.stepping.forces import implicit_velocity
+from riftberg.engines.common.forces import implicit_velocity
 from twins import momentum as twin
 
 entry = between(-2, 2)

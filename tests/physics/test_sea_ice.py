@@ -11,11 +11,7 @@ import pytest
 import xarray as xr
 
 from riftberg import Forcing, Iceberg, Model, Parameters, Steady
-from riftberg.errors import ForcingError, InputError
-from riftberg.parameters import PUBLISHED_DRAG, Drag
-from riftberg.state import ELEMENT_VARIABLES
-from riftberg.stepping.bodies.linear_pack import SUBSTEP_YIELD
-from riftberg.stepping.forces.media import (
+from riftberg.engines.common.forces.media import (
     FORCES,
     LIMIT,
     LINEAR,
@@ -26,7 +22,11 @@ from riftberg.stepping.forces.media import (
     allocate_surroundings,
     find_surroundings,
 )
-from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.engines.common.forces.sizes import interaction_sizes
+from riftberg.engines.quasi_static.bodies.linear_pack import SUBSTEP_YIELD
+from riftberg.errors import ForcingError, InputError
+from riftberg.parameters import PUBLISHED_DRAG, Drag
+from riftberg.state import ELEMENT_VARIABLES
 from twins import sea_ice as twin
 
 ICE = (0.2, -0.05)

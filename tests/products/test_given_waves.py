@@ -10,12 +10,12 @@ import xarray as xr
 
 from products.test_odd_files import AIR, CENTRE, START, elements, plain, truth, written
 from riftberg import Iceberg, Model, Parameters
+from riftberg.engines.common.forces.media import FORCES
 from riftberg.ocean.datasets import DatasetForcing
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, _coarse, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.runs.restart import load_state
-from riftberg.stepping.forces.media import FORCES
 from twins import waves as twin
 
 HEIGHT, PERIOD = (6.0, 0.4, 0.3), (11.0, 0.5, 0.2)

@@ -14,6 +14,8 @@ from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import GRAVITY
 from riftberg.diagnostics.summary import summarize
 from riftberg.diagnostics.why import explain, words
+from riftberg.engines.common.forces.media import FORCES, on_the_floor
+from riftberg.engines.common.fragments.grounding_log import GroundingEvent, GroundingLog, mass_on_floor
 from riftberg.runs.groundings import (
     GroundTeller,
     ground_lines,
@@ -27,8 +29,6 @@ from riftberg.runs.groundings import (
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
-from riftberg.stepping.forces.media import FORCES, on_the_floor
-from riftberg.stepping.fragments.grounding_log import GroundingEvent, GroundingLog, mass_on_floor
 
 HOUR = 3600.0
 

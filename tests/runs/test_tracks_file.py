@@ -11,11 +11,11 @@ import pytest
 import xarray as xr
 
 from fakes import FakeModel
+from riftberg.engines.common.fragments.tree import equivalent_rectangles
 from riftberg.parameters import Parameters
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Shapes, berg_position, tracks_of
-from riftberg.stepping.fragments.tree import equivalent_rectangles
 
 RADIUS = 6_363_827.0
 

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from engines.test_elastic_cells import dense_matrix
 from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
+from riftberg.engines.common.crack_tips import TIP_NAMES
+from riftberg.engines.quasi_static.lattice.equilibrium import elastic_energy
+from riftberg.engines.quasi_static.lattice.triangles import ClosingFaces, find_open_edges, find_triangles, shares_of_gap
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.fracture.crack_tips import TIP_NAMES
-from riftberg.stepping.lattice.equilibrium import elastic_energy
-from riftberg.stepping.lattice.triangles import ClosingFaces, find_open_edges, find_triangles, shares_of_gap
-from stepping.test_elastic_cells import dense_matrix
 from verification.test_crack_lines import QUICK, RADIUS, SPACING, THICKNESS, Plate
 
 LENGTH, WIDTH = 36e3, 12e3

@@ -12,19 +12,20 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
+from riftberg.engines.common.crack_tips import NO_TIPS, TIP_NAMES, CrackTips
+from riftberg.engines.common.forces.sizes import interaction_sizes
+from riftberg.engines.common.fragments.connectivity import bridge_moments, connected_parts, find_bridges
+from riftberg.engines.quasi_static.bodies.pose import bodies_from_elements, tangent_coordinates
+from riftberg.engines.quasi_static.fracture.crack_paths import CrackPaths, tips_of_rifts
+from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, IceStress, Strengths, Toughness, overloads
+from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
+from riftberg.engines.quasi_static.lattice.cells import ElasticCells, with_new_cells
+from riftberg.engines.quasi_static.lattice.equilibrium import Supports, balanced_loads, find_lattice
+from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.state import Floats
-from riftberg.stepping.bodies.pose import bodies_from_elements, tangent_coordinates
-from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackPaths, CrackTips, tips_of_rifts
-from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Strengths, Toughness, overloads
-from riftberg.stepping.fragments.connectivity import bridge_moments, connected_parts, find_bridges
-from riftberg.stepping.lattice.cell_stiffness import CellStiffness
-from riftberg.stepping.lattice.cells import ElasticCells, with_new_cells
-from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
-from riftberg.stepping.lattice.solver import StiffnessSolver
 from verification.test_cracks_in_cells import edge_factor
 
 RADIUS, THICKNESS, SPACING = 750.0, 200.0, 1500.0

@@ -13,10 +13,10 @@ from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from engines.lattices import stiffness_matrix
 from riftberg.bergs.lattice import lattice_points
-from riftberg.stepping.lattice.cells import cell_mesh, freed_edges
-from riftberg.stepping.lattice.triangles import find_triangles, freedoms, volumes
-from stepping.lattices import stiffness_matrix
+from riftberg.engines.quasi_static.lattice.cells import cell_mesh, freed_edges
+from riftberg.engines.quasi_static.lattice.triangles import find_triangles, freedoms, volumes
 
 ANGLES = (0.0, 15.0, 22.5, 30.0, 45.0)
 FACET = {"square": 1.0, "hexagonal": 1.0 / np.sqrt(3.0)}

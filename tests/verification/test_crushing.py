@@ -15,13 +15,9 @@ import pytest
 
 from riftberg import Iceberg, Model, Parameters
 from riftberg.diagnostics.summary import fragment_areas
-from riftberg.errors import InputError
-from riftberg.experiments import Options, build
-from riftberg.ocean.analytic import Steady
-from riftberg.parameters import A68A_2022, PUBLISHED_DRAG
-from riftberg.stepping.contact import faces
-from riftberg.stepping.contact.crushing_step import integrate_faces
-from riftberg.stepping.contact.face_forces import (
+from riftberg.engines.quasi_static.contact import faces
+from riftberg.engines.quasi_static.contact.crushing_step import integrate_faces
+from riftberg.engines.quasi_static.contact.face_forces import (
     AREA_AT_END,
     CHORD,
     COLUMNS,
@@ -33,9 +29,13 @@ from riftberg.stepping.contact.face_forces import (
     SPEED,
     TOUCHED,
 )
-from riftberg.stepping.contact.faces import FacePairs
-from riftberg.stepping.quasi_static.step import TimeStep
-from riftberg.stepping.quasi_static.trial import LawsWithMemory
+from riftberg.engines.quasi_static.contact.faces import FacePairs
+from riftberg.engines.quasi_static.step import TimeStep
+from riftberg.engines.quasi_static.trial import LawsWithMemory
+from riftberg.errors import InputError
+from riftberg.experiments import Options, build
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import A68A_2022, PUBLISHED_DRAG
 
 LONG = 50  # Elements of the first berg
 

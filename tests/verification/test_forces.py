@@ -15,7 +15,7 @@ import pytest
 
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.constants import GRAVITY
-from riftberg.stepping.forces.media import FORCES
+from riftberg.engines.common.forces.media import FORCES
 from scripts import table_rows
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "explanation" / "forces.md"

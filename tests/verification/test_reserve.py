@@ -12,6 +12,7 @@ import pytest
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.diagnostics import why
 from riftberg.diagnostics.summary import summarize
+from riftberg.engines.common.reserves import CAVEAT
 from riftberg.ensembles.vary import Draws, members_of, varied_of
 from riftberg.errors import BergError, InputError
 from riftberg.experiments import Options, build
@@ -19,7 +20,6 @@ from riftberg.parameters import A68A_2022
 from riftberg.physics.crevasses import prestress, reserve, rift_factor
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
-from riftberg.stepping.fracture.reserves import CAVEAT
 
 TIP = 79e3
 """Tension at the tips of crevasses, Pa."""

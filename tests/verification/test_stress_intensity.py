@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
+from riftberg.engines.quasi_static.fracture.crack_paths import TipIntensity, tips_of_rifts
+from riftberg.engines.quasi_static.fracture.stress_intensity import TipRing, tip_ring
 from riftberg.physics.crack_tip import hoop_intensity
 from riftberg.state import Floats
-from riftberg.stepping.fracture.crack_tips import TipIntensity, tips_of_rifts
-from riftberg.stepping.fracture.stress_intensity import TipRing, tip_ring
 from twins import stress_intensity as twin
 from verification.test_crack_lines import RADIUS, SPACING, THICKNESS, Equilibrium, Plate
 from verification.test_cracks_in_cells import edge_factor

@@ -21,13 +21,13 @@ from matplotlib.quiver import QuiverKey
 from fakes import SIDE, FakeForcing, FakeModel
 from riftberg.cli.pictures import usual_kinds
 from riftberg.diagnostics.score import Match, Score, ScoredDay
+from riftberg.engines.common.fragments.tree import Fragment
 from riftberg.errors import InputError
 from riftberg.experiments import build
 from riftberg.experiments.cases import CANTILEVER, SUPPORTED
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene, stored_water, stretch
-from riftberg.stepping.fragments.tree import Fragment
 from riftberg.viz import animate, colours, ensemble, plots, style
 from riftberg.viz import score as score_picture
 from riftberg.viz.map import draw_map

@@ -521,7 +521,7 @@ def berg_line(model: Model) -> str:
     import numpy as np
 
     from riftberg.config.units import area_text, count_text, place_text
-    from riftberg.stepping.fragments.tree import centroid
+    from riftberg.engines.common.fragments.tree import centroid
 
     e = model.elements
     lon, lat = centroid(e.lon, e.lat, e.mass, model.parameters.earth.period)

@@ -18,6 +18,8 @@ from riftberg.config.values import Section, explained, key, number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
 from riftberg.coupling.shelf import IceShelf, Shares, shares_of
+from riftberg.engines.common.forces.media import FORCES
+from riftberg.engines.common.fragments.grounding_log import mass_on_floor
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.life.melt import scaled_mass
@@ -28,8 +30,6 @@ from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
 from riftberg.ocean.gridded import corners_at_elements
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
-from riftberg.stepping.forces.media import FORCES
-from riftberg.stepping.fragments.grounding_log import mass_on_floor
 
 
 class Settling:

@@ -39,18 +39,18 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.constants import DEGREE
+from riftberg.engines.common.forces import media
+from riftberg.engines.common.forces.implicit_velocity import apply_at_velocities
+from riftberg.engines.common.forces.media import allocate_surroundings, find_surroundings
+from riftberg.engines.common.forces.pack import hold_by_pack
+from riftberg.engines.common.forces.sizes import interaction_sizes
+from riftberg.engines.common.fragments.tree import measure_outlines
 from riftberg.parameters import KernelParameters
 from riftberg.plane import ConformalPlane
 from riftberg.runs.derived import USER_LAW, force_variables
 from riftberg.runs.layout import in_file
 from riftberg.runs.scene import Scene
 from riftberg.state import ELEMENT_VARIABLES, Elements, Floats, Ints, new_elements
-from riftberg.stepping.forces import media
-from riftberg.stepping.forces.implicit_velocity import apply_at_velocities
-from riftberg.stepping.forces.media import allocate_surroundings, find_surroundings
-from riftberg.stepping.forces.pack import hold_by_pack
-from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.fragments.tree import measure_outlines
 
 _WORDS: Final = {
     "water": "ocean drag",

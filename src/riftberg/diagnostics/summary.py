@@ -67,6 +67,8 @@ from riftberg import constants
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.config.units import area_text, count_text
 from riftberg.config.values import finding_text
+from riftberg.engines.common.fragments.tree import centroid
+from riftberg.engines.common.reserves import CAVEAT, Reserve, berg_reserve
 from riftberg.errors import InputError
 from riftberg.life.process import PROCESSES, melt_of
 from riftberg.runs.groundings import summarize_ground
@@ -75,8 +77,6 @@ from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
 from riftberg.state.variables import LARGEST
-from riftberg.stepping.fracture.reserves import CAVEAT, Reserve, berg_reserve
-from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import MOST_TEXT, check_file, reading, shown
 from riftberg.version import __version__
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from riftberg.config.units import minute_text, place_text
 from riftberg.diagnostics.cut import forces_on, iso, mass_at
+from riftberg.engines.common.fragments.grounding_log import STANDSTILL
 from riftberg.runs.scene import Scene
-from riftberg.stepping.fragments.grounding_log import STANDSTILL
 
 MOMENTS: Final = 41
 """Records at which the forces are taken."""

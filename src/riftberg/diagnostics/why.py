@@ -16,10 +16,10 @@ from riftberg.config.units import area_text, count_text, minute_text, place_text
 from riftberg.diagnostics.cut import GEOSTROPHIC, Breakup, Collision, Cut, FirstBond, iso, members_at_birth
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.diagnostics.whole import WholeBerg, whole_berg, whole_lines
+from riftberg.engines.common.rift_tips import tip_lines
 from riftberg.runs.groundings import read_stays, why_lines
 from riftberg.runs.layout import heading_of
 from riftberg.runs.scene import SMALL, Scene
-from riftberg.stepping.fracture.rift_tips import tip_lines
 from riftberg.system.atomic_files import write_json
 
 if TYPE_CHECKING:

@@ -20,6 +20,9 @@ import shapely
 from riftberg.bergs.regions import turned
 from riftberg.config.units import duration_text
 from riftberg.constants import SECONDS_PER_DAY
+from riftberg.engines.common.forces.media import on_the_floor
+from riftberg.engines.common.fragments.tree import centroid
+from riftberg.engines.common.reserves import bond_strengths
 from riftberg.ensembles.uncertain import is_uncertain, with_errors
 from riftberg.ensembles.vary import grouped
 from riftberg.errors import InputError, RiftbergError, without_secrets
@@ -31,9 +34,6 @@ from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import SMALL
 from riftberg.runs.tracks import Shapes, is_channel, lon_of_track
 from riftberg.state.population import rows_of
-from riftberg.stepping.forces.media import on_the_floor
-from riftberg.stepping.fracture.reserves import bond_strengths
-from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import allow_large, value_shown
 
 if TYPE_CHECKING:

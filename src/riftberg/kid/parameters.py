@@ -21,6 +21,7 @@ import f90nml
 import numpy as np
 
 from riftberg.bergs.bonding import inscribed_share
+from riftberg.engines.common.speed_limit import DEBRIS_SPEED
 from riftberg.errors import BergError, InputError, NamelistError
 from riftberg.kid.entries import (
     CALVING,
@@ -51,7 +52,6 @@ from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import PUBLISHED_DRAG, Compatibility, Packing, Parameters, Scheme, kid_quirks
 from riftberg.state import Bonds, Elements
-from riftberg.stepping.speed_limit import DEBRIS_SPEED
 from riftberg.system.input_files import MOST_YAML, check_file, extreme_allowed, reading
 from riftberg.system.process import own_filters
 

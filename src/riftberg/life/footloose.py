@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.compiled.kernels import kernel
+from riftberg.engines.common.broad_phase import NEWBORN_CHILD, contact_cells, within_cells
+from riftberg.engines.common.forces.sizes import radius_of
+from riftberg.engines.common.fragments.tree import FragmentTree
 from riftberg.errors import RunError
 from riftberg.life.melt import LifeValues, bit_shape
 from riftberg.ocean.cells import locate_points
@@ -28,9 +31,6 @@ from riftberg.physics.geometry import move, separation, wrap_around
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
 from riftberg.state.population import listed
-from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, contact_cells, within_cells
-from riftberg.stepping.forces.sizes import radius_of
-from riftberg.stepping.fragments.tree import FragmentTree
 
 _LARGEST: Final = 2.0**32 - 1.0
 

@@ -20,12 +20,12 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import Voronoi
 
+from riftberg.engines.common.forces.sizes import interaction_sizes
+from riftberg.engines.common.lattices import ice_on_plane, laid_flat, lattices
 from riftberg.errors import InputError
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import numbered, rows_of
-from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.lattice.cells import ice_on_plane, laid_flat, lattices
 
 REACH: Final = 0.05
 """Retreat after which the outline is drawn anew, in parts of the size of an element."""

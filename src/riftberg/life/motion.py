@@ -22,16 +22,16 @@ import numpy as np
 from riftberg.bergs.bonding import Metric, pieces, separations
 from riftberg.bergs.lattice import Booleans
 from riftberg.compiled.kernels import borrower, kernel, plain
+from riftberg.engines.common.forces.media import CORIOLIS, FORCES, OWN, SEA_FLOOR
+from riftberg.engines.common.forces.sizes import disc_inertia, interaction_sizes, radius_of, rectangle_inertia
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
-from riftberg.stepping.forces.media import CORIOLIS, FORCES, OWN, SEA_FLOOR
-from riftberg.stepping.forces.sizes import disc_inertia, interaction_sizes, radius_of, rectangle_inertia
 
 if TYPE_CHECKING:
-    from riftberg.stepping.run_state import RunState
+    from riftberg.engines.common.run_state import RunState
 
 GIVERS: Final = (*FORCES, "loads", "supports", "time_step", "elements", "life", "other")
 """What changes momentum and energy: forces from outside, given loads and the supports that hold them, the error of the time

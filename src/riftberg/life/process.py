@@ -19,6 +19,7 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 
 from riftberg.constants import LATENT_HEAT
+from riftberg.engines.common.laws import ElementLaw, law_values
 from riftberg.errors import InputError
 from riftberg.life.footloose import (
     CalvingDraws,
@@ -33,7 +34,6 @@ from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import by_identifier, summed
-from riftberg.stepping.laws import ElementLaw, law_values
 
 PROCESSES: Final = ("base", "sides", "waves", "bergy_bits", "footloose_bits", "footloose_bergy_bits")
 """Ways in which ice becomes melt water. Waves: without what became bits; footloose bits: all melt of theirs."""

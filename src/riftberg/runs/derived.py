@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import netCDF4
 import numpy as np
 
+from riftberg.engines.common.forces.media import FORCES
 from riftberg.errors import RunError
 from riftberg.life.melt import mass_in_bits
 from riftberg.life.motion import GIVERS, bonds_vibrate
@@ -18,7 +19,6 @@ from riftberg.life.process import PROCESSES, SOURCES, melt_of
 from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats, Variable
 from riftberg.state.population import by_identifier
-from riftberg.stepping.forces.media import FORCES
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel

@@ -1,6 +1,6 @@
 """Stays of bergs on the sea floor in words: as they happen, at the end of a run, and from its file.
 
-What a stay holds stands in `riftberg.stepping.fragments.grounding_log`.
+What a stay holds stands in `riftberg.engines.common.fragments.grounding_log`.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.config.units import POINTS, duration_text, minute_text, place_text
+from riftberg.engines.common.bed import make_bed
+from riftberg.engines.common.forces.media import on_the_floor
+from riftberg.engines.common.fragments.grounding_log import AFLOAT_TIME, GroundingEvent
 from riftberg.parameters import Parameters, QuasiStaticParameters, Seabed
 from riftberg.physics.floating import draft_of
 from riftberg.runs.layout import called
-from riftberg.stepping.forces.media import on_the_floor
-from riftberg.stepping.fragments.grounding_log import AFLOAT_TIME, GroundingEvent
 from riftberg.system.process import say
 
 if TYPE_CHECKING:
@@ -173,9 +174,7 @@ def holding(sediment: str) -> float:
 
     ``min(mu, alpha s_u / q_u)``: on clay the keel is as wide as the bearing strength asks for.
     """
-    from riftberg.stepping.ground.seabed import bed_of  # with SciPy, which the command line loads where it runs
-
-    bed = bed_of(Seabed(sediment=sediment))
+    bed = make_bed(Seabed(sediment=sediment))
     adhesion = bed.shear_strength / bed.strength if bed.shear_strength > 0.0 else math.inf
     return min(bed.friction, adhesion)
 

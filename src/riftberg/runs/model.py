@@ -17,6 +17,7 @@ import numpy as np
 from riftberg.config.usual_ranges import of_records
 from riftberg.config.values import number, required
 from riftberg.constants import SECONDS_PER_DAY
+from riftberg.engines.common.laws import LAW_NAMES, Laws
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.model import BareModel, Recorder, check_recorders
 from riftberg.ocean.forcing import Forcing
@@ -24,7 +25,6 @@ from riftberg.runs.progress import ProgressRecorder, in_notebook
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import RunWriter, memory_run, missing_records, open_run
 from riftberg.runs.scene import keep_water
-from riftberg.stepping.laws import LAW_NAMES, Laws
 from riftberg.system.atomic_files import copy_file, refusal
 from riftberg.system.netcdf_lock import open_netcdf
 from riftberg.system.process import held, in_charge, say

@@ -21,6 +21,9 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.engines.common.fragments.contact_log import ContactEvent, ContactLog
+from riftberg.engines.common.fragments.grounding_log import GroundingEvent, GroundingLog
+from riftberg.engines.common.fragments.tree import Fragment
 from riftberg.errors import InputError
 from riftberg.life.process import PROCESSES, SOURCES
 from riftberg.parameters import Parameters
@@ -28,9 +31,6 @@ from riftberg.runs.layout import Allowed, check_bond_ends, forcing_text, read_pa
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
 from riftberg.state.variables import LARGEST, LARGEST_WHOLE
-from riftberg.stepping.fragments.contact_log import ContactEvent, ContactLog
-from riftberg.stepping.fragments.grounding_log import GroundingEvent, GroundingLog
-from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import MOST_SUBSTEPS, MOST_VALUES, check_file, reading, shown, value_shown
 from riftberg.system.netcdf_lock import open_netcdf

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg import constants
+from riftberg.engines.common.reserves import bond_strengths, reserve_lines
+from riftberg.engines.common.rift_tips import RiftTip
 from riftberg.errors import InputError, RiftbergError
 from riftberg.parameters import Packing
 from riftberg.physics.crevasses import prestress
@@ -27,8 +29,6 @@ from riftberg.runs.groundings import Stay, read_stays
 from riftberg.runs.layout import called, parameters_of
 from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, family_of, is_channel, zonal_period
 from riftberg.state import Floats, Ints
-from riftberg.stepping.fracture.reserves import bond_strengths, reserve_lines
-from riftberg.stepping.fracture.rift_tips import RiftTip
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 if TYPE_CHECKING:

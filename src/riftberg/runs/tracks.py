@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg import constants
+from riftberg.engines.common.forces.media import on_the_floor
+from riftberg.engines.common.reserves import bond_strengths
 from riftberg.parameters import Parameters
 from riftberg.runs.layout import (
     FRAGMENT_VARIABLES,
@@ -30,8 +32,6 @@ from riftberg.runs.layout import (
     texts,
 )
 from riftberg.state import Floats, Ints, Variable
-from riftberg.stepping.forces.media import on_the_floor
-from riftberg.stepping.fracture.reserves import bond_strengths
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -128,7 +128,7 @@ class Shapes:
     def sides(self, length: Floats, width: Floats, gyration: Floats) -> tuple[Floats, Floats]:
         """Return length and width of the rectangles with the area of the bergs and the ratio of their second moments.
 
-        As `riftberg.stepping.fragments.tree` has them for drag. ``length``, ``width``: of the elements, m;
+        As `riftberg.engines.common.fragments.tree` has them for drag. ``length``, ``width``: of the elements, m;
         ``gyration``: squares of their radii of gyration, m2.
         """
         own = 0.5 * self.mean(gyration)  # an element may lie any way round

@@ -14,13 +14,13 @@ import numpy as np
 
 from riftberg.config.units import area_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.engines.common.rift_tips import tip_label
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.plane import ConformalPlane, near
 from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, stretch, water_of
 from riftberg.runs.tracks import is_channel
 from riftberg.state import Floats
-from riftberg.stepping.fracture.rift_tips import tip_label
 from riftberg.viz import colours, style
 from riftberg.viz.coast import UNKNOWN_DEPTH, draw_coast, draw_place
 from riftberg.viz.style import degree_label, is_short, moment_text

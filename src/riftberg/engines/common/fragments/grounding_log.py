@@ -1,0 +1,207 @@
+"""Bergs on the sea floor as events: which, when, where, what the floor carries and what it can hold.
+
+What is aground is decided in `riftberg.engines.common.forces.media.on_the_floor` and nowhere else: what a bed of
+sediment carries, or where the drag of an explicit scheme acts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.compiled.kernels import kernel
+from riftberg.constants import GRAVITY
+from riftberg.engines.common.forces.media import SEA_FLOOR, on_the_floor
+from riftberg.engines.common.fragments.tree import FragmentTree
+from riftberg.parameters import KernelParameters
+from riftberg.physics.floating import draft_of
+from riftberg.state import Elements, Floats, Ints
+
+AFLOAT_TIME: Final = 6.0 * 3600.0
+"""Time (s) afloat after which the next touch is an event of its own; a tide that lifts a berg for less belongs to the event."""
+
+LEAST_SHARE: Final = 0.05
+"""Part of the area of its berg from which on a fragment has events of its own."""
+
+STANDSTILL: Final = 1e-3
+"""Speed (m s-1) below which a berg aground has come to rest."""
+
+
+@dataclass(frozen=True)
+class GroundingEvent:
+    """One stay of a berg or fragment on the sea floor."""
+
+    number: int  # Of the berg or fragment
+    time: float  # Start of the long step in which it touched first, s since the start of the run
+    end: float  # End of the last long step at whose end the floor carried it, s since the start of the run
+    lon: float  # Where the floor carried it first, degrees (m on a Cartesian grid)
+    lat: float
+    towards: float  # Direction of that from its centre, degrees clockwise from north
+    elements: int  # Elements that touched first
+    times: int  # How often it touched; a tide lifts it off for a while
+    seconds: float  # Time on the floor, s
+    carried: int  # Elements that the floor carried last
+    load: float  # Weight that the floor carried last, N
+    capacity: float  # Friction that could hold it last, N; 0 for the laws of drag, which hold nothing
+    pressing: float  # Force of all else on it in the last of these steps, N
+    lift: float  # Largest rise of its keel so far, m
+    stress: float  # Largest bending stress of the ice that the floor lifts so far, Pa
+    gouge: float  # How deep it has pressed a bed that yields at most, m
+    way: float  # Way of its centre on the floor, with that before the touch in the first step, m
+    stopped: float  # The same when it first came to rest; -1 where it never did
+    # End of the step since which it has stood still, s since the start of the run; -1 while it slides
+    held: float = -1.0
+
+
+class GroundingLog:
+    """All stays on the sea floor of bergs, and of fragments that are not small."""
+
+    def __init__(self, rows: list[GroundingEvent] | None = None, clearance: float = math.inf) -> None:
+        self.rows: list[GroundingEvent] = list(rows or [])
+        self.clearance = clearance  # Least water under a keel, m; negative where it stands deeper than the floor
+        self._latest = {row.number: k for k, row in enumerate(self.rows)}
+
+    def saved(self) -> GroundingLog:
+        """Return a checkpoint."""
+        return GroundingLog(self.rows, self.clearance)
+
+    def update(
+        self, before: Elements, el: Elements, step: tuple[float, float], tree: FragmentTree, p: KernelParameters,
+        forces: Callable[[], Floats], clearance: float,
+    ) -> None:  # fmt: skip
+        """Record what the floor carries after a long ``step`` from one time to another, s.
+
+        ``before``, ``el``: the elements at its start and at its end; ``forces``: gives the mean forces (N) of the step, shape
+        (elements, forces, 2); ``clearance``: least water under a keel as the bed has it (m), NaN where the depth under the middle
+        of elements counts.
+        """
+        depth = el.environment.depth
+        touching = on_the_floor(el.body.thickness, depth, el.keel.floor_load, p)
+        least = float(np.min(depth - draft_of(el.body.thickness, p.rho_ice))) if math.isnan(clearance) else clearance
+        self.clearance = min(self.clearance, least)
+        if not touching.any():
+            return
+        numbers = np.unique(el.body.berg[touching])
+        for row in _measured(numbers, touching, before, el, step, p, forces()):
+            berg = tree.origin(row.number)
+            if not 0 < berg <= len(tree.rows) or row.area >= LEAST_SHARE * tree.rows[berg - 1].area:
+                self._add(row.event, step[0])
+
+    def _add(self, row: GroundingEvent, began: float) -> None:
+        """Extend the last event of a fragment by a step, or begin a new one."""
+        k = self._latest.get(row.number, -1)
+        known = self.rows[k] if k >= 0 else None
+        if known is None or began - known.end >= AFLOAT_TIME:
+            self._latest[row.number] = len(self.rows)
+            self.rows.append(row)
+            return
+        way = known.way + row.way
+        stopped = known.stopped if known.stopped >= 0.0 or row.stopped < 0.0 else way
+        held = row.held if row.held < 0.0 or known.held < 0.0 else known.held
+        # Field by field: a copy that names what changes takes most of the time of a field of bergs aground.
+        self.rows[k] = GroundingEvent(
+            row.number, known.time, row.end, known.lon, known.lat, known.towards, known.elements,
+            known.times + (known.end < began), known.seconds + row.seconds, row.carried, row.load, row.capacity, row.pressing,
+            max(known.lift, row.lift), max(known.stress, row.stress), max(known.gouge, row.gouge), way, stopped,
+            held,
+        )  # fmt: skip
+
+
+def mass_on_floor(el: Elements, p: KernelParameters) -> Floats:
+    """Return the mass of each element that the sea floor carries, kg.
+
+    On a bed of sediment its load. The drag of the explicit schemes carries nothing: there it is what lies above the water that
+    is as deep as the keel, where the element is aground.
+    """
+    body, depth = el.body, el.environment.depth
+    touching = on_the_floor(body.thickness, depth, el.keel.floor_load, p)
+    in_water = np.clip(depth / draft_of(body.thickness, p.rho_ice), 0.0, 1.0)
+    above = np.where(touching & (el.keel.floor_load == 0.0), body.mass * (1.0 - in_water), 0.0)
+    return np.asarray(above + el.keel.floor_load / GRAVITY)
+
+
+class _Measured(NamedTuple):
+    """A fragment on the floor."""
+
+    number: int
+    area: float  # m2
+    event: GroundingEvent  # As one step alone has it
+
+
+def _measured(
+    numbers: Ints, touching: NDArray[np.bool_], before: Elements, el: Elements, step: tuple[float, float],
+    p: KernelParameters, forces: Floats,
+) -> list[_Measured]:  # fmt: skip
+    """Return what a step alone shows of each fragment on the floor."""
+    at = np.minimum(np.searchsorted(numbers, el.body.berg), numbers.size - 1)
+    rows = np.flatnonzero(numbers[at] == el.body.berg)
+    fragment, first = at[rows], np.empty(numbers.size, np.int64)
+    first[fragment[::-1]] = rows[::-1]
+    mass, place, motion, keel = el.body.mass, el.place, el.motion, el.keel
+    east, north = _metres_per_unit(place.lat, p)
+    # From the first element of each fragment: across the seam too.
+    start = np.zeros(el.size, np.int64)
+    start[rows] = first[fragment]
+    x, y = _nearest(place.lon - place.lon[start], p), place.lat - place.lat[start]
+    gone_x, gone_y = _nearest(place.lon - before.place.lon, p), place.lat - before.place.lat
+    load = GRAVITY * mass_on_floor(el, p)
+    # Drag may act on a keel that has not come to the floor yet: where nothing is carried, all elements aground count alike.
+    weight = np.where(touching, np.maximum(load, 1.0), 0.0)
+    push = np.delete(forces, SEA_FLOOR, axis=1).sum(axis=1)
+    values = np.stack([
+        mass, weight, weight * x, weight * y, mass * x, mass * y, mass * gone_x * east, mass * gone_y * north,
+        mass * motion.u_sync, mass * motion.v_sync, push[:, 0], push[:, 1], touching.astype(np.float64), load, keel.floor_hold,
+        el.body.length * el.body.width,
+    ])  # fmt: skip
+    total, largest = np.zeros((len(values), numbers.size)), np.zeros((3, numbers.size))
+    _sum_up(rows, fragment, values, total)
+    _take_largest(rows, fragment, np.stack([keel.floor_lift, keel.floor_stress, keel.floor_yield]), largest)
+    weights, masses = total[1], total[0]
+    touch_x, touch_y, centre_x, centre_y = total[2] / weights, total[3] / weights, total[4] / masses, total[5] / masses
+    way, speed = np.hypot(*total[6:8]) / masses, np.hypot(*total[8:10]) / masses
+    pressing, (carried, borne, holds, area) = np.hypot(*total[10:12]), total[12:]
+    lift, stress, gouge = largest.tolist()
+    towards = np.degrees(np.arctan2((touch_x - centre_x) * east[first], (touch_y - centre_y) * north)) % 360.0
+    (began, ended), measured = step, []
+    for n, (number, k) in enumerate(zip(numbers.tolist(), first.tolist(), strict=True)):
+        event = GroundingEvent(
+            number, began, ended, float(place.lon[k] + touch_x[n]), float(place.lat[k] + touch_y[n]), float(towards[n]),
+            int(carried[n]), 1, ended - began, int(carried[n]), float(borne[n]), float(holds[n]), float(pressing[n]),
+            lift[n], stress[n], gouge[n], float(way[n]), *((float(way[n]), ended) if speed[n] < STANDSTILL else (-1.0, -1.0)),
+        )  # fmt: skip
+        measured.append(_Measured(number, float(area[n]), event))
+    return measured
+
+
+@kernel
+def _sum_up(rows: Ints, fragment: Ints, values: Floats, total: Floats) -> None:
+    """Add up several values of elements by fragment."""
+    for n in range(rows.size):
+        for k in range(len(values)):
+            total[k, fragment[n]] += values[k, rows[n]]
+
+
+@kernel
+def _take_largest(rows: Ints, fragment: Ints, values: Floats, largest: Floats) -> None:
+    """Take the largest of several values of elements by fragment."""
+    for n in range(rows.size):
+        for k in range(len(values)):
+            largest[k, fragment[n]] = max(largest[k, fragment[n]], values[k, rows[n]])
+
+
+def _metres_per_unit(lat: Floats, p: KernelParameters) -> tuple[Floats, float]:
+    """Metres per unit of the coordinates, east at some latitudes, and north."""
+    if not p.latlon:
+        return np.ones_like(lat), 1.0
+    degree = np.radians(1.0) * p.earth_radius
+    return degree * np.cos(np.radians(lat)), degree
+
+
+def _nearest(east: Floats, p: KernelParameters) -> Floats:
+    """Differences of longitude (or x) by the nearest way round."""
+    return np.asarray(east - p.period * np.round(east / p.period)) if p.period > 0.0 else east

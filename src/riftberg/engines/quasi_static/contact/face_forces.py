@@ -1,0 +1,444 @@
+"""Forces between faces that crush each other, over one sub-step of an island (`riftberg.physics.contact`).
+
+    M (V1 - V0) = h (G(V) - sum J^T F(V1))
+
+with the media G as in `riftberg.engines.quasi_static.contact.islands`, and the forces F of the faces at the depth that the new
+velocities lead to. Normals, lever arms and overlaps are those of the predicted middle, at one common point for both bodies, so
+momentum and angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the velocities.
+
+A sub-step goes through this file from top to bottom: velocities without contact, the faces that overlap, their forces, what
+these crush, and the loads of the hardest push.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.compiled.kernels import borrower, kernel
+from riftberg.engines.quasi_static.contact.anchors import HELD
+from riftberg.engines.quasi_static.contact.face_pairs import (
+    CrushingWorkspace,
+    Faces,
+    PairWorkspace,
+    overlap_of_pair,
+    places_of_pair,
+)
+from riftberg.engines.quasi_static.contact.islands import Island, IslandResult, record_loads, spin_lever
+from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
+from riftberg.physics.geometry import solve
+from riftberg.state import Floats
+
+(
+    TOUCHED,
+    CRUSHED,
+    CHORD,
+    SINCE,
+    SPEED,
+    FORCE,
+    FRICTION,
+    PHASE,
+    PUSH_X,
+    PUSH_Y,
+    TORQUE_1,
+    TORQUE_2,
+    AREA_AT_END,
+    SKIN_X,
+    SKIN_Y,
+) = range(15)
+"""Columns of a pair of faces: overlaps at which they touched and to which they are crushed (m2), chord (m), time since touching
+(s), closing speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques (N m); overlap at
+the end of the last step (m2); way (m) of each towards the other with which faces that stood on each other overlap. At rest, and
+of faces that overlap and part, the closing speed now."""
+
+COLUMNS: Final = 15
+
+APART, IMPACT, REST = 0.0, 1.0, 2.0
+"""Phases of contact of two faces."""
+
+SLOW: Final = 2e-3
+"""Speed (m s-1) up to which faces touch without an impact."""
+
+STRUCK_AT_REST: Final = 10e-3
+"""Closing speed (m s-1) at which rest becomes an impact, if it has doubled within a sub-step: something struck."""
+
+IMPACT_OVER: Final = 0.02
+"""Part of the speed of touching below which an impact comes to rest, `SETTLING_TIME` over the frequency after touching."""
+
+SETTLING_TIME: Final = 3.0
+"""Time after touching, over the frequency of the faces, from which on an impact may have come to rest: about half a period."""
+
+LONGEST_IMPACT: Final = 10.0
+"""An impact takes at most this time over its frequency: it loads for half of pi of it. What goes on is driven, as at rest."""
+
+LEAST_CHORD: Final = 1e-6
+"""Square of the chord of an overlap over its area, below which one face lies wholly in the other.
+
+Round-off leaves some 1e-30; an overlap that opens to one side has 1 and more until it is deeper than wide.
+"""
+
+LEAST_FACE: Final = 1.0
+"""Chord (m) from which on faces can stand on each other."""
+
+MAX_SWEEPS: Final = 400
+"""Sweeps over the faces; impulses are equal and opposite after each of them, so momentum does not depend on their number."""
+
+SWEEP_RTOL: Final = 1e-11
+"""Change of the velocities in a sweep, as a part of the largest, at which the sweeps end."""
+
+
+class CrushingLaw(NamedTuple):
+    """Numbers of the law of faces."""
+
+    strength: float  # Pa
+    depth: float  # Over which it is reached, m
+    ratio: float  # Stiffness of unloading over that of loading
+    friction: float
+
+
+NX, NY, AREA, AREA_PER_SPEED, ROW_N, ROW_T = 0, 1, 2, 3, 4, 10
+MOBILITY_N, MOBILITY_T, OFFSET, SLIDING, CLOSING, BEFORE = 16, 17, 18, 22, 23, 24
+"""Columns of ``face``."""
+
+
+@kernel
+def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
+    """Return a workspace for an island whose polygons have so many corners at most."""
+    bodies, pairs, rows = island.bonded.size, island.first.size, island.body_of.size
+    return CrushingWorkspace(
+        np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((bodies, 3)),
+        np.empty((bodies, 3)), np.empty((bodies, 3)), np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies),
+        np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.empty(pairs),
+        np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 25)),
+        np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
+        np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
+        PairWorkspace(np.empty((corners, 2)), np.empty((corners, 2)), np.empty((2, 4 * corners, 3))),
+        np.empty((4, 3, 3)), np.zeros(1), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.empty((bodies, 3)),
+        np.zeros(bodies, np.int64), np.full(bodies, np.inf),
+    )  # fmt: skip
+
+
+@kernel
+def unloading_rate(thickness: float, law: CrushingLaw) -> float:
+    """Force (N m-2) that a face loses with its overlap as it is unloaded; the thickness (m) is that of the thinner element."""
+    return law.ratio * law.strength * thickness / law.depth
+
+
+@kernel
+def set_apart(state: Floats) -> None:
+    """End the contact of a pair."""
+    state[PHASE], state[FORCE], state[FRICTION], state[SPEED] = APART, 0.0, 0.0, 0.0
+
+
+@borrower
+def find_free_motion(island: Island, jacobian: Floats, h: float, twist: Floats, work: CrushingWorkspace) -> None:
+    """Velocities at the end of a sub-step without contact, and the compliance of each body with its media and the floor."""
+    mobility, compliance = island.matrices.mobility, work.compliance
+    matrix, x = work.scratch[0], work.scratch[1, 0]
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                matrix[i, j] = 1.0 if i == j else 0.0
+                for k in range(3):
+                    drag = 0.5 * jacobian[b, k, j] + work.floor_drag[b, k, j]
+                    matrix[i, j] += h * mobility[b, i, k] * drag
+        for j in range(3):
+            for i in range(3):
+                x[i] = mobility[b, i, j]
+            compliance[b, 0, j], compliance[b, 1, j], compliance[b, 2, j] = solve(matrix, x)
+        for i in range(3):
+            work.new[b, i] = twist[b, i]
+            for j in range(3):
+                work.new[b, i] += h * compliance[b, i, j] * (work.net_force[b, j] + work.floor_force[b, j])
+
+
+@borrower
+def find_faces(
+    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, h: float, law: CrushingLaw, work: CrushingWorkspace
+) -> int:  # fmt: skip
+    """Find the faces that overlap at the predicted middle, and begin or end their contact; returns their number."""
+    count, path, twist = 0, work.middle, result.twist
+    for k in range(island.first.size):
+        if work.gap[k] > 0.5 * h * work.bound[k]:
+            continue
+        i, j = island.first[k], island.second[k]
+        m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
+        ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+        skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
+        area, moment_x, moment_y, chord_x, chord_y = overlap_of_pair(island, faces, path, k, skin_x, skin_y, work)
+        chord = math.hypot(chord_x, chord_y)
+        standing = skin_x != 0.0 or skin_y != 0.0
+        if standing and chord < LEAST_FACE and pair_state[k, PHASE] == APART:  # a corner, until it is in the other face
+            continue
+        if not (area > 0.0 and chord * chord > LEAST_CHORD * area):
+            set_apart(pair_state[k])
+            if area > 0.0:
+                # One lies wholly in the other: its chord closes to nothing but round-off, and nothing says which way is out.
+                # It is no limit to the sub-steps.
+                pair_state[k, SPEED] = -np.inf
+            continue
+        nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
+        row = work.face[count]
+        mx, my = spin_lever(m, ca, sa)
+        qx, qy = spin_lever(n, cb, sb)
+        _fill_row(row, ROW_N, 1.0, m, mx, my, x - x1, y - y1, nx, ny)
+        _fill_row(row, ROW_N + 3, -1.0, n, qx, qy, x - x2, y - y2, nx, ny)
+        _fill_row(row, ROW_T, 1.0, m, mx, my, x - x1, y - y1, -ny, nx)
+        _fill_row(row, ROW_T + 3, -1.0, n, qx, qy, x - x2, y - y2, -ny, nx)
+        closing = _speed(row, ROW_N, twist[a], twist[b])
+        state = pair_state[k]
+        if state[PHASE] == APART:
+            # Faces meet where they stand: what was crushed before is rubble that fills the gap.
+            state[TOUCHED] = area
+            state[PHASE] = IMPACT if closing > (STRUCK_AT_REST if standing else SLOW) else REST
+            if state[PHASE] == REST:
+                state[TOUCHED] -= 0.5 * h * closing * chord
+            state[CRUSHED] = state[TOUCHED]
+            state[SINCE], state[SPEED], state[FORCE], state[FRICTION] = 0.0, closing, 0.0, 0.0
+        state[CHORD] = chord
+        row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
+        row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
+        row[SLIDING], row[CLOSING], row[BEFORE] = _speed(row, ROW_T, twist[a], twist[b]), closing, state[FORCE]
+        row[AREA] = area - 0.5 * h * closing * chord if state[PHASE] == REST else area
+        if _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b]) > 0.0:  # else both are held
+            work.active[count] = k
+            count += 1
+    return count
+
+
+@borrower
+def find_mobilities(
+    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
+) -> None:  # fmt: skip
+    """Find how the bodies give way to the faces that overlap."""
+    for f in range(count):
+        k, row = work.active[f], work.face[f]
+        i, j, chord = island.first[k], island.second[k], pair_state[k, CHORD]
+        one, two = work.compliance[island.body_of[i]], work.compliance[island.body_of[j]]
+        row[MOBILITY_N], row[MOBILITY_T] = _mobility_along(row, ROW_N, one, two), _mobility_along(row, ROW_T, one, two)
+        row[AREA_PER_SPEED] = 0.5 * h * chord
+        if pair_state[k, PHASE] == REST:
+            stiffness = face_stiffness(law.strength, min(faces.thickness[i], faces.thickness[j]), chord, law.depth)
+            row[AREA_PER_SPEED] = chord * (h + 2.0 / math.sqrt(stiffness * row[MOBILITY_N]))
+
+
+@kernel
+def _fill_row(
+    row: Floats, at: int, sign: float, m: Floats, mx: float, my: float, ox: float, oy: float, ux: float, uy: float
+) -> None:
+    """Levers of a point at (ox, oy) from an element, along (ux, uy), of three freedoms."""
+    row[at] = sign * (ux * (m[0] - oy * m[6]) + uy * (m[3] + ox * m[6]))
+    row[at + 1] = sign * (ux * (m[1] - oy * m[7]) + uy * (m[4] + ox * m[7]))
+    row[at + 2] = sign * (ux * (mx - oy * m[8]) + uy * (my + ox * m[8]))
+
+
+@kernel
+def _mobility_along(row: Floats, at: int, one: Floats, two: Floats) -> float:
+    """Change of the speed along a row by a unit impulse along it, kg-1."""
+    total = 0.0
+    for i in range(3):
+        for j in range(3):
+            total += row[at + i] * one[i, j] * row[at + j] + row[at + 3 + i] * two[i, j] * row[at + 3 + j]
+    return total
+
+
+@kernel
+def _speed(row: Floats, at: int, v: Floats, w: Floats) -> float:
+    """Speed (m s-1) along a row of levers of both bodies."""
+    return float(
+        row[at] * v[0]
+        + row[at + 1] * v[1]
+        + row[at + 2] * v[2]
+        + row[at + 3] * w[0]
+        + row[at + 4] * w[1]
+        + row[at + 5] * w[2]
+    )
+
+
+@borrower
+def sweep_faces(
+    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
+) -> None:
+    """Find the forces of the faces and the velocities that they lead to (projected Gauss-Seidel)."""
+    scale = 1e-9
+    for f in range(count):
+        k, row = work.active[f], work.face[f]
+        a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
+        scale = max(scale, abs(_speed(row, ROW_N, work.new[a], work.new[b])), abs(row[SLIDING]))
+        # The forces of the sub-step before are a first guess.
+        _push(row, ROW_N, h * pair_state[k, FORCE], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+        _push(row, ROW_T, h * pair_state[k, FRICTION], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+    work.changed[:] = 0
+    for sweep in range(1, MAX_SWEEPS + 1):
+        most = 0.0
+        for f in range(count):
+            k, row = work.active[f], work.face[f]
+            i, j = island.first[k], island.second[k]
+            a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
+            # Where neither body has changed since its last turn, a face has nothing to add: clusters converge each by itself.
+            if max(work.changed[a], work.changed[b]) < sweep - 1:
+                continue
+            largest = 0.0
+            one, two, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
+            thickness = min(faces.thickness[i], faces.thickness[j])
+            mobility = h * row[MOBILITY_N]
+            free = _speed(row, ROW_N, v, w) + mobility * state[FORCE]
+            force = crushing_force(
+                row[AREA] + row[AREA_PER_SPEED] * free, state[TOUCHED], state[CRUSHED], law.strength * thickness / law.depth,
+                law.ratio, law.strength * thickness * state[CHORD], row[AREA_PER_SPEED] * mobility,
+            )  # fmt: skip
+            change = force - state[FORCE]
+            state[FORCE] = force
+            _push(row, ROW_N, h * change, one, two, v, w)
+            largest = max(largest, abs(mobility * change))
+            if law.friction > 0.0:
+                mobility = h * row[MOBILITY_T]
+                slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / mobility, force, law.friction)
+                change = slide - state[FRICTION]
+                state[FRICTION] = slide
+                _push(row, ROW_T, h * change, one, two, v, w)
+                largest = max(largest, abs(mobility * change))
+            if largest > SWEEP_RTOL * scale:
+                work.changed[a] = work.changed[b] = sweep
+            most = max(most, largest)
+        if most <= SWEEP_RTOL * scale:
+            return
+
+
+@kernel
+def _push(row: Floats, at: int, impulse: float, one: Floats, two: Floats, v: Floats, w: Floats) -> None:
+    """Change the velocities of both bodies by an impulse against a row."""
+    for i in range(3):
+        for j in range(3):
+            v[i] -= impulse * one[i, j] * row[at + j]
+            w[i] -= impulse * two[i, j] * row[at + 3 + j]
+
+
+@borrower
+def find_going(island: Island, pair_state: Floats, count: int, twist: Floats, work: CrushingWorkspace) -> None:
+    """Find the twists by which bodies go through a sub-step: the mean of old and new; the new one of bodies at rest or held.
+
+    At rest (pressed, and in no impact) a body then stands where its overlap says. By the mean, one that rocks would come in a
+    little with each swing, and rock on. One that the sea floor holds stands where its anchors say.
+    """
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            work.going[b, i] = 0.5 * (twist[b, i] + work.new[b, i])
+    for phase in (REST, IMPACT):
+        for f in range(count):
+            k = work.active[f]
+            if pair_state[k, FORCE] > 0.0 and pair_state[k, PHASE] == phase:
+                for b in (island.body_of[island.first[k]], island.body_of[island.second[k]]):
+                    for i in range(3):
+                        work.going[b, i] = work.new[b, i] if phase == REST else 0.5 * (twist[b, i] + work.new[b, i])
+    for b in range(twist.shape[0]):
+        if work.floor[b] == HELD:
+            for i in range(3):
+                work.going[b, i] = work.new[b, i]
+
+
+@borrower
+def update_faces(
+    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace,
+    result: IslandResult,
+) -> None:  # fmt: skip
+    """Crush the faces as far as their forces say, and pass on from impact to rest, or apart; add up what they give the bodies."""
+    for f in range(count):
+        k, row = work.active[f], work.face[f]
+        i, j = island.first[k], island.second[k]
+        a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
+        back = unloading_rate(min(faces.thickness[i], faces.thickness[j]), law)
+        closing = _speed(row, ROW_N, work.new[a], work.new[b])
+        went = _speed(row, ROW_N, work.going[a], work.going[b])
+        area = row[AREA] + (h if state[PHASE] == REST else 0.5 * h) * closing * state[CHORD]
+        force, slide = state[FORCE], state[FRICTION]
+        result.touched[k] = result.touched[k] or force > 0.0
+        for n in range(3):
+            result.impulse[a, n] -= h * (force * row[ROW_N + n] + slide * row[ROW_T + n])
+            result.impulse[b, n] -= h * (force * row[ROW_N + 3 + n] + slide * row[ROW_T + 3 + n])
+        crushed = area - force / back
+        if force > 0.0 and crushed > state[CRUSHED]:
+            stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (back * state[CHORD])
+            work.dissipated[0] += max(h * force * went - stored, 0.0)
+            state[CRUSHED] = crushed
+        if state[PHASE] == REST and force > 0.0:
+            # The overlap followed the new velocity, and a body in an impact as well goes by the mean of old and new: what lies
+            # between must not become a force when the next sub-step is shorter.
+            drift = h * (went - closing) * state[CHORD]
+            state[TOUCHED] += drift
+            state[CRUSHED] += drift
+        work.dissipated[0] += max(h * slide * _speed(row, ROW_T, work.going[a], work.going[b]), 0.0)
+        state[SINCE] += h
+        nx, ny = row[NX], row[NY]
+        fx, fy = force * nx - slide * ny, force * ny + slide * nx
+        state[PUSH_X], state[PUSH_Y] = fx, fy
+        state[TORQUE_1] = -(row[OFFSET] * fy - row[OFFSET + 1] * fx)
+        state[TORQUE_2] = row[OFFSET + 2] * fy - row[OFFSET + 3] * fx
+        if force == 0.0 and closing <= 0.0:
+            state[PHASE], state[SPEED] = APART, closing
+        elif state[PHASE] == REST:
+            state[SPEED] = closing
+            if closing > max(STRUCK_AT_REST, 2.0 * row[CLOSING]):
+                state[PHASE], state[SINCE] = IMPACT, 0.0
+        else:
+            # What was unloaded and is struck again is an impact of its own.
+            if force > 0.0 and row[BEFORE] == 0.0 and row[CLOSING] > STRUCK_AT_REST and state[SINCE] > h:
+                state[SINCE], state[SPEED] = h, row[CLOSING]
+            since = state[SINCE] * math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
+            slow = closing < max(IMPACT_OVER * state[SPEED], SLOW)
+            if (slow and since > SETTLING_TIME) or (force > 0.0 and since > LONGEST_IMPACT):
+                state[PHASE], state[SPEED] = REST, closing
+
+
+@borrower
+def record_peak(island: Island, pair_state: Floats, count: int, result: IslandResult, work: CrushingWorkspace) -> None:
+    """Record the loads of the bonded bodies that contact presses harder in this sub-step than before in the step."""
+    if count == 0:
+        return
+    body_of, harder = island.body_of, False
+    _find_loaded_by_impact(island, pair_state, count, work.impacted, work)
+    work.size[:] = 0.0
+    for f in range(count):
+        k = work.active[f]
+        size = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y])
+        for b in (body_of[island.first[k]], body_of[island.second[k]]):
+            work.size[b] += size if work.impacted[b] else 0.0
+            harder = harder or (island.bonded[b] and work.size[b] > work.peak[b])
+    if not harder:
+        return
+    work.contact_force[:, :] = 0.0
+    for f in range(count):
+        k = work.active[f]
+        i, j, x, y = island.first[k], island.second[k], pair_state[k, PUSH_X], pair_state[k, PUSH_Y]
+        work.contact_force[i, 0] -= x
+        work.contact_force[i, 1] -= y
+        work.contact_force[i, 2] += pair_state[k, TORQUE_1]
+        work.contact_force[j, 0] += x
+        work.contact_force[j, 1] += y
+        work.contact_force[j, 2] += pair_state[k, TORQUE_2]
+    record_loads(island, work.size, work.peak, work.new, work.middle, work.force, work.contact_force, result)
+
+
+@borrower
+def _find_loaded_by_impact(
+    island: Island, pair_state: Floats, count: int, impacted: NDArray[np.bool_], work: CrushingWorkspace
+) -> None:
+    """Find the bodies that bear an impact: on a face of their own, or by way of others that press them at rest.
+
+    What is driven into another faster than `STRUCK_AT_REST` strikes it, however long that lasts. All else is at rest, where loads
+    change slowly, and are those of the end of the step.
+    """
+    impacted[:], more = False, True
+    while more:
+        more = False
+        for f in range(count):
+            k = work.active[f]
+            a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
+            if pair_state[k, FORCE] <= 0.0 or (impacted[a] and impacted[b]):
+                continue
+            strikes = pair_state[k, PHASE] == IMPACT or pair_state[k, SPEED] > STRUCK_AT_REST
+            if strikes or impacted[a] or impacted[b]:
+                impacted[a] = impacted[b] = more = True

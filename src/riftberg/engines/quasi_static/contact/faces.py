@@ -1,0 +1,235 @@
+"""Fragments that crush each other's faces: what lives from one step to the next, and a step of all islands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from riftberg.bergs.bonding import separations
+from riftberg.engines.common.broad_phase import NO_PAIRS, SEARCH_MARGIN, candidate_pairs
+from riftberg.engines.common.forces.sizes import Sizes
+from riftberg.engines.common.land import NearPairs, metric_of, movable
+from riftberg.engines.common.run_state import RunState
+from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
+from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, tangent_coordinates
+from riftberg.engines.quasi_static.contact.crushing_step import integrate_faces
+from riftberg.engines.quasi_static.contact.face_forces import (
+    APART,
+    COLUMNS,
+    PHASE,
+    PUSH_X,
+    PUSH_Y,
+    SINCE,
+    TORQUE_1,
+    TORQUE_2,
+    CrushingLaw,
+)
+from riftberg.engines.quasi_static.contact.face_pairs import Faces, face_gaps
+from riftberg.engines.quasi_static.contact.islands import (
+    SubcycledMotion,
+    allocate_result,
+    gather_islands,
+    pair_separations,
+    subcycled_motion,
+)
+from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, Footprints, body_footprint
+from riftberg.state import Elements, Floats, Ints
+from riftberg.state.neighbours import near_pairs
+from riftberg.state.population import rows_of
+
+DRIVEN: Final = 2e-4
+"""Acceleration (m s-2) at which media drive two bergs together at most: twice that of the Coriolis force at 0.7 m/s."""
+
+GOLDEN_RATIO: Final = 0.5 * (1.0 + math.sqrt(5.0))
+
+LASTING: Final = 600.0
+"""Time (s) that contact lasts before the lattices bear it as a load at rest; of what is shorter they bear the largest impact.
+
+A piece that breaks off turns about one element of the rest for some minutes. What this one bears meanwhile is a load on a point,
+whose stress goes as one over the size of the elements, and a step of half an hour sees none, a short one all of it.
+"""
+
+
+class FacePairs(NamedTuple):
+    """The pairs of faces that press each other, as the last sub-step left them."""
+
+    pair: Ints  # Identifiers of both elements; shape (pairs, 2)
+    state: Floats  # See `riftberg.engines.quasi_static.contact.face_forces`; shape (pairs, columns)
+    dissipated: Floats  # Plastic work and friction since the start of the run, J; shape (1,)
+
+
+FACE_PAIR_NAMES = tuple(f"meeting_{name}" for name in FacePairs._fields)
+"""Names in a restart file."""
+
+NO_FACE_PAIRS = FacePairs(np.zeros((0, 2), np.int64), np.zeros((0, COLUMNS)), np.zeros(1))
+
+
+class _Polygons(NamedTuple):
+    """Footprints of all elements, along the axes of their fragments."""
+
+    begin: Ints  # Where the polygons of each element begin; shape (elements + 1,)
+    ring: Ints  # Where the corners of each polygon begin; shape (polygons + 1,)
+    corner: Floats  # From the centre of the element, m; shape (corners, 2)
+    element: Ints  # Of each corner
+    reach: Floats  # Farthest corner of each element, m
+
+
+class FaceContact:
+    """Contact by crushing under a run."""
+
+    def __init__(self, model: RunState, footprints: FootprintBook) -> None:
+        p = model.parameters.contact
+        self._law = CrushingLaw(p.crushing_strength, p.crushing_depth, p.unloading_ratio, p.friction)
+        self._footprints = footprints
+        self._polygons: _Polygons | None = None
+        self._key: tuple[object, ...] = ()
+        self._reach: tuple[Footprints | None, Floats] = (None, np.zeros(0))  # of the footprints as they were made, m
+        self.pairs = NO_FACE_PAIRS
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return what a restart file must hold beside the state."""
+        return dict(zip(FACE_PAIR_NAMES, self.pairs, strict=True))
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        """Restore what `state_dict` gave."""
+        if all(name in saved for name in FACE_PAIR_NAMES):
+            pair, state, dissipated = (np.array(saved[name]) for name in FACE_PAIR_NAMES)
+            self.pairs = FacePairs(pair.astype(np.int64), state.astype(float), dissipated.astype(float))
+
+    def forget_pairs(self) -> None:
+        """Forget all pairs: nobody may touch."""
+        self.pairs = self.pairs._replace(pair=NO_FACE_PAIRS.pair, state=NO_FACE_PAIRS.state)
+
+    def reach(self, model: RunState) -> Floats:
+        """Distance (m) of the farthest corner of each element's footprint from its centre."""
+        footprints, body = self._footprints.follow(model), model.elements.body
+        if footprints is not self._reach[0]:
+            of = np.repeat(footprints.owner, np.diff(footprints.start))
+            farthest, away = np.zeros(footprints.element.size), footprints.corner - footprints.centre[of]
+            np.maximum.at(farthest, of, np.hypot(away[:, 0], away[:, 1]))
+            self._reach = footprints, farthest
+        rows = rows_of(footprints.element, body.id)[0]
+        return np.asarray(self._reach[1][rows] * np.sqrt(body.length * body.width / footprints.size[rows]))
+
+    def force(self, model: RunState) -> Floats:
+        """Force and torque (N, N, N m) of lasting contact on the elements after the last sub-step; shape (elements, 3)."""
+        out, s = np.zeros((model.elements.size, 3)), self.pairs.state
+        lasting = s[:, SINCE] >= LASTING
+        if not lasting.any():
+            return out
+        rows, known = rows_of(model.elements.body.id, self.pairs.pair.ravel())
+        rows, both = rows.reshape(-1, 2), known.reshape(-1, 2).all(axis=1) & lasting
+        for side, sign, torque in ((0, -1.0, TORQUE_1), (1, 1.0, TORQUE_2)):
+            push = np.column_stack([sign * s[:, PUSH_X], sign * s[:, PUSH_Y], s[:, torque]])
+            np.add.at(out, rows[both, side], push[both])
+        return out
+
+    def resolve(
+        self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes, anchors: Floats
+    ) -> SubcycledMotion | None:
+        """Take the bodies that may touch through ``h`` s of sub-steps, and keep the pairs of faces; None where none touch.
+
+        ``anchors``: of the elements on the sea floor (`riftberg.engines.quasi_static.contact.anchors`).
+        """
+        el, c, before = model.elements, model.constants, self.pairs
+        self.forget_pairs()
+        polygons = self._faces_of(model, bodies)
+        first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
+        if first.size == 0:
+            return None
+        faces = self._laid_out(polygons, el, op.levers)
+        apart = pair_separations(el, first, second, c)
+        # As far as both can come in the step by themselves and by what drives them.
+        # The spin of the state may be that of a trial step that was rolled back.
+        turning = np.einsum("ek,ek->e", op.levers[:, 6:9], bodies.twist[op.body])
+        velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, turning])
+        u, v, spin = np.abs(velocity[first] - velocity[second]).T
+        way = h * (np.hypot(u, v) + spin * (polygons.reach[first] + polygons.reach[second]) + 0.5 * DRIVEN * h)
+        near = face_gaps(first, second, apart, faces)[:, 0] <= way
+        if not near.any():
+            return None
+        order = np.flatnonzero(near)[np.argsort(_place_in_line(el, first[near], second[near]))]
+        first, second = first[order], second[order]
+        lists, whole = gather_islands(op, first, second, apart[order])
+        ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
+        pair_state, rows = _known_states(before, ids), lists.rows
+        faces = faces._replace(
+            begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
+        )
+        found = allocate_result(whole, bodies.twist[lists.members], anchors[rows])
+        shortest, dissipated = integrate_faces(lists, whole, found, faces, pair_state, h, self._law)
+        if not np.isfinite(found.twist).all():
+            raise FloatingPointError
+        kept = pair_state[:, PHASE] != APART
+        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + dissipated)
+        return subcycled_motion(op, lists, first, second, found, shortest, h)
+
+    def find_near(self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, within: float) -> NearPairs:
+        """Find faces of different bodies that are at most ``within`` m from each other, with elements at ``lon``, ``lat``."""
+        el, c, free = model.elements, model.constants, movable(model.elements)
+        polygons, levers = self._faces_of(model, bodies), np.empty((el.size, 11))
+        fill_levers(bodies, c.latlon, c.earth_radius, levers)
+        first, second = NO_PAIRS
+        if c.interactions:
+            reach = polygons.reach[free] + 0.5 * within
+            first, second = near_pairs(
+                lon[free], lat[free], bodies.body[free], SEARCH_MARGIN * reach, c.latlon, c.earth_radius, c.period
+            )
+        first, second = free[first], free[second]
+        apart = np.column_stack(separations(metric_of(c), lon[first], lat[first], lon[second], lat[second]))
+        found = face_gaps(first, second, apart, self._laid_out(polygons, el, levers))
+        near = found[:, 0] <= within
+        return NearPairs(first[near], second[near], found[near, 0], found[near, 1:])
+
+    @staticmethod
+    def _laid_out(polygons: _Polygons, el: Elements, levers: Floats) -> Faces:
+        """Turn the footprints to where the axes of the bodies stand."""
+        axis = levers[:, 9:11][polygons.element]
+        x, y = polygons.corner.T
+        corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
+        return Faces(
+            polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
+        )  # fmt: skip
+
+    def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
+        """Footprints about the centres of their elements, found anew where elements or fragments have changed."""
+        el, c, body = model.elements, model.constants, model.elements.body
+        arrays = bodies.body, bodies.reference, body.id, body.length, body.width
+        key = (self._footprints.divided, *(a.tobytes() for a in arrays))
+        if self._polygons is None or key != self._key:
+            self._key = key
+            xy = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius)
+            found = body_footprint(self._footprints.follow(model), el, np.arange(el.size), xy, bodies.body)
+            size, order = np.diff(found.start), np.argsort(found.owner, kind="stable")
+            owner, ring = found.owner[order], np.concatenate([[0], np.cumsum(size[order])]).astype(np.int64)
+            index = np.arange(ring[-1]) - np.repeat(ring[:-1] - found.start[order], size[order])
+            element = np.repeat(owner, size[order])
+            corner, reach = found.corner[index] - xy[element], np.zeros(el.size)
+            np.maximum.at(reach, element, np.hypot(corner[:, 0], corner[:, 1]))
+            begin = np.searchsorted(owner, np.arange(el.size + 1)).astype(np.int64)
+            self._polygons = _Polygons(begin, ring, corner, element, reach)
+        return self._polygons
+
+
+def _place_in_line(el: Elements, first: Ints, second: Ints) -> Floats:
+    """Where pairs stand on a line from south-west to north-east, in which the sweeps over the faces take them.
+
+    Friction between several faces that stick is statically indeterminate, and how the sweeps share it out depends on their order.
+    By place it is the same in whatever order the bergs were given. No row of a lattice stands square to this line.
+    """
+    lon, lat = el.shown.lon_pair, el.shown.lat_pair
+    return np.asarray(lon[first] + lon[second] + GOLDEN_RATIO * (lat[first] + lat[second]))
+
+
+def _known_states(pairs: FacePairs, ids: Ints) -> Floats:
+    """Return the states of pairs of elements (by identifiers, in either order); zeros for those that did not press each other."""
+    out = np.zeros((len(ids), COLUMNS))
+    if len(pairs.pair):
+        place = {(min(pair), max(pair)): k for k, pair in enumerate(pairs.pair.tolist())}
+        for n, pair in enumerate(ids.tolist()):
+            if (k := place.get((min(pair), max(pair)))) is not None:
+                out[n] = pairs.state[k]
+    return out

@@ -1,0 +1,468 @@
+"""Fragments that may touch within a step: the islands that they form, and what contact made of each.
+
+Bodies that may touch each other in a step, directly or by way of others, form an island, and each island goes through the step
+by itself, in sub-steps (`riftberg.engines.quasi_static.contact.crushing_step`). Bodies that touch nothing on the way keep the
+result of the whole step, as if alone, unless it would take them into each other: a long step swings about the speed that a
+small berg takes up within minutes, and goes another way than the sub-steps. The others get their twist from the sub-steps,
+corrected here for the forces of the media at the end of the step.
+
+In the sub-steps media are those of the start of the step, linear about the velocities at which they were evaluated
+last:
+
+    M (V1 - V0) = h (G(V0) - S (V1 - V0) / 2 + floor + contact)
+
+with the twists V0 and V1 of the bodies before and after a sub-step of h s, the forces G by the media, S minus their derivative,
+and the friction of the sea floor by the loads that it carries at the start (`riftberg.engines.quasi_static.contact.anchors`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.bergs.bonding import Metric, separations
+from riftberg.compiled.kernels import borrower, kernel
+from riftberg.engines.common.forces.media import CORIOLIS, FORCES, MEDIA, SEA_FLOOR, WATER
+from riftberg.engines.common.fragments.connectivity import connected_parts
+from riftberg.engines.quasi_static.bodies.dynamics import (
+    BodyMatrices,
+    BodyOperators,
+    ElementForcing,
+    add_forces,
+    assemble_force_and_jacobian,
+    drag_and_jacobian,
+    outline_force,
+)
+from riftberg.engines.quasi_static.contact.anchors import ANCHOR_X, ANCHOR_Y, ARM_X, ARM_Y, SLOPE_X, SLOPE_Y, STIFFNESS
+from riftberg.parameters import KernelParameters
+from riftberg.state import Elements, Floats, Ints
+
+REFRESH_FRACTION: Final = 1.0 / 32.0
+"""Part of the step after which the forces of the media are evaluated anew; between, they are linear in the velocities.
+
+Media change over hours and velocities by contact within minutes: 32 times a step of half an hour is once a minute.
+"""
+
+REFRESH_SPEED: Final = 2e-3
+"""Change of a body's velocity (m s-1) up to which the linear media stay: their error is its square times the drag."""
+
+
+class Islands(NamedTuple):
+    """Bodies that may touch each other, island by island; those of island k from ``start[k]`` to ``start[k + 1]``."""
+
+    members: Ints  # Bodies
+    start: Ints  # Where the islands begin in ``members``
+    rows: Ints  # Elements of the bodies
+    row_start: Ints  # Where the islands begin in ``rows``
+    body_of: Ints  # Place of each element's body in its island; shape (rows,)
+    first: Ints  # Candidate pairs, as places in the rows of their island
+    second: Ints
+    pair_start: Ints  # Where the islands begin among the pairs
+    order: Ints  # Places of the pairs in the list that was given
+
+
+class Island(NamedTuple):
+    """The bodies and candidate pairs of one island, or of all, at the start of the step; bodies are numbered within each."""
+
+    body_of: Ints  # Body of each element
+    levers: Floats  # See `riftberg.engines.quasi_static.bodies.pose.fill_levers`; shape (elements, 11)
+    forcing: ElementForcing  # On the elements
+    matrices: BodyMatrices  # Of the bodies
+    bonded: NDArray[np.bool_]  # Whether a body has more than one element; shape (bodies,)
+    first: Ints  # Elements of the candidate pairs
+    second: Ints
+    separation: Floats  # From the second to the first element at the start, east and north, m; shape (pairs, 2)
+
+
+class IslandResult(NamedTuple):
+    """What the sub-steps change: for one island the arrays are views of those of all."""
+
+    twist: Floats  # Now; shape (bodies, 3)
+    path: Floats  # Since the start, m, m, rad; shape (bodies, 3)
+    touched: NDArray[np.bool_]  # Candidate pairs that touched; shape (pairs,)
+    # Those that did not, but might overlap where the whole step takes their bodies; shape (pairs,)
+    close: NDArray[np.bool_]
+    applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (elements, forces, 2)
+    peak_force: Floats  # On the elements when contact pressed their body hardest, N, N, N m; shape (elements, 3)
+    peak_axes: Floats  # Cosine and sine of the axis of their fragment then; shape (elements, 2)
+    peak_spin: Floats  # Of the bodies then, rad s-1; shape (bodies,)
+    impulse: Floats  # Given to the bodies by contact, N s, N s, N m s; shape (bodies, 3)
+    anchors: Floats  # See `riftberg.engines.quasi_static.contact.anchors`; shape (elements, columns)
+    rubbed: Floats  # Work of friction on the sea floor, J; shape (bodies,)
+
+
+class PeakContactLoad(NamedTuple):
+    """The loads of each bonded fragment in the sub-step in which contact pressed it hardest."""
+
+    rows: Ints  # Elements of these fragments
+    force: Floats  # N, N, N m; shape (rows, 3)
+    axes: Floats  # Cosine and sine of the fragment's axis from local east then; shape (rows, 2)
+    bodies: Ints  # The fragments
+    spin: Floats  # Theirs then, rad s-1; shape (bodies,)
+
+
+class SubcycledMotion(NamedTuple):
+    """What sub-steps made of a step, for the bodies that went through them: those that touched others, or the floor."""
+
+    bodies: Ints
+    rows: Ints  # Their elements
+    mean: Floats  # Twists on the way; shape (bodies, 3)
+    twist: Floats  # Twists at the end; shape (bodies, 3)
+    impulse: Floats  # Given to them by others, N s, N s, N m s; shape (bodies, 3)
+    anchors: Floats  # On the sea floor, of their elements; shape (rows, columns)
+    rubbed: Floats  # Work of friction on the sea floor, J; shape (bodies,)
+    applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (rows, forces, 2)
+    first: Ints  # Elements of the pairs that touched, each once
+    second: Ints
+    shortest_substep: float  # s
+    peak_load: PeakContactLoad
+
+
+def find_islands(body: Ints, count: int, first: Ints, second: Ints) -> Islands:
+    """Find the islands among ``count`` bodies: connected components by the candidate pairs of elements, each given once.
+
+    Within an island the pairs keep their order.
+    """
+    part = connected_parts(count, body[first], body[second], np.zeros(first.size, np.int64))
+    island = _numbered_islands(part, body, first, second)
+    members, start, in_island = _by_group(island)
+    rows, row_start, at = _by_group(island[body])
+    order, pair_start, _ = _by_group(island[body[first]])
+    return Islands(
+        members, start, rows, row_start, in_island[body[rows]], at[first[order]], at[second[order]], pair_start, order
+    )  # fmt: skip
+
+
+@kernel
+def _numbered_islands(part: Ints, body: Ints, first: Ints, second: Ints) -> Ints:
+    """Number the parts that a pair is in, in order of their first body; returns the number for each body, -1 for none."""
+    involved = np.zeros(part.size, np.bool_)
+    for k in range(first.size):
+        involved[body[first[k]]] = involved[body[second[k]]] = True
+    number, island, islands = np.full(part.size, -1, np.int64), np.full(part.size, -1, np.int64), 0
+    for b in range(part.size):
+        if involved[b]:
+            if number[part[b]] < 0:
+                number[part[b]] = islands
+                islands += 1
+            island[b] = number[part[b]]
+    return island
+
+
+@kernel
+def _by_group(group: Ints) -> tuple[Ints, Ints, Ints]:
+    """Sort entries by their group, in their order within it; those below 0 are in none.
+
+    Returns the entries, where each group begins, with the end of the last, and the place of each entry in its group.
+    """
+    groups = 0
+    for g in group:
+        groups = max(groups, g + 1)
+    start, place = np.zeros(groups + 1, np.int64), np.zeros(group.size, np.int64)
+    for n in range(group.size):
+        if group[n] >= 0:
+            place[n] = start[group[n] + 1]
+            start[group[n] + 1] += 1
+    for g in range(groups):
+        start[g + 1] += start[g]
+    entries = np.empty(start[groups], np.int64)
+    for n in range(group.size):
+        if group[n] >= 0:
+            entries[start[group[n]] + place[n]] = n
+    return entries, start, place
+
+
+def pair_separations(el: Elements, first: Ints, second: Ints, p: KernelParameters) -> Floats:
+    """Vectors from the second to the first element of each pair, east and north, m; shape (pairs, 2)."""
+    metric, shown = Metric(p.latlon, p.earth_radius, p.period), el.shown
+    one, two = (shown.lon_pair[first], shown.lat_pair[first]), (shown.lon_pair[second], shown.lat_pair[second])
+    return np.column_stack(separations(metric, *one, *two))
+
+
+def gather_islands(op: BodyOperators, first: Ints, second: Ints, apart: Floats) -> tuple[Islands, Island]:
+    """Return the islands of the candidate pairs of elements, and what compiled code needs of all of them."""
+    count = op.matrices.mobility.shape[0]
+    i = find_islands(op.body, count, first, second)
+    rows = i.rows
+    return i, Island(
+        i.body_of, op.levers[rows], forcing_of_rows(rows, op.forcing), BodyMatrices(*(m[i.members] for m in op.matrices)),
+        np.bincount(op.body, minlength=count)[i.members] > 1, i.first, i.second, apart[i.order],
+    )  # fmt: skip
+
+
+def subcycled_motion(
+    op: BodyOperators, i: Islands, first: Ints, second: Ints, result: IslandResult, shortest: float, dt: float
+) -> SubcycledMotion | None:
+    """Return what the sub-steps of all islands made of the bodies that touched others; None where no pair did.
+
+    ``first``, ``second``: elements of the candidate pairs, as they were given.
+    """
+    first, second = first[i.order], second[i.order]
+    after, path, touched, close, applied, force, axes, spin, impulse, anchors, rubbed = result
+    together = touched | close
+    if not together.any():
+        return None
+    count = op.matrices.mobility.shape[0]
+    took_part = np.zeros(count, bool)
+    took_part[op.body[first[together]]] = took_part[op.body[second[together]]] = True
+    members, rows = took_part[i.members], took_part[op.body[i.rows]]
+    loaded = np.zeros(count, bool)
+    pressed = np.bincount(op.body[i.rows], np.abs(force).sum(axis=1), count)[i.members] > 0.0
+    loaded[i.members[members & pressed]] = True
+    loaded_rows = loaded[op.body[i.rows]]
+    peak = PeakContactLoad(
+        i.rows[loaded_rows],
+        force[loaded_rows],
+        axes[loaded_rows],
+        i.members[members & pressed],
+        spin[members & pressed],
+    )
+    return SubcycledMotion(
+        i.members[members], i.rows[rows], path[members] / dt, after[members], impulse[members], anchors[rows],
+        rubbed[members], applied[rows], first[touched], second[touched], shortest, peak,
+    )  # fmt: skip
+
+
+def trapezoidal_correction(
+    contact: SubcycledMotion, start: BodyOperators, end: BodyOperators, twist: Floats, dt: float
+) -> tuple[Floats, SubcycledMotion]:
+    """Put the twists of bodies in contact into ``twist``, with half the difference that the media at the end make.
+
+    In the sub-steps the media are those of the start; with this correction they act by the trapezoidal rule.
+    """
+    bodies, rows, half_dt, now = contact.bodies, contact.rows, 0.5 * dt, contact.twist.copy()
+    active, mobility = np.ones(bodies.size, np.bool_), end.matrices.mobility[bodies]
+    place = np.zeros(len(twist), np.int64)
+    place[bodies] = np.arange(bodies.size)
+    # Of the elements of bodies in contact alone: among a thousand bergs they are few.
+    body, levers, forcing = place[end.body[rows]], end.levers[rows], forcing_of_rows(rows, end.forcing)
+
+    def forces(levers: Floats, forcing: ElementForcing) -> tuple[Floats, Floats]:
+        """Accelerations of the elements by each force, and net forces on the bodies, at ``now``."""
+        accelerations, net_force = np.zeros((rows.size, len(FORCES), 2)), np.zeros(now.shape)
+        rate, force = np.empty((rows.size, 3)), np.empty((rows.size, 3))
+        add_forces(body, levers, now, forcing, accelerations, rate, force, net_force)
+        return accelerations, net_force
+
+    old_accelerations, old_force = forces(start.levers[rows], forcing_of_rows(rows, start.forcing))
+    for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
+        net_force, jacobian = np.zeros(now.shape), np.zeros((*now.shape, 3))
+        assemble_force_and_jacobian(body, levers, now, forcing, active, net_force, jacobian)
+        matrix = np.eye(3) + half_dt * mobility @ jacobian
+        change = half_dt * mobility @ (net_force - old_force)[:, :, None]
+        now += np.linalg.solve(matrix, change + (contact.twist - now)[:, :, None])[:, :, 0]
+    twist[bodies] = now
+    applied = contact.applied + half_dt * (forces(levers, forcing)[0] - old_accelerations)
+    return twist, contact._replace(twist=now, applied=applied)
+
+
+def forcing_of_rows(rows: Ints, forcing: ElementForcing) -> ElementForcing:
+    """Return the forcing of some elements, each once; that of all as it is."""
+    if rows.size == forcing.mass.size and (np.diff(rows) > 0).all():
+        return forcing
+    return forcing._replace(
+        **{name: part[rows] for name, part in forcing._asdict().items() if not isinstance(part, bool)}
+    )
+
+
+def scatter_peak_load(peak: PeakContactLoad, elements: int, bodies: int) -> tuple[Floats, Floats, Floats]:
+    """Force (N, N, N m) and axes of all elements, and spins of all bodies (rad s-1); 0 where contact pressed nothing."""
+    force, axes, spin = np.zeros((elements, 3)), np.zeros((elements, 2)), np.zeros(bodies)
+    force[peak.rows], axes[peak.rows], spin[peak.bodies] = peak.force, peak.axes, peak.spin
+    return force, axes, spin
+
+
+@kernel
+def island_part(lists: Islands, k: int, whole: Island) -> Island:
+    """Return island ``k`` of all."""
+    b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
+    n, f, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), whole.forcing, whole.matrices
+    forcing = ElementForcing(
+        f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.aground[e], f.spin_drag[e], f.water_spin[e],
+        f.sides[e], f.side_drag[e], f.push_x[e], f.push_y[e], f.media_act,
+    )  # fmt: skip
+    return Island(
+        whole.body_of[e], whole.levers[e], forcing, BodyMatrices(m.inertia[b], m.mobility[b]),
+        whole.bonded[b], whole.first[n], whole.second[n], whole.separation[n],
+    )  # fmt: skip
+
+
+def allocate_result(whole: Island, twist: Floats, anchors: Floats) -> IslandResult:
+    """Return the results of all islands at the start of the step: ``twist`` of the bodies and ``anchors``, which are changed."""
+    bodies, rows = twist.shape[0], whole.body_of.size
+    return IslandResult(
+        twist, np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_), np.zeros(whole.first.size, np.bool_),
+        np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), whole.levers[:, 9:11].copy(),
+        np.zeros(bodies), np.zeros((bodies, 3)), anchors, np.zeros(bodies),
+    )  # fmt: skip
+
+
+@kernel
+def result_part(lists: Islands, k: int, r: IslandResult) -> IslandResult:
+    """Return the results of island ``k`` of all."""
+    b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
+    n = slice(lists.pair_start[k], lists.pair_start[k + 1])
+    return IslandResult(
+        r.twist[b],
+        r.path[b],
+        r.touched[n],
+        r.close[n],
+        r.applied[e],
+        r.peak_force[e],
+        r.peak_axes[e],
+        r.peak_spin[b],
+        r.impulse[b],
+        r.anchors[e],
+        r.rubbed[b],
+    )
+
+
+@kernel
+def spin_lever(m: Floats, c: float, s: float) -> tuple[float, float]:
+    """How the spin moves an element now, m; ``m`` are its levers at the start, cosine and sine those of the turn since."""
+    return m[2] * c - m[5] * s, m[5] * c + m[2] * s
+
+
+@kernel
+def element_path(m: Floats, path: Floats, c: float, s: float) -> tuple[float, float]:
+    """Path (m) of an element whose body has gone ``path`` since the levers ``m`` were found and turned by cosine and sine."""
+    return (
+        m[0] * path[0] + m[1] * path[1] + m[2] * s + m[5] * (c - 1.0),
+        m[3] * path[0] + m[4] * path[1] + m[5] * s - m[2] * (c - 1.0),
+    )
+
+
+@borrower
+def approach_bound(twist: Floats, arm: Floats) -> float:
+    """Upper bound of the speed (m s-1) at which two elements could approach each other; or of their accelerations."""
+    most = u = v = 0.0
+    for b in range(twist.shape[0]):
+        u += twist[b, 0] / twist.shape[0]
+        v += twist[b, 1] / twist.shape[0]
+    for b in range(twist.shape[0]):
+        most = max(most, math.hypot(twist[b, 0] - u, twist[b, 1] - v) + arm[b] * abs(twist[b, 2]))
+    return 2.02 * most  # both together, and 1 % more: distances on the sphere are not quite those of the plane
+
+
+# ---- media in the sub-steps, and what they leave: impulses on the elements, loads at the largest force of contact ----
+
+
+class Linearisation(NamedTuple):
+    """The forces of the media, linear about the twists at which they were evaluated last."""
+
+    twist: Floats  # shape (bodies, 3)
+    force: Floats  # G at these; shape (bodies, 3)
+    jacobian: Floats  # S; shape (bodies, 3, 3)
+    twist_integral: Floats  # Integral of the twists over the time since, m, m, rad; shape (bodies, 3)
+
+
+@kernel
+def allocate_linearisation(twist: Floats) -> Linearisation:
+    """Return one that nothing has been evaluated for."""
+    bodies = twist.shape[0]
+    return Linearisation(twist.copy(), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.zeros((bodies, 3)))
+
+
+@borrower
+def evaluate_media(
+    island: Island, twist: Floats, about: Linearisation, everyone: NDArray[np.bool_], accelerations: Floats, drag_rate: Floats,
+    force: Floats,
+) -> None:  # fmt: skip
+    """Evaluate the media at ``twist``; ``force`` takes what acts on the elements (N, N, N m)."""
+    forcing = island.forcing
+    about.force[:, :], about.jacobian[:, :, :], about.twist_integral[:, :] = 0.0, 0.0, 0.0
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            about.twist[b, i] = twist[b, i]
+    add_forces(island.body_of, island.levers, twist, forcing, accelerations, drag_rate, force, about.force)
+    about.force[:, :] = 0.0
+    assemble_force_and_jacobian(island.body_of, island.levers, twist, forcing, everyone, about.force, about.jacobian)
+
+
+@borrower
+def is_stale(about: Linearisation, twist: Floats, arm: Floats, elapsed: float, dt: float) -> bool:
+    """Whether the media must be evaluated anew, ``elapsed`` s after the last time."""
+    if elapsed < REFRESH_FRACTION * dt:
+        return False
+    change = 0.0
+    for b in range(twist.shape[0]):
+        u, v, w = twist[b, 0] - about.twist[b, 0], twist[b, 1] - about.twist[b, 1], twist[b, 2] - about.twist[b, 2]
+        change = max(change, math.hypot(u, v) + arm[b] * abs(w))
+    return elapsed == np.inf or change > REFRESH_SPEED
+
+
+@borrower
+def accumulate_impulse(island: Island, about: Linearisation, time: float, applied: Floats) -> None:
+    """Add what the media did in the ``time`` s since they were evaluated, by the integral of the twists since."""
+    if not 0.0 < time < np.inf:
+        return
+    forcing = island.forcing
+    for e in range(island.body_of.size):
+        m, q, p = island.levers[e], about.twist[island.body_of[e]], about.twist_integral[island.body_of[e]]
+        u, v = m[0] * q[0] + m[1] * q[1] + m[2] * q[2], m[3] * q[0] + m[4] * q[1] + m[5] * q[2]
+        du = m[0] * p[0] + m[1] * p[1] + m[2] * p[2] - time * u
+        dv = m[3] * p[0] + m[4] * p[1] + m[5] * p[2] - time * v
+        if forcing.media_act:
+            applied[e, CORIOLIS, 0] += forcing.coriolis[e] * (time * v + dv)
+            applied[e, CORIOLIS, 1] -= forcing.coriolis[e] * (time * u + du)
+        for k in range(len(MEDIA)):
+            if forcing.media_act:
+                ax, ay, xx, xy, yy, _ = drag_and_jacobian(forcing.media[e, k], u, v)
+                applied[e, k, 0] += time * ax - xx * du - xy * dv
+                applied[e, k, 1] += time * ay - xy * du - yy * dv
+        if forcing.side_drag[e] > 0.0:
+            w = m[6] * q[0] + m[7] * q[1] + m[8] * q[2]
+            dw = m[6] * p[0] + m[7] * p[1] + m[8] * p[2] - time * w
+            fx, fy, _, xx, xy, yy, xw, yw, _ = outline_force(forcing, e, m[9], m[10], u, v, w)
+            applied[e, WATER, 0] += (time * fx - xx * du - xy * dv - xw * dw) / forcing.mass[e]
+            applied[e, WATER, 1] += (time * fy - xy * du - yy * dv - yw * dw) / forcing.mass[e]
+
+
+@borrower
+def linearised_force(about: Linearisation, twist: Floats, net_force: Floats) -> None:
+    """Find the forces of the media on the bodies at ``twist``."""
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            net_force[b, i] = about.force[b, i]
+            for j in range(3):
+                net_force[b, i] -= about.jacobian[b, i, j] * (twist[b, j] - about.twist[b, j])
+
+
+@borrower
+def record_loads(
+    island: Island, size: Floats, peak: Floats, twist: Floats, path: Floats, force: Floats, contact_force: Floats,
+    result: IslandResult,
+) -> None:  # fmt: skip
+    """Record the loads of the bonded bodies on which the forces of contact add up to more, ``size``, than so far, ``peak`` (N).
+
+    ``twist``, ``path``: of the bodies now; ``force``, ``contact_force``: on the elements by media and by contact (N, N, N m).
+    """
+    body_of = island.body_of
+    for e in range(body_of.size):
+        b = body_of[e]
+        if not (island.bonded[b] and size[b] > peak[b]):
+            continue
+        m, q = island.levers[e], twist[b]
+        floor = result.anchors[e]
+        x, y = floor[ANCHOR_X] + floor[SLOPE_X], floor[ANCHOR_Y] + floor[SLOPE_Y]
+        result.peak_force[e, 0] = force[e, 0] + contact_force[e, 0] + x
+        result.peak_force[e, 1] = force[e, 1] + contact_force[e, 1] + y
+        result.peak_force[e, 2] = force[e, 2] + contact_force[e, 2] + floor[ARM_X] * y - floor[ARM_Y] * x
+        c, s = math.cos(path[b, 2]), math.sin(path[b, 2])
+        result.peak_axes[e, 0], result.peak_axes[e, 1] = m[9] * c - m[10] * s, m[10] * c + m[9] * s
+        result.peak_spin[b] = q[2]
+    for b in range(size.size):
+        peak[b] = max(peak[b], size[b])
+
+
+@borrower
+def accumulate_floor_impulse(island: Island, anchors: Floats, h: float, applied: Floats) -> None:
+    """Add what the sea floor did in ``h`` s, by its forces at their end."""
+    for e in range(island.body_of.size):
+        a = anchors[e]
+        if a[STIFFNESS] > 0.0:
+            applied[e, SEA_FLOOR, 0] += h * (a[ANCHOR_X] + a[SLOPE_X]) / island.forcing.mass[e]
+            applied[e, SEA_FLOOR, 1] += h * (a[ANCHOR_Y] + a[SLOPE_Y]) / island.forcing.mass[e]

@@ -1,0 +1,370 @@
+"""Cracks as lines with tips that have a place and a direction of their own.
+
+A lattice whose most critical bond breaks, and then the next one, cracks along its rows, whatever the stress. So a crack is a
+line here. A tip turns normal to the larger principal stress of the ice ahead of it, and the first unbroken bond that its ray
+crosses breaks: the line cuts every bond that it crosses and leaves none behind. A bond that fails away from all tips starts a
+crack of its own, with two tips in opposite directions. A tip ends where its ray leaves the ice or meets another crack.
+
+The first advance of a rift whose stress intensity is known goes normal to the largest hoop stress instead: a rift is given, so it
+may stand at any angle to the tension.
+
+A tip keeps its place beside the ends of the bond that it crossed last, so it moves with its piece.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from riftberg.engines.common.crack_tips import NO_TIPS, RUN_OUT, UNTOLD, CrackTips
+from riftberg.engines.quasi_static.fracture.stress_intensity import TipRing, tip_ring
+from riftberg.parameters import KernelParameters
+from riftberg.physics.crack_tip import hoop_intensity
+from riftberg.plane import ConformalPlane
+from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.population import rows_of
+
+if TYPE_CHECKING:  # the lattice loads scipy.spatial, half a second that runs by explicit schemes do not wait for
+    from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
+
+REACH = 2.5
+"""A bond that fails within this distance of a tip (in distances of elements) is the tip's: it goes on, and no crack starts."""
+
+AHEAD = 1.5
+"""Radius (in distances of elements) within which the ice ahead of a tip decides on its direction: 0.75 to 2 give the same
+direction within 3 degrees."""
+
+LONGEST_STEP = 3.0
+"""Way (in distances of elements) within which the ray of a tip must cross a bond; else the tip has run out of the ice."""
+
+LEAST_FILLED = 0.98
+"""Part of the disc around a tip that must be ice for it to turn. With less the outline is nearer than three elements: the ice
+between bends like a hinge, its mean stress says nothing of the way, and the crack crosses it straight on."""
+
+BEYOND = 1e-3
+"""Part of the distance of elements by which a tip stands beyond the bond that it has crossed."""
+
+LEAST_CRACK = 3.0
+"""Length of a crack (in distances of elements) from which its stress intensity is known; shorter ones grow by strength."""
+
+LARGEST_RING, RELIABLE_RING, SMALLEST_RING = 4.0, 2.4, 1.2
+"""Outer radius (in distances of elements) of the ring over which stress intensity is integrated: where there is room, the least
+for a value to be told, and the least for a crack to go on by it. The smallest let a running crack reach the outline."""
+
+SHARE_OF_LENGTH, SHARE_AHEAD, SHARE_BEHIND = 0.55, 0.6, 0.85
+"""What a ring takes of the length of the crack, and of the way to the outline or another crack ahead of its tip and behind it."""
+
+FLANK = 0.75
+"""Distance (in distances of elements) from the line of a crack within which triangles are freed by it, not by others."""
+
+
+def tips_of_rifts(el: Elements, bonds: Bonds, p: KernelParameters) -> CrackTips:
+    """Return the tips of the rifts that are there from the start, at both ends of each line of crossed bonds.
+
+    A tip at the outline finds no ice ahead of it and ends with the first bond that fails near it. A line of one crossing has
+    no direction, and no tips.
+    """
+    found = []
+    for number in np.unique(bonds.crack[bonds.crack > 0]):
+        rows = np.flatnonzero(bonds.crack == number)
+        rows = rows[np.argsort(bonds.crack_order[rows])]
+        if rows.size < 2:
+            continue
+        first, second, part = bonds.first[rows], bonds.second[rows], bonds.crack_part[rows]
+        # On a plane about the first crossing; a rift is short beside the Earth.
+        plane = ConformalPlane(float(el.lon[first[0]]), float(el.lat[first[0]]), p.earth_radius, p.latlon)
+        a, b = (np.column_stack(plane.forward(el.lon[e], el.lat[e])) for e in (first, second))
+        way = a + part[:, None] * (b - a)
+        length = float(np.hypot(*np.diff(way, axis=0).T).sum())
+        for end, before, order in ((0, 1, -1), (-1, -2, rows.size)):
+            direction = (way[end] - way[before]) / np.hypot(*(way[end] - way[before]))
+            along = b[end] - a[end]
+            spacing = float(np.hypot(*along))
+            axes = np.array([along, [-along[1], along[0]]]) / spacing
+            place = axes @ (way[end] + BEYOND * spacing * direction - a[end])
+            beside = [el.body.id[first[end]], el.body.id[second[end]]]
+            found.append((beside, place, axes @ direction, number, order, length, (0.0, 0.0, UNTOLD)))
+    if not found:
+        return NO_TIPS
+    return CrackTips._make([
+        np.array(values, old.dtype) for old, values in zip(NO_TIPS, zip(*found, strict=True), strict=True)
+    ])  # fmt: skip
+
+
+class Tip(NamedTuple):
+    """A tip in the frame of its fragment."""
+
+    row: int  # Among all tips
+    body: int
+    place: Floats  # m
+    direction: Floats
+    spacing: float  # Distance of the elements beside it, m
+
+
+class TipIntensity(NamedTuple):
+    """Stress intensity at a tip, Pa m^(1/2)."""
+
+    tip: Tip
+    ring: TipRing
+    opening: float  # K_I
+    shearing: float  # K_II
+    kink: float  # Angle at which the crack goes on, to the left, rad
+    hoop: float  # Of the largest hoop stress there, which the toughness is compared with
+
+
+NO_INTENSITIES: Mapping[int, TipIntensity] = {}
+
+
+class Crossing(NamedTuple):
+    """Where the way of a crack crosses a bond."""
+
+    bond: int  # Row of the state
+    part: float  # Of the way from its first end to its second
+    tip: Tip  # With its new direction, before it steps
+
+
+class CrackPaths:
+    """Where the tips of a fragmented lattice stand, and where they go next.
+
+    ``last``: a number of a crack above which new ones are numbered; ``rings``: around tips by their place, found since a bond
+    broke last.
+    """
+
+    def __init__(
+        self, tips: CrackTips, bonds: Bonds, ids: Ints, body: Ints, xy: Floats, cells: CellStiffness, last: int = 0,
+        rings: dict[tuple[float, ...], TipRing | float] | None = None,
+    ) -> None:  # fmt: skip
+        self.tips, self._bonds, self._ids, self._body, self._xy, self._cells = tips, bonds, ids, body, xy, cells
+        self._last, self._rings = last, {} if rings is None else rings
+        self._standing: tuple[CrackTips | None, list[Tip]] = None, []
+
+    def standing(self) -> list[Tip]:
+        """Return the tips in the frames of their fragments, without those whose elements have parted or melted away."""
+        if self._standing[0] is self.tips:
+            return self._standing[1]
+        rows, known = rows_of(self._ids, self.tips.beside.ravel())
+        a, b = rows.reshape(-1, 2).T
+        here = known.reshape(-1, 2).all(axis=1)
+        found = []
+        for n in np.flatnonzero(here):
+            i, j = a[n], b[n]
+            if self._body[i] != self._body[j]:
+                continue
+            along = self._xy[j] - self._xy[i]
+            spacing = float(np.hypot(*along))
+            axes = np.array([along, [-along[1], along[0]]]) / spacing
+            place, direction = self._xy[i] + self.tips.place[n] @ axes, self.tips.direction[n] @ axes
+            found.append(Tip(int(n), int(self._body[i]), place, direction, spacing))
+        self._standing = self.tips, found
+        return found
+
+    def intensities(self, of_elements: Floats, load: Floats) -> dict[int, TipIntensity]:
+        """Stress intensity at the standing tips, by their rows; tips without a ring are left out.
+
+        ``of_elements``: displacements (m, m, rad); ``load``: balanced (N, N, N m).
+        """
+        rings = [(tip, ring) for tip in self.standing() if isinstance(ring := self._ring_at(tip), TipRing)]
+        found = {}
+        if rings:
+            displacement = self._cells.displacements(of_elements)
+            for tip, ring in rings:
+                opening, shearing = ring.intensities(displacement, load).tolist()
+                found[tip.row] = TipIntensity(tip, ring, opening, shearing, *hoop_intensity(opening, shearing))
+        return found
+
+    def _ring_at(self, tip: Tip) -> TipRing | float:
+        """Ring around a tip, found anew where a bond has broken."""
+        key = (tip.body, *tip.place, *tip.direction)
+        if key not in self._rings:
+            self._rings[key] = self._ring(tip)
+        return self._rings[key]
+
+    def _ring(self, tip: Tip) -> TipRing | float:
+        """Ring around the end of a crack; ``UNTOLD`` where there is no room for one, ``RUN_OUT`` where the crack has ended."""
+        bond, part = self._crossed(tip, int(self.tips.crack[tip.row]))
+        if bond < 0:
+            return RUN_OUT
+        # The crack ends somewhere between the last bond that it has crossed and the next one.
+        i, j, spacing = self._bonds.first[bond], self._bonds.second[bond], tip.spacing
+        end = 0.5 * (tip.place + self._xy[i] + part * (self._xy[j] - self._xy[i]))
+        length = float(np.hypot(*(self._line(tip)[-1] - end))) + 0.5 * spacing
+        if length < LEAST_CRACK * spacing:
+            return UNTOLD
+        ice = self._cells.triangles_near(tip.body, end, (LARGEST_RING / SHARE_AHEAD + 1.0) * spacing)
+        axes = np.array([tip.direction, [-tip.direction[1], tip.direction[0]]])
+        middle, vertex = (ice.vertex.mean(axis=1) - end) @ axes.T, (ice.vertex - end) @ axes.T
+        # No triangle of the ring but those along the crack itself may have a free edge.
+        of_others = ~ice.whole & ((middle[:, 0] > FLANK * spacing) | (abs(middle[:, 1]) > FLANK * spacing))
+        free = np.concatenate([middle[of_others], vertex[ice.node >= len(self._xy)]])
+        distance = np.hypot(*free.T)
+        if distance.min(initial=np.inf) <= SMALLEST_RING * spacing:
+            return UNTOLD
+        room = np.where(free[:, 0] > 0.0, SHARE_AHEAD, SHARE_BEHIND) * distance
+        radius = max(SMALLEST_RING * spacing, min(LARGEST_RING * spacing, float(room.min(initial=np.inf))))
+        radius = min(radius, max(SHARE_OF_LENGTH * length, RELIABLE_RING * spacing))
+        element = np.flatnonzero((self._body == tip.body) & (np.hypot(*(self._xy - end).T) < radius))
+        # Beside a tip stress is a matter of the size of the elements.
+        first, second = self._bonds.first, self._bonds.second
+        away = 0.5 * (self._xy[first] + self._xy[second]) - tip.place
+        beside = (self._body[first] == tip.body) & (np.hypot(*away.T) <= REACH * spacing) & (self._bonds.status == 0)
+        return tip_ring(
+            ice, element, self._xy[element], end, tip.direction, radius, self._cells.elastic,
+            reliable=radius >= RELIABLE_RING * spacing, beside=np.flatnonzero(beside),
+        )  # fmt: skip
+
+    def _line(self, tip: Tip) -> Floats:
+        """Where the crack of a tip has crossed bonds of its fragment (m), from the tip backwards."""
+        bonds = self._bonds
+        rows = np.flatnonzero((bonds.crack == self.tips.crack[tip.row]) & (bonds.status != 0))
+        rows = rows[(self._body[bonds.first[rows]] == tip.body) & (self._body[bonds.second[rows]] == tip.body)]
+        order = bonds.crack_order[rows]
+        rows = rows[np.argsort(order if self.tips.order[tip.row] < 0 else -order)]
+        a, b = self._xy[bonds.first[rows]], self._xy[bonds.second[rows]]
+        return np.asarray(a + bonds.crack_part[rows, None] * (b - a))
+
+    def told(self, intensities: Mapping[int, TipIntensity]) -> CrackTips:
+        """Return the tips with their intensities, as far as these can be told."""
+        values = np.zeros((self.tips.crack.size, 3))
+        values[:, 2] = UNTOLD
+        for tip in self.standing():
+            ring, k = self._ring_at(tip), intensities.get(tip.row)
+            if k is not None and k.ring.reliable:
+                values[tip.row] = k.opening, k.shearing, max(k.hoop, self.tips.intensity[tip.row, 2])
+            elif ring == RUN_OUT:
+                values[tip.row, 2] = RUN_OUT
+        return self.tips._replace(intensity=values)
+
+    def next_bond(
+        self, failing: int, last: bool, tensor: Floats, stress: Floats, ratio: Floats, strength: Floats,
+        intensities: Mapping[int, TipIntensity] = NO_INTENSITIES,
+    ) -> int:  # fmt: skip
+        """Return the bond (row of the state) that breaks next where ``failing`` is overloaded; the tips have moved then.
+
+        ``last``: it is the last one between two parts, which any crack beside it must cross;
+        ``tensor``: stress (Pa; xx, yy, xy) at that bond; ``stress``: of the triangles; ``ratio``, ``strength``: stress over
+        strength and strength (Pa) of all bonds of the state, broken ones too; ``intensities``: at the tips.
+        """
+        i, j = self._bonds.first[failing], self._bonds.second[failing]
+        middle, spacing = 0.5 * (self._xy[i] + self._xy[j]), float(np.hypot(*(self._xy[j] - self._xy[i])))
+        near = [(float(np.hypot(*(tip.place - middle))), tip) for tip in self.standing() if tip.body == self._body[i]]
+        ended = []
+        for distance, tip in sorted(near, key=lambda pair: pair[0]):
+            if distance > REACH * spacing:
+                break
+            crossing = Crossing(failing, 0.5, tip) if last else self.ahead(tip, stress, intensities.get(tip.row))
+            if crossing is None:
+                ended.append(tip.row)
+                continue
+            bond, part = crossing.bond, crossing.part
+            if ratio[bond] <= 1.0 and strength[failing] < strength[bond] * (1.0 - 1e-9):
+                # Ice of uneven strength: the crack goes to the weaker bond beside its way.
+                bond, part = failing, 0.5
+            self._step(crossing.tip, bond, part)
+            self._drop(ended)
+            return bond
+        self._drop(ended)
+        self._start(failing, middle, spacing, tensor)
+        return failing
+
+    def ahead(self, tip: Tip, stress: Floats, intensity: TipIntensity | None = None) -> Crossing | None:
+        """Return the unbroken bond that a tip crosses next; None where it ends.
+
+        A rift turns by its stress intensity, all else normal to the larger principal stress ahead.
+        """
+        if intensity is not None and intensity.ring.reliable and self._is_given(tip):
+            c, s = math.cos(intensity.kink), math.sin(intensity.kink)
+            direction = np.array([[c, -s], [s, c]]) @ tip.direction
+        else:
+            direction = self._across_tension(tip, stress)
+        bond, part = self._crossed(tip._replace(direction=direction), int(self.tips.crack[tip.row]))
+        return None if bond < 0 else Crossing(bond, part, tip._replace(direction=direction))
+
+    def _is_given(self, tip: Tip) -> bool:
+        """Whether a tip stands where a rift ended at the start: the bond that it crossed last never broke in the run."""
+        bonds, order = self._bonds, int(self.tips.order[tip.row])
+        last = (bonds.crack == self.tips.crack[tip.row]) & (bonds.crack_order == order - (1 if order > 0 else -1))
+        return bool(last.any() and np.isnan(bonds.break_time[last]).all())
+
+    def _across_tension(self, tip: Tip, stress: Floats) -> Floats:
+        """Direction normal to the larger principal stress ahead of a tip; straight on near the outline."""
+        (xx, yy, xy), filled = self._cells.mean_ahead(stress, tip.body, tip.place, tip.direction, AHEAD * tip.spacing)
+        if filled < LEAST_FILLED or (xx == yy and xy == 0.0):
+            return tip.direction
+        angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+        direction = np.array([math.cos(angle), math.sin(angle)])
+        return direction if direction @ tip.direction >= 0.0 else -direction
+
+    def _crossed(self, tip: Tip, crack: int) -> tuple[int, float]:
+        """First unbroken bond on the ray of a tip, and where on the bond; -1 where there is none before another crack."""
+        first, second, status = self._bonds.first, self._bonds.second, self._bonds.status
+        inside = (self._body[first] == tip.body) & (self._body[second] == tip.body)
+        # Facets of broken bonds are open, but for those of its own crack, which lie behind it.
+        open_ones = np.flatnonzero(inside & (status != 0) & (self._bonds.crack != crack))
+        a, along = self._xy[first[open_ones]], self._xy[second[open_ones]] - self._xy[first[open_ones]]
+        facet = np.column_stack([-along[:, 1], along[:, 0]]) * self._cells.facet[first[open_ones], None]
+        limit, _, _ = _nearest_on_ray(tip, a + 0.5 * (along - facet), facet, LONGEST_STEP * tip.spacing)
+        intact = np.flatnonzero(inside & (status == 0))
+        a, along = self._xy[first[intact]], self._xy[second[intact]] - self._xy[first[intact]]
+        _, nearest, part = _nearest_on_ray(tip, a, along, limit)
+        return (int(intact[nearest]) if nearest >= 0 else -1), part
+
+    def _start(self, bond: int, middle: Floats, spacing: float, tensor: Floats) -> None:
+        """Start a crack in the middle of a bond, with two tips."""
+        xx, yy, xy = tensor
+        angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+        number = 1 + max(self._last, int(self._bonds.crack.max(initial=0)), int(self.tips.crack.max(initial=0)))
+        self._bonds.crack[bond], self._bonds.crack_order[bond], self._bonds.crack_part[bond] = number, 0, 0.5
+        for sign in (1.0, -1.0):
+            direction = sign * np.array([math.cos(angle), math.sin(angle)])
+            self._add(bond, middle + BEYOND * spacing * direction, direction, number, int(sign), spacing)
+
+    def _add(self, bond: int, place: Floats, direction: Floats, number: int, order: int, length: float) -> None:
+        beside, axes, origin = self._axes(bond)
+        tip = (beside, axes @ (place - origin), axes @ direction, number, order, length, (0.0, 0.0, UNTOLD))
+        self.tips = CrackTips._make([np.concatenate([old, [new]]) for old, new in zip(self.tips, tip, strict=True)])
+
+    def _axes(self, bond: int) -> tuple[list[int], Floats, Floats]:
+        i, j = self._bonds.first[bond], self._bonds.second[bond]
+        along = self._xy[j] - self._xy[i]
+        axes = np.array([along, [-along[1], along[0]]]) / np.hypot(*along)
+        return [int(self._ids[i]), int(self._ids[j])], axes, self._xy[i]
+
+    def _step(self, tip: Tip, bond: int, part: float) -> None:
+        """Let a tip cross a bond."""
+        row, tips = tip.row, CrackTips._make([array.copy() for array in self.tips])
+        i, j = self._bonds.first[bond], self._bonds.second[bond]
+        place = self._xy[i] + part * (self._xy[j] - self._xy[i])
+        advance = place - tip.place
+        direction = tip.direction if advance @ tip.direction > 0.0 else advance / np.hypot(*advance)
+        place = place + BEYOND * tip.spacing * direction
+        number, order = int(tips.crack[row]), int(tips.order[row])
+        self._bonds.crack[bond], self._bonds.crack_order[bond], self._bonds.crack_part[bond] = number, order, part
+        beside, axes, origin = self._axes(bond)
+        tips.beside[row], tips.place[row], tips.direction[row] = beside, axes @ (place - origin), axes @ direction
+        tips.order[row] += 1 if order > 0 else -1
+        tips.intensity[row] = 0.0, 0.0, UNTOLD
+        tips.length[tips.crack == number] += np.hypot(*(place - tip.place))
+        self.tips = tips
+
+    def _drop(self, rows: list[int]) -> None:
+        if rows:
+            kept = np.setdiff1d(np.arange(self.tips.crack.size), rows)
+            self.tips = CrackTips._make([array[kept] for array in self.tips])
+
+
+def _nearest_on_ray(tip: Tip, begin: Floats, along: Floats, limit: float) -> tuple[float, int, float]:
+    """First segment on the ray of a tip within ``limit`` (m): the way to it, its row (-1 for none), and where on it (0 to 1)."""
+    x, y = tip.direction
+    away, turn = begin - tip.place, x * along[:, 1] - y * along[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0]) / turn
+        part = (away[:, 0] * y - away[:, 1] * x) / turn
+    # A ray through an element crosses one of its bonds at least, whatever round-off says.
+    crossed = (way > 0.0) & (way <= limit) & (part >= -1e-9) & (part <= 1.0 + 1e-9)
+    if not crossed.any():
+        return limit, -1, 0.0
+    row = int(np.argmin(np.where(crossed, way, np.inf)))
+    return float(way[row]), row, float(np.clip(part[row], 0.0, 1.0))

@@ -1,0 +1,272 @@
+"""Ice that bends: fragments as elastic plates on water, by finite elements of some pads each.
+
+Around the pads that overlap the floor the ice is a Kirchhoff plate with free edges on water, by bicubic elements (Bogner, Fox and
+Schmit 1965) with sides of about ``lambda``. Integrals over an element are sums over its pads, by area and centroid of the ice in
+each. So edges and corners lie where the outline has them, whatever their direction, and a uniform or a linear pressure lifts the
+plate without bending it, exactly. A plate hangs on pads, bending length and the elements that overlap the floor, and on nothing
+else, so that a restarted run has the same one; it is made anew where one of these changes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.compiled.kernels import kernel
+from riftberg.engines.quasi_static.ground.pads import LOW_X, LOW_Y, SIDE, Pads
+from riftberg.physics.geometry import solve
+from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS
+from riftberg.state import Floats, Ints
+
+REACH: Final = 3.0
+"""How far around pads that overlap the floor the ice bends, over ``lambda``; what lies beyond counts 0.3 % of the stiffness."""
+
+MOST_NODES: Final = 300
+"""Nodes of a plate; of more, elements with sides of 2, 4, ... ``lambda`` are taken."""
+
+LENGTH_RUNGS: Final = 256.0
+"""A plate has a bending length rounded to this root of 2, so that melt changes it seldom."""
+
+EMPTY_SQUARE: Final = 1e-6
+"""Part of a square that is taken as ice where there is none, so that each node is borne."""
+
+
+class Plates(NamedTuple):
+    """Plates of some fragments, one after the other.
+
+    Unknowns of a node are its rise, its slopes and its mixed derivative, over the side of the elements (m).
+    """
+
+    element_start: Ints  # Where the elements of each fragment begin
+    loaded: NDArray[np.bool_]  # Whether loads may act on them; rows and columns of a raster
+    node_start: Ints  # Where the nodes of each fragment begin
+    node: Ints  # Their numbers, -1 for those of no loaded element; rows and columns of a raster
+    shape: Ints  # Of each fragment the columns below; shape (fragments, 3)
+    length: Floats  # Bending length for which it was made, m
+    start: Ints  # Where the compliance of each fragment begins
+    compliance: Floats  # m N-1; (unknowns, unknowns) of each fragment
+    rigid: (
+        Floats  # Compliance of each whole fragment against heave and tilts by its water plane; shape (fragments, 3, 3)
+    )
+
+
+PER_SIDE, COLUMNS, UNKNOWNS = range(3)
+"""Columns of `Plates.shape`: squares along the side of an element (none before a plate is made), columns of nodes, unknowns."""
+
+
+def unmade_plates(pads: Pads) -> Plates:
+    """Return plates of the fragments of some pads that are still to be made."""
+    count, elements = len(pads.frame), (pads.raster[:, 1:] - 1) // int(SIDES_PER_LAMBDA) + 1
+    nodes = (elements + 1).prod(axis=1)
+    element_start, node_start = (np.concatenate([[0], np.cumsum(size)]) for size in (elements.prod(axis=1), nodes))
+    # Room for all that may ever be loaded: memory is taken up by what is written.
+    start = np.concatenate([[0], np.cumsum((4 * np.minimum(nodes, MOST_NODES)) ** 2)])
+    plates = Plates(
+        element_start, np.zeros(element_start[-1], np.bool_), node_start,
+        np.empty(node_start[-1], np.int64), np.zeros((count, 3), np.int64), np.zeros(count), start, np.empty(start[-1]),
+        np.empty((count, 3, 3)),
+    )  # fmt: skip
+    for b in range(count):
+        _fill_rigid(pads, b, plates.rigid[b])
+    return plates
+
+
+@kernel
+def cubics(t: float, derivative: int, out: Floats) -> None:
+    """Hermite's cubics on the unit interval, or a derivative: of value and slope at 0, then at 1."""
+    if derivative == 0:
+        out[0], out[1] = (2.0 * t - 3.0) * t * t + 1.0, ((t - 2.0) * t + 1.0) * t
+        out[2], out[3] = (3.0 - 2.0 * t) * t * t, (t - 1.0) * t * t
+    elif derivative == 1:
+        out[0], out[1], out[2], out[3] = (
+            6.0 * (t - 1.0) * t,
+            (3.0 * t - 4.0) * t + 1.0,
+            6.0 * (1.0 - t) * t,
+            (3.0 * t - 2.0) * t,
+        )
+    else:
+        out[0], out[1], out[2], out[3] = 12.0 * t - 6.0, 6.0 * t - 4.0, 6.0 - 12.0 * t, 6.0 * t - 2.0
+
+
+@kernel
+def unknowns_of(node: Ints, columns: int, j: int, i: int, out: Ints) -> None:
+    """Numbers of the 16 unknowns of the element in row ``j`` and column ``i``, as products of its cubics by x and y come."""
+    for a in range(4):
+        for b in range(4):
+            out[4 * a + b] = 4 * node[(j + b // 2) * columns + i + a // 2] + 2 * (a % 2) + b % 2
+
+
+@kernel
+def _mark_around(
+    pads: Pads, b: int, loaded: NDArray[np.bool_], per: int, reach: int, marked: NDArray[np.bool_]
+) -> None:
+    """Mark the elements with ice within ``reach`` elements of loaded ones."""
+    rows, columns = marked.shape
+    first, high, wide = pads.raster[b, 0], pads.raster[b, 1], pads.raster[b, 2]
+    band = np.zeros((rows, columns), np.bool_)
+    for j in range(rows):
+        for i in range(columns):
+            if loaded[j, i]:
+                band[j, max(i - reach, 0) : i + reach + 1] = True
+    for j in range(rows):
+        for i in range(columns):
+            marked[j, i] = False
+            if band[max(j - reach, 0) : j + reach + 1, i].any():
+                for row in range(per * j, min(per * (j + 1), high)):
+                    for column in range(per * i, min(per * (i + 1), wide)):
+                        marked[j, i] = marked[j, i] or pads.ice[first + row * wide + column, 0] > 0.0
+
+
+@kernel
+def _number_nodes(marked: NDArray[np.bool_], node: Ints) -> int:
+    """Number the nodes of marked elements, along the shorter side of the raster; returns how many there are."""
+    rows, columns = marked.shape
+    count = 0
+    for k in range(node.size):
+        j, i = (k % (rows + 1), k // (rows + 1)) if rows < columns else (k // (columns + 1), k % (columns + 1))
+        node[j * (columns + 1) + i] = -1
+        borne = False
+        for n in range(max(j - 1, 0), min(j + 1, rows)):
+            for m in range(max(i - 1, 0), min(i + 1, columns)):
+                borne = borne or marked[n, m]
+        if borne:
+            node[j * (columns + 1) + i] = count
+            count += 1
+    return count
+
+
+@kernel
+def _assemble(
+    pads: Pads, b: int, marked: NDArray[np.bool_], node: Ints, per: int, length: float, poisson: float, matrix: Floats
+) -> None:  # fmt: skip
+    """Sum up the stiffness of ice and water (N m-1) over the squares of the marked elements."""
+    side, first, high, wide = pads.frame[b, SIDE], pads.raster[b, 0], pads.raster[b, 1], pads.raster[b, 2]
+    h, which = per * side, np.empty(16, np.int64)
+    x, y, shape, slope = np.empty((3, 4)), np.empty((3, 4)), np.empty((4, 16)), (length / (per * side)) ** 4
+    for j in range(marked.shape[0]):
+        for i in range(marked.shape[1]):
+            if not marked[j, i]:
+                continue
+            unknowns_of(node, marked.shape[1] + 1, j, i, which)
+            for row in range(per * j, per * (j + 1)):
+                for column in range(per * i, per * (i + 1)):
+                    area, s, t = EMPTY_SQUARE * side * side, (column + 0.5) / per - i, (row + 0.5) / per - j
+                    if row < high and column < wide:
+                        ice = pads.ice[first + row * wide + column]
+                        if ice[0] > area:
+                            area, s, t = (
+                                ice[0],
+                                (ice[1] - pads.frame[b, LOW_X]) / h - i,
+                                (ice[2] - pads.frame[b, LOW_Y]) / h - j,
+                            )
+                    for d in range(3):
+                        cubics(s, d, x[d])
+                        cubics(t, d, y[d])
+                    for k in range(16):
+                        shape[0, k], shape[1, k] = x[0, k // 4] * y[0, k % 4], x[2, k // 4] * y[0, k % 4]
+                        shape[2, k], shape[3, k] = x[0, k // 4] * y[2, k % 4], x[1, k // 4] * y[1, k % 4]
+                    for k in range(16):
+                        bending_x, bending_y = shape[1, k] + poisson * shape[2, k], shape[2, k] + poisson * shape[1, k]
+                        twist = 2.0 * (1.0 - poisson) * shape[3, k]
+                        for n in range(16):
+                            bending = bending_x * shape[1, n] + bending_y * shape[2, n] + twist * shape[3, n]
+                            matrix[which[k], which[n]] += (
+                                WATER_STIFFNESS * area * (shape[0, k] * shape[0, n] + slope * bending)
+                            )
+
+
+@kernel
+def _invert(matrix: Floats, rows: Ints, out: Floats) -> None:
+    """Find some rows of the inverse of a symmetric, positive definite matrix, by Cholesky's factors within its envelope.
+
+    Overwrites the lower half of the matrix; ``out``: takes the rows, which are in rising order, at their own columns.
+    """
+    n = len(matrix)
+    first, y = np.empty(n, np.int64), np.empty(n)
+    for i in range(n):
+        first[i] = i
+        for j in range(i - 1, -1, -1):
+            if matrix[i, j] != 0.0:
+                first[i] = j
+        for j in range(first[i], i + 1):
+            value = matrix[i, j]
+            for k in range(max(first[i], first[j]), j):
+                value -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = math.sqrt(value) if i == j else value / matrix[j, j]
+    for r in range(rows.size):
+        c = rows[r]
+        for i in range(c, n):
+            value = 1.0 if i == c else 0.0
+            for k in range(max(first[i], c), i):
+                value -= matrix[i, k] * y[k]
+            y[i] = value / matrix[i, i]
+        for i in range(n - 1, c - 1, -1):
+            y[i] /= matrix[i, i]
+            for k in range(max(first[i], c), i):
+                y[k] -= matrix[i, k] * y[i]
+        for s in range(r, rows.size):
+            out[r, s] = out[s, r] = y[rows[s]]
+
+
+@kernel
+def _fill_rigid(pads: Pads, b: int, out: Floats) -> None:
+    """Find the compliance of a whole fragment against heave and tilts by its water plane."""
+    first, count = pads.raster[b, 0], pads.raster[b, 1] * pads.raster[b, 2]
+    moments = np.zeros((3, 3))
+    for s in range(first, first + count):
+        area, x, y = WATER_STIFFNESS * pads.ice[s, 0], pads.ice[s, 1], pads.ice[s, 2]
+        moments[0, 0] += area
+        moments[0, 1] += area * y
+        moments[0, 2] -= area * x
+        moments[1, 1] += area * y * y
+        moments[1, 2] -= area * x * y
+        moments[2, 2] += area * x * x
+    moments[1, 0], moments[2, 0], moments[2, 1] = moments[0, 1], moments[0, 2], moments[1, 2]
+    unit = np.eye(3)
+    for k in range(3):
+        out[0, k], out[1, k], out[2, k] = solve(moments, unit[k])
+
+
+@kernel
+def fit_plate(
+    pads: Pads, plates: Plates, b: int, polygons: Ints, merged: int, length: float, poisson: float
+) -> None:  # fmt: skip
+    """Make the plate of a fragment with loads on ``polygons``, unless it is the one that is there.
+
+    ``merged``: squares along the side of what bends as one; elements are no smaller.
+    """
+    rounded, per = 2.0 ** (math.floor(LENGTH_RUNGS * math.log2(length) + 0.5) / LENGTH_RUNGS), int(SIDES_PER_LAMBDA)
+    while per < merged:
+        per *= 2
+    while True:
+        rows, columns = (pads.raster[b, 1] - 1) // per + 1, (pads.raster[b, 2] - 1) // per + 1
+        loaded, marked = np.zeros((rows, columns), np.bool_), np.empty((rows, columns), np.bool_)
+        for k in polygons:
+            loaded[pads.square[k, 0] // per, pads.square[k, 1] // per] = True
+        reach = math.floor(math.sqrt(2.0) * REACH * rounded / (per * pads.frame[b, SIDE]) + 0.5)
+        _mark_around(pads, b, loaded, per, max(reach, 1), marked)
+        numbers = np.empty((rows + 1) * (columns + 1), np.int64)
+        count = _number_nodes(marked, numbers)
+        if count <= MOST_NODES:
+            break
+        per *= 2
+    first, same = plates.element_start[b], plates.shape[b, PER_SIDE] == per and plates.length[b] == rounded
+    there = plates.loaded[first : first + rows * columns].reshape(rows, columns)
+    if same and np.array_equal(there, loaded):
+        return
+    nodes = plates.node[plates.node_start[b] : plates.node_start[b] + numbers.size]
+    unknowns = 4 * _number_nodes(loaded, nodes)
+    kept, matrix = np.empty(unknowns, np.int64), np.zeros((4 * count, 4 * count))
+    for n in range(nodes.size):
+        for k in range(4):
+            if nodes[n] >= 0:
+                kept[4 * nodes[n] + k] = 4 * numbers[n] + k
+    _assemble(pads, b, marked, numbers, per, rounded, poisson, matrix)
+    out = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
+    _invert(matrix, kept, out)
+    there[:, :] = loaded
+    plates.shape[b, PER_SIDE], plates.shape[b, COLUMNS], plates.shape[b, UNKNOWNS] = per, columns + 1, unknowns
+    plates.length[b] = rounded

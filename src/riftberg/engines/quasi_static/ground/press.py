@@ -1,0 +1,554 @@
+"""Heave, tilt and bending of a fragment on the floor: the rise of its keel at which water and bed carry its weight together.
+
+The rise of a point of the keel is ``z + tx y - ty x + u``: heave and tilts about the centroid of the water plane, q, and the
+bending of its pad, ``u = G N`` under the loads of all pads, with the compliance G of a plate on water (`.plate`)
+between the places where they act, less that of the same ice against heave and tilts. q and coefficients c, which are the loads in
+the end, minimise
+
+    q K q / 2 + c G c / 2 + sum over pads k_v integral (<d>^2 - <d - q_u / k_v>^2) / 2
+
+which is convex: Newton's method, with its exact tangent and halved corrections, finds them from zero. Where the load of a pad
+acts follows from the overlap without rise first, then from the pressure that was found; of a pad that bears nothing it is the
+point that would touch first.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from riftberg.compiled.kernels import kernel
+from riftberg.engines.common.bed import Bed
+from riftberg.engines.quasi_static.ground.pads import (
+    CORNERS,
+    LOW_X,
+    LOW_Y,
+    ORIGIN_X,
+    ORIGIN_Y,
+    SIDE,
+    Pads,
+    share_of_ice,
+)
+from riftberg.engines.quasi_static.ground.plate import (
+    COLUMNS,
+    PER_SIDE,
+    UNKNOWNS,
+    Plates,
+    cubics,
+    fit_plate,
+    unknowns_of,
+)
+from riftberg.engines.quasi_static.ground.shoal import CLEAR
+from riftberg.physics.geometry import solve
+from riftberg.physics.seabed import WATER_STIFFNESS, bending_stress, plate_deflection, pressed
+from riftberg.state import Floats, Ints
+
+MAX_ITERATIONS: Final = 100
+"""Of Newton's method; four to ten are usual."""
+
+MOST_PADS: Final = 150
+"""Loaded pads that bend one by one; of more, squares of 2, 4, ... sides bend as one."""
+
+CLIFF: Final = 1.0
+"""Slope from which a plane is no floor of second order: land of no known depth beside deep water, 45 degrees."""
+
+DIMPLE: Final = 0.14
+"""Bending length of what the cubics of an element miss under a load, over its side: an endless plate on a stiffer bed. Without it
+the deflection under a load is 3.3 to 3.9 % too small on average of 150 points (sides of 0.92 to 1 ``lambda``)."""
+
+SLIVER: Final = 1e-10
+"""Part of a pad whose elastic area counts as none: its compliance would overflow."""
+
+
+class Overlaps(NamedTuple):
+    """Polygons that may be loaded, with their overlap without rise."""
+
+    polygons: Ints
+    square: Ints  # Of each: which one of the squares that bend it lies in
+    start: Ints  # Where their corners begin
+    corner: Floats  # x, y and overlap, a plane over each (m); shape (corners, 3)
+
+
+class Squares(NamedTuple):
+    """Squares of ice that bend as one, on the way to the balance."""
+
+    compliance: Floats  # G, m N-1; shape (squares, squares)
+    coefficient: Floats  # c, N
+    bending: Floats  # u, m
+    load: Floats  # N
+    elastic: Floats  # Stiffness of what is pressed elastically, N m-1
+    mixed: Floats  # The same with its moments: heave, both tilts; shape (squares, 3)
+    place: Floats  # Where the load acts, m; shape (squares, 2)
+
+
+PRESSED: Final = 9
+LOAD, LOAD_X, LOAD_Y, HOLD, PUSH_X, PUSH_Y, LIFT, STRESS, YIELD = range(PRESSED)
+"""What the floor does to an element: load (N), where it acts (m, along the axes of the fragment), largest friction (N), push by
+the slope of the floor (N, the same axes), largest lift of the keel (m), bending stress (Pa), and how deep the bed yields (m)."""
+
+
+# Many arguments: corners and depths are flat arrays, of which each fragment reads its part.
+@kernel
+def lay_planes(
+    pads: Pads, polygons: Ints, depth: Floats, draft: Floats, level: float, corner: Floats, gradient: Floats, highest: Floats
+) -> float:  # fmt: skip
+    """Lay a plane through the overlap of each polygon without rise; returns the largest overlap, or minus the clearance (m).
+
+    Its mean is Simpson's, exact for floors of second order, its gradient the mean one. ``depth``: at the corners of the polygons
+    one after the other, then at their centroids; ``corner``: takes x, y and overlap; ``highest``: of each polygon.
+    """
+    at, largest, corners = 0, -math.inf, len(corner)
+    for m in range(polygons.size):
+        k = polygons[m]
+        a, size, keel = pads.start[k], pads.start[k + 1] - pads.start[k], draft[pads.owner[k]] - level
+        x, y, mx, my, mv = pads.centre[k, 0], pads.centre[k, 1], 0.0, 0.0, 0.0
+        shallow = deep = depth[corners + m]
+        for n in range(size):
+            mx += pads.corner[a + n, 0] / size
+            my += pads.corner[a + n, 1] / size
+            shallow, deep = min(shallow, depth[at + n]), max(deep, depth[at + n])
+        # A plane through a cliff would overshoot into the keel: water beside it counts as no deeper than such a slope makes it.
+        drop = CLIFF * 2.0 * math.hypot(pads.corner[a, 0] - mx, pads.corner[a, 1] - my)
+        cliff = deep - shallow > drop
+        deepest = shallow + drop if cliff else math.inf
+        for n in range(size):
+            mv += (keel - min(depth[at + n], deepest)) / size
+        gx = gy = area = mean = 0.0
+        for n in range(size):
+            o = n + 1 if n + 1 < size else 0
+            x0, y0, x1, y1 = pads.corner[a + n, 0], pads.corner[a + n, 1], pads.corner[a + o, 0], pads.corner[a + o, 1]
+            v0, v1 = keel - min(depth[at + n], deepest), keel - min(depth[at + o], deepest)
+            gx += 0.5 * (v0 + v1) * (y1 - y0)
+            gy -= 0.5 * (v0 + v1) * (x1 - x0)
+            part = 0.5 * ((x0 - mx) * (y1 - my) - (x1 - mx) * (y0 - my))
+            area += part
+            mean += part * (mv + v0 + v1) / 3.0
+        gx, gy, mean = gx / area, gy / area, mean / area
+        mean += 2.0 / 3.0 * (keel - min(depth[corners + m], deepest) - mean)
+        if cliff:  # nor is the plane to stand above its shallowest point
+            rise = -math.inf
+            for n in range(size):
+                rise = max(rise, gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y))
+            mean = min(mean, keel - shallow - rise)
+        # A step in the floor stays where it is while the berg moves a little: a push by it would be energy out of nothing.
+        gradient[m, 0], gradient[m, 1], highest[m] = 0.0 if cliff else gx, 0.0 if cliff else gy, -math.inf
+        for n in range(size):
+            overlap = mean + gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y)
+            corner[at + n, 0], corner[at + n, 1], corner[at + n, 2] = (
+                pads.corner[a + n, 0],
+                pads.corner[a + n, 1],
+                overlap,
+            )
+            highest[m] = max(highest[m], overlap)
+        largest = max(largest, highest[m])
+        at += size
+    return largest
+
+
+@kernel
+def _gather(
+    pads: Pads, b: int, polygons: Ints, corner: Floats, highest: Floats, margin: float
+) -> tuple[Overlaps, int, int]:
+    """Take the polygons that are clear by less than ``margin`` m; the squares that bend as one, and their sides in pads."""
+    count, size, at = 0, 0, 0
+    for m in range(polygons.size):
+        if highest[m] > -margin:
+            count += 1
+            size += pads.start[polygons[m] + 1] - pads.start[polygons[m]]
+    one = Overlaps(
+        np.empty(count, np.int64), np.empty(count, np.int64), np.zeros(count + 1, np.int64), np.empty((size, 3))
+    )
+    count = 0
+    for m in range(polygons.size):
+        k = polygons[m]
+        corners = pads.start[k + 1] - pads.start[k]
+        if highest[m] > -margin:
+            first = one.start[count]
+            for n in range(corners):
+                for i in range(3):
+                    one.corner[first + n, i] = corner[at + n, i]
+            one.polygons[count], one.start[count + 1] = m, first + corners
+            count += 1
+        at += corners
+    rows, columns, merged, squares = pads.raster[b, 1], pads.raster[b, 2], 1, 0
+    while True:
+        wide = (columns - 1) // merged + 1
+        number, squares = np.full(((rows - 1) // merged + 1) * wide, -1), 0
+        for m in range(count):
+            k = polygons[one.polygons[m]]
+            s = (pads.square[k, 0] // merged) * wide + pads.square[k, 1] // merged
+            if number[s] < 0:
+                number[s] = squares
+                squares += 1
+            one.square[m] = number[s]
+        if squares <= MOST_PADS:
+            return one, squares, merged
+        merged *= 2
+
+
+@kernel
+def _raised(one: Overlaps, m: int, q: Floats, bending: float, piece: Floats) -> tuple[int, float]:
+    """Corners of a polygon with the overlap that rise and bending leave; returns their number and the largest overlap (m)."""
+    a, size, highest = one.start[m], one.start[m + 1] - one.start[m], -math.inf
+    for n in range(size):
+        x, y = one.corner[a + n, 0], one.corner[a + n, 1]
+        overlap = one.corner[a + n, 2] - (q[0] + q[1] * y - q[2] * x) - bending
+        piece[n, 0], piece[n, 1], piece[n, 2] = x, y, overlap
+        highest = max(highest, overlap)
+    return size, highest
+
+
+@kernel
+def _add_shape(pads: Pads, b: int, k: int, per: int, x: float, y: float, weight: float, shape: Floats) -> None:
+    """Add what the unknowns of the element of polygon ``k`` give to the rise at a point in it, times a weight."""
+    of_x, of_y, h = np.empty(4), np.empty(4), per * pads.frame[b, SIDE]
+    cubics((x - pads.frame[b, LOW_X]) / h - pads.square[k, 1] // per, 0, of_x)
+    cubics((y - pads.frame[b, LOW_Y]) / h - pads.square[k, 0] // per, 0, of_y)
+    for n in range(16):
+        shape[n] += weight * of_x[n // 4] * of_y[n % 4]
+
+
+# Many arguments: scratch for polygons is made once for all loops of a press.
+@kernel
+def _place_loads(
+    pads: Pads, plates: Plates, b: int, polygons: Ints, one: Overlaps, sq: Squares, q: Floats, top: float, shape: Floats,
+    which: Ints, piece: Floats, room: Floats,
+) -> None:  # fmt: skip
+    """Find where the loads of squares act, and what the unknowns ``which`` of the plate give to the rise there (``shape``).
+
+    ``top``: overlap from which the pressure grows no more, m, infinite at first, where the overlap stands for the load.
+    """
+    count, per, sums = sq.load.size, plates.shape[b, PER_SIDE], np.zeros(10)
+    weight, nearest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
+    for m in range(one.polygons.size):
+        i, k = one.square[m], polygons[one.polygons[m]]
+        size, highest = _raised(one, m, q, sq.bending[i], piece)
+        polygon[i] = k
+        if highest > 0.0:
+            pressed(piece, size, top, room, sums)
+            _add_shape(pads, b, k, per, sums[1] / sums[0], sums[2] / sums[0], sums[0], shape[i])
+            for n in range(3):
+                weight[i, n] += sums[n]
+        elif highest > nearest[i]:
+            for n in range(size):  # where it would touch first
+                if piece[n, 2] == highest:
+                    nearest[i], sq.place[i, 0], sq.place[i, 1] = highest, piece[n, 0], piece[n, 1]
+    for i in range(count):
+        k = polygon[i]
+        if weight[i, 0] > 0.0:
+            sq.place[i, 0], sq.place[i, 1] = weight[i, 1] / weight[i, 0], weight[i, 2] / weight[i, 0]
+            for n in range(16):
+                shape[i, n] /= weight[i, 0]
+        else:
+            _add_shape(pads, b, k, per, sq.place[i, 0], sq.place[i, 1], 1.0, shape[i])
+        j, n, nodes = pads.square[k, 0] // per, pads.square[k, 1] // per, plates.node[plates.node_start[b] :]
+        unknowns_of(nodes, plates.shape[b, COLUMNS], j, n, which[i])
+
+
+# Many arguments: as above.
+@kernel
+def _set_compliance(
+    pads: Pads, plates: Plates, b: int, polygons: Ints, one: Overlaps, sq: Squares, single: bool, q: Floats, top: float,
+    length: float, piece: Floats, room: Floats,
+) -> None:  # fmt: skip
+    """Find where the loads of squares act, and the compliance of the plate there beyond heave and tilts.
+
+    ``single``: whether squares are single pads; ``top``: as above.
+    """
+    count, unknowns, rigid = sq.load.size, plates.shape[b, UNKNOWNS], plates.rigid[b]
+    shape, which, bent, heaved = np.zeros((count, 16)), np.empty((count, 16), np.int64), np.empty(unknowns), np.empty(3)
+    _place_loads(pads, plates, b, polygons, one, sq, q, top, shape, which, piece, room)
+    matrix = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
+    narrow = DIMPLE * min(plates.shape[b, PER_SIDE] * pads.frame[b, SIDE], math.sqrt(2.0) * length)
+    dimple, beyond = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length), (10.0 * narrow) ** 2
+    for i in range(count):
+        bent[:] = 0.0
+        for a in range(16):
+            weight, row = shape[i, a], matrix[which[i, a]]
+            for n in range(unknowns):
+                bent[n] += weight * row[n]
+        for n in range(3):
+            heaved[n] = rigid[n, 0] + rigid[n, 1] * sq.place[i, 1] - rigid[n, 2] * sq.place[i, 0]
+        for j in range(i + 1):
+            value = -(heaved[0] + heaved[1] * sq.place[j, 1] - heaved[2] * sq.place[j, 0])
+            for a in range(16):
+                value += shape[j, a] * bent[which[j, a]]
+            away = (sq.place[i, 0] - sq.place[j, 0]) ** 2 + (sq.place[i, 1] - sq.place[j, 1]) ** 2
+            if single and away < beyond:
+                value += dimple * plate_deflection(math.sqrt(away) / narrow)
+            sq.compliance[i, j] = sq.compliance[j, i] = value
+    _apply(sq.compliance, sq.coefficient, sq.bending)
+
+
+@kernel
+def _apply(matrix: Floats, vector: Floats, out: Floats) -> None:
+    """``out = matrix vector``."""
+    for i in range(out.size):
+        total = 0.0
+        for j in range(vector.size):
+            if vector[j] != 0.0:
+                total += matrix[i, j] * vector[j]
+        out[i] = total
+
+
+@kernel
+def _sum_up(
+    one: Overlaps, sq: Squares, q: Floats, bed: Bed, least: float, hull: Floats, gradient: Floats, hessian: Floats, piece: Floats,
+    room: Floats,
+) -> float:  # fmt: skip
+    """Find loads and stiffness of the squares, gradient and Hessian by the rise; returns the energy (J).
+
+    ``least``: elastic stiffness (N m-1) of a square that counts.
+    """
+    energy, top, sums = 0.0, bed.strength / bed.stiffness, np.zeros(10)
+    for i in range(3):
+        gradient[i] = 0.0
+        for j in range(3):
+            gradient[i] += hull[i, j] * q[j]
+            hessian[i, j] = hull[i, j]
+        energy += 0.5 * q[i] * gradient[i]
+    for i in range(sq.load.size):
+        energy += 0.5 * sq.coefficient[i] * sq.bending[i]
+        sq.load[i] = sq.elastic[i] = sq.mixed[i, 0] = sq.mixed[i, 1] = sq.mixed[i, 2] = 0.0
+    for m in range(one.polygons.size):
+        i = one.square[m]
+        size, highest = _raised(one, m, q, sq.bending[i], piece)
+        if highest <= 0.0:
+            continue
+        pressed(piece, size, top, room, sums)
+        for n in range(10):
+            sums[n] *= bed.stiffness
+        energy += sums[9]
+        gradient[0] -= sums[0]
+        gradient[1] -= sums[2]
+        gradient[2] += sums[1]
+        hessian[0, 0] += sums[3]
+        hessian[0, 1] += sums[5]
+        hessian[0, 2] -= sums[4]
+        hessian[1, 1] += sums[8]
+        hessian[1, 2] -= sums[7]
+        hessian[2, 2] += sums[6]
+        sq.load[i] += sums[0]
+        sq.elastic[i] += sums[3]
+        sq.mixed[i, 0] += sums[3]
+        sq.mixed[i, 1] += sums[5]
+        sq.mixed[i, 2] -= sums[4]
+    hessian[1, 0], hessian[2, 0], hessian[2, 1] = hessian[0, 1], hessian[0, 2], hessian[1, 2]
+    for i in range(sq.load.size):
+        if sq.elastic[i] < least:
+            sq.elastic[i] = sq.mixed[i, 0] = sq.mixed[i, 1] = sq.mixed[i, 2] = 0.0
+    return energy
+
+
+@kernel
+def _solve_loaded(matrix: Floats, right: Floats) -> None:
+    """Solve for several right-hand sides in place by Cholesky's factors, which overwrite the lower half of the matrix."""
+    n = len(matrix)
+    for i in range(n):
+        for j in range(i + 1):
+            value = matrix[i, j]
+            for k in range(j):
+                value -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = math.sqrt(value) if i == j else value / matrix[j, j]
+        for d in range(right.shape[1]):
+            value = right[i, d]
+            for k in range(i):
+                value -= matrix[i, k] * right[k, d]
+            right[i, d] = value / matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        for d in range(right.shape[1]):
+            value = right[i, d]
+            for k in range(i + 1, n):
+                value -= matrix[k, i] * right[k, d]
+            right[i, d] = value / matrix[i, i]
+
+
+@kernel
+def _correction(
+    sq: Squares, bends: bool, gradient: Floats, hessian: Floats, dq: Floats, dc: Floats, du: Floats
+) -> float:
+    """Newton's correction of rise, coefficients and bending; returns the decrement of the energy (J).
+
+    On loaded squares ``(1 / k + G) dc = (f - c) / k - b dq`` with their load f and elastic stiffness k; others take up their
+    load at once.
+    """
+    count = sq.load.size
+    some, n = np.empty(count, np.int64), 0
+    for i in range(count):
+        dc[i] = sq.load[i] - sq.coefficient[i] if bends else 0.0
+        if bends and sq.elastic[i] > 0.0:
+            some[n] = i
+            n += 1
+    bent, matrix, answer = np.zeros((count, 4)), np.empty((n, n)), np.empty((n, 4))
+    for s in range(n):
+        i = some[s]
+        dc[i] = 0.0
+        for t in range(s + 1):
+            matrix[s, t] = sq.compliance[i, some[t]]
+        matrix[s, s] += 1.0 / sq.elastic[i]
+    if bends:
+        _apply(sq.compliance, dc, du)
+    for s in range(n):
+        i = some[s]
+        answer[s, 0] = (sq.load[i] - sq.coefficient[i]) / sq.elastic[i] - du[i]
+        for d in range(3):
+            answer[s, 1 + d] = -sq.mixed[i, d] / sq.elastic[i]
+    _solve_loaded(matrix, answer)
+    for i in range(count):
+        bent[i, 0] = du[i]
+        for s in range(n):
+            g = sq.compliance[i, some[s]]
+            for d in range(4):
+                bent[i, d] += g * answer[s, d]
+    right = np.empty(3)
+    for d in range(3):
+        right[d] = -gradient[d]
+        for i in range(count):
+            right[d] -= sq.mixed[i, d] * bent[i, 0]
+            for t in range(3):
+                hessian[d, t] += sq.mixed[i, d] * bent[i, 1 + t]
+    dq[0], dq[1], dq[2] = solve(hessian, right)
+    decrement = -(gradient[0] * dq[0] + gradient[1] * dq[1] + gradient[2] * dq[2])
+    for s in range(n):
+        dc[some[s]] = answer[s, 0] + answer[s, 1] * dq[0] + answer[s, 2] * dq[1] + answer[s, 3] * dq[2]
+    for i in range(count):
+        du[i] = bent[i, 0] + bent[i, 1] * dq[0] + bent[i, 2] * dq[1] + bent[i, 3] * dq[2]
+        decrement += (sq.load[i] - sq.coefficient[i]) * du[i]
+    return float(decrement)
+
+
+@kernel
+def _minimise(
+    one: Overlaps, sq: Squares, bends: bool, q: Floats, bed: Bed, least: float, hull: Floats, piece: Floats, room: Floats
+) -> int:  # fmt: skip
+    """Find rise and bending of least energy from where they are; returns the iterations, -1 where there is no end."""
+    count = sq.load.size
+    gradient, hessian, dq, dc, du = np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(count), np.zeros(count)
+    energy = _sum_up(one, sq, q, bed, least, hull, gradient, hessian, piece, room)
+    for iteration in range(MAX_ITERATIONS):
+        decrement = _correction(sq, bends, gradient, hessian, dq, dc, du)
+        # Late iterations move within round-off.
+        if decrement <= (1e-16 if iteration < 20 else 1e-9 if iteration < 50 else 1e-6) * abs(energy):
+            return iteration
+        scale, taken = 1.0, 0.0
+        while True:
+            for i in range(3):
+                q[i] += (scale - taken) * dq[i]
+            for i in range(count):
+                sq.coefficient[i] += (scale - taken) * dc[i]
+                sq.bending[i] += (scale - taken) * du[i]
+            new = _sum_up(one, sq, q, bed, least, hull, gradient, hessian, piece, room)
+            if new <= energy - 1e-4 * scale * decrement or scale < 1e-3 or decrement < 1e-9 * abs(energy):
+                break
+            taken, scale = scale, 0.5 * scale
+        energy = new
+    return -1
+
+
+# Many arguments: as in `press`, whose results it writes.
+@kernel
+def _share_out(
+    pads: Pads, b: int, polygons: Ints, one: Overlaps, sq: Squares, q: Floats, bed: Bed, gradient: Floats, length: float,
+    thickness: float, found: Floats, bent: Floats, piece: Floats, room: Floats,
+) -> None:  # fmt: skip
+    """Write what the elements (``found``) and polygons (``bent``) bear."""
+    sums, top, share = np.zeros(10), bed.strength / bed.stiffness, np.full(sq.load.size, -1.0)
+    for m in range(one.polygons.size):
+        i, k = one.square[m], polygons[one.polygons[m]]
+        e, origin_x, origin_y = pads.owner[k], pads.frame[b, ORIGIN_X], pads.frame[b, ORIGIN_Y]
+        size, highest = _raised(one, m, q, sq.bending[i], piece)
+        if highest <= 0.0:
+            continue
+        pressed(piece, size, top, room, sums)
+        load = bed.stiffness * sums[0]
+        x, y = sums[1] / sums[0], sums[2] / sums[0]
+        found[e, LOAD] += load
+        found[e, LOAD_X] += load * (x + origin_x)
+        found[e, LOAD_Y] += load * (y + origin_y)
+        # The gradient of the overlap is minus that of the depth, and the floor pushes where it is deeper.
+        found[e, PUSH_X] -= load * gradient[one.polygons[m], 0]
+        found[e, PUSH_Y] -= load * gradient[one.polygons[m], 1]
+        found[e, LIFT] = max(found[e, LIFT], q[0] + q[1] * y - q[2] * x + sq.bending[i])
+        if share[i] < 0.0 and length > 0.0:
+            share[i] = share_of_ice(pads, b, sq.place[i, 0], sq.place[i, 1], math.sqrt(2.0) * length)
+        found[e, STRESS] = max(found[e, STRESS], bending_stress(length, share[i], thickness, sq.bending[i]))
+        found[e, YIELD] = max(found[e, YIELD], highest - top)
+        of_polygon = bent[one.polygons[m]]
+        of_polygon[0], of_polygon[1], of_polygon[2] = load, sq.bending[i], share[i]
+        of_polygon[3], of_polygon[4] = x + origin_x, y + origin_y
+        if bed.grip < top:
+            pressed(piece, size, bed.grip, room, sums)
+        found[e, HOLD] += bed.friction * bed.stiffness * sums[0]
+    for e in range(pads.row_start[b], pads.row_start[b + 1]):
+        if found[e, LOAD] > 0.0:
+            found[e, LOAD_X] /= found[e, LOAD]
+            found[e, LOAD_Y] /= found[e, LOAD]
+
+
+# Many arguments: what the press finds goes into arrays of the caller, which makes them once for all sub-steps.
+@kernel
+def press(
+    pads: Pads, plates: Plates, b: int, polygons: Ints, depth: Floats, draft: Floats, level: float, bed: Bed, hull: Floats,
+    length: float, thickness: float, q: Floats, found: Floats, bent: Floats,
+) -> tuple[int, float]:  # fmt: skip
+    """Press the keel of fragment ``b`` onto the floor; returns Newton's iterations, -1 for no end, and the largest overlap (m).
+
+    ``polygons``: its polygons that may touch the floor; ``depth``: at their corners one after the other, then at their centroids
+    (m); ``draft``: of the elements ``pads.rows`` (m); ``length``: of bending, 0 for ice that does not, and ``thickness`` (m).
+    ``q`` takes heave and tilts, ``found`` the columns `LOAD` to `YIELD` of the elements, ``bent`` load (N), bending (m), share of
+    ice and place (m) of each polygon.
+    """
+    corners, most = 0, CORNERS
+    for k in polygons:
+        corners += pads.start[k + 1] - pads.start[k]
+        most = max(most, 2 * (pads.start[k + 1] - pads.start[k]) + 8)
+    for e in range(pads.row_start[b], pads.row_start[b + 1]):
+        for column in range(PRESSED):
+            found[e, column] = 0.0
+    for m in range(polygons.size):
+        bent[m, 0] = 0.0
+    corner, gradient, highest = np.empty((corners, 3)), np.empty((polygons.size, 2)), np.empty(polygons.size)
+    largest = lay_planes(pads, polygons, depth, draft, level, corner, gradient, highest)
+    q[0] = q[1] = q[2] = 0.0
+    if largest <= 0.0:
+        return 0, largest
+    piece, room, margin, top = (
+        np.empty((most, 3)),
+        np.empty((most, 3)),
+        # Beyond CLEAR pads are looked at or not by the way that a fragment came; the last bit must not hang on it.
+        min(0.2 * largest + 0.02, CLEAR),
+        bed.strength / bed.stiffness,
+    )
+    least, bends = SLIVER * bed.stiffness * pads.frame[b, SIDE] ** 2, length > 0.0
+    while True:
+        one, count, merged = _gather(pads, b, polygons, corner, highest, margin)
+        sq, iterations = Squares(
+            np.zeros((count, count)), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros((count, 3)),
+            np.zeros((count, 2)),
+        ), 0  # fmt: skip
+        if bends:
+            fit_plate(pads, plates, b, polygons[one.polygons], merged, length, bed.poisson)
+        q[0] = q[1] = q[2] = 0.0
+        for search in range(2 if bends else 1):
+            if bends:
+                _set_compliance(
+                    pads, plates, b, polygons, one, sq, merged == 1, q, math.inf if search == 0 else top, length, piece, room
+                )  # fmt: skip
+            iterations = _minimise(one, sq, bends, q, bed, least, hull, piece, room)
+            if iterations < 0:
+                return -1, largest
+        # Whether what was left out stays clear: rigid rise alone is its least.
+        at, clear = 0, True
+        for m in range(polygons.size):
+            size = pads.start[polygons[m] + 1] - pads.start[polygons[m]]
+            if highest[m] <= -margin:
+                for n in range(at, at + size):
+                    clear = clear and corner[n, 2] <= q[0] + q[1] * corner[n, 1] - q[2] * corner[n, 0]
+            at += size
+        if clear:
+            break
+        margin *= 2.0
+    _share_out(pads, b, polygons, one, sq, q, bed, gradient, length, thickness, found, bent, piece, room)
+    return iterations, largest

@@ -1,0 +1,131 @@
+"""The outlines of fragments as points with normals, at which the water drags on their sides.
+
+The outline of a fragment is that of the footprints of its elements. A crack runs between footprints, in steps where it crosses
+the lattice; `SMOOTHING` makes it a line, for pressure knows the way of a side and not the steps of its cells. Each element bears
+what acts on the part of the outline that is nearest to its centre, at two points of Gauss's rule: the integral over a straight
+side of (normal speed)^2 and of its lever is exact as long as the speed keeps its sign.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from riftberg.engines.common.run_state import RunState
+from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
+from riftberg.state import Elements, Floats, Ints
+
+SMOOTHING: Final = 0.95
+"""Detail of an outline, in distances of elements, that is left out: the steps of a lattice are as high as one at most."""
+
+SHARE_OF_SIZE: Final = 0.25
+"""And in parts of the root of the area of the fragment: pieces of a few elements keep their corners."""
+
+SEAM: Final = 1e-3
+"""Gaps between footprints that count as none, in distances of elements."""
+
+MOST_GROUPS: Final = 3
+
+MOST_FRAGMENTS: Final = 10_000
+"""Outlines that are remembered: some kB each."""
+
+
+class FragmentSides:
+    """The outlines of the bonded fragments under a run."""
+
+    def __init__(self, footprints: FootprintBook) -> None:
+        self._footprints = footprints
+        self._fragments: dict[tuple[int, bytes, bytes], tuple[Ints, Floats]] = {}
+        # Of the groups that a population is stepped in.
+        self._latest: dict[tuple[int, bytes, bytes, bytes], Floats] = {}
+
+    def find(self, model: RunState, body: Ints, xy: Floats) -> Floats:
+        """Return the points of all elements as `riftberg.engines.quasi_static.bodies.dynamics.ElementForcing` has them.
+
+        ``body``: fragment of each element; ``xy``: where they stand in it without load, m.
+        """
+        el = model.elements
+        # A piece that a crack has divided has the elements that it had, and another outline.
+        key = self._footprints.divided, el.body.id.tobytes(), body.tobytes(), xy.tobytes()
+        if key not in self._latest:
+            if len(self._latest) == MOST_GROUPS:
+                del self._latest[next(iter(self._latest))]
+            self._latest[key] = self._found(model, body, xy)
+        return self._latest[key]
+
+    def _found(self, model: RunState, body: Ints, xy: Floats) -> Floats:
+        """Find the points, of fragments that are new alone."""
+        el = model.elements
+        several = np.flatnonzero(np.bincount(body)[body] > 1)
+        if not several.size:
+            return np.zeros((el.size, 0, 4))
+        order = several[np.argsort(body[several], kind="stable")]
+        owners, points = [], []
+        if len(self._fragments) > MOST_FRAGMENTS:
+            self._fragments.clear()
+        for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1):
+            key = self._footprints.divided, el.body.id[rows].tobytes(), xy[rows].tobytes()
+            found = self._fragments.get(key) or self._points_of(model, rows, xy)
+            self._fragments[key] = found
+            owners.append(rows[found[0]])
+            points.append(found[1])
+        owner, point = np.concatenate(owners), np.vstack(points)
+        order = np.argsort(owner, kind="stable")
+        owner, point, number = owner[order], point[order], np.bincount(owner, minlength=el.size)
+        sides = np.zeros((el.size, int(number.max()), 4))
+        sides[owner, np.arange(owner.size) - np.repeat(np.cumsum(number) - number, number)] = point
+        return sides
+
+    def _points_of(self, model: RunState, rows: Ints, xy: Floats) -> tuple[Ints, Floats]:
+        """Points on the outline of one fragment, and of which of its elements they are."""
+        el = model.elements
+        footprints = self._footprints.follow(model)
+        size = np.sqrt(_sizes(footprints, el, rows))
+        spacing = float(size.mean())
+        ends = []
+        ice = _union(body_footprint(footprints, el, rows, xy, shrinks=False), spacing)
+        for ring in _outlines(ice, spacing):
+            corner = np.asarray(shapely.segmentize(ring, 1.001 * spacing).coords)[:, :2]
+            ends.append(np.stack([corner[:-1], corner[1:]], axis=1))
+        start, along = np.concatenate(ends)[:, 0], np.diff(np.concatenate(ends), axis=1)[:, 0]
+        length, centre = np.hypot(*along.T), xy[rows]
+        owner = np.asarray(cKDTree(centre).query(start + 0.5 * along)[1], np.int64)
+        normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]  # the ice lies on the left
+        # Elements are equal, their footprints are not: their centre is brought to that of the ice, or a current would turn it.
+        middle = np.average(centre, axis=0, weights=size**2) - np.array(ice.centroid.coords[0])
+        found = []
+        for part in (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)):
+            away = start + middle + part * along - centre[owner]
+            arm = away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0]
+            found.append(np.column_stack([normal, arm, 0.5 * length / size[owner]]))
+        return np.tile(owner, 2), np.vstack(found)
+
+
+def _sizes(footprints: Any, el: Elements, rows: Ints) -> Floats:
+    """Plan area (m2) of elements when their footprints were made."""
+    place = {int(number): k for k, number in enumerate(footprints.element)}
+    return np.asarray(footprints.size[[place[int(number)] for number in el.body.id[rows]]])
+
+
+def _union(footprint: Any, spacing: float) -> Any:
+    """Ice (shapely) of a fragment, along its axes (m)."""
+    number = np.diff(footprint.start)
+    rings = shapely.linearrings(footprint.corner, indices=np.repeat(np.arange(number.size), number))
+    ice = shapely.buffer(shapely.polygons(rings), SEAM * spacing, join_style="mitre")
+    return shapely.buffer(shapely.union_all(ice), -SEAM * spacing, join_style="mitre")
+
+
+def _outlines(ice: Any, spacing: float) -> list[Any]:
+    """Return the outer rings (shapely, counter-clockwise) of a fragment without the steps of its lattice."""
+    detail = min(SMOOTHING * spacing, SHARE_OF_SIZE * math.sqrt(ice.area))
+    rings = []
+    for part in shapely.get_parts(shapely.orient_polygons(ice)):
+        corner, middle = np.asarray(part.exterior.coords)[:-1, :2], np.array(part.centroid.coords[0])
+        # The first point of a ring stays: that farthest out is a corner, and not one within a side.
+        corner = np.roll(corner, -int(np.argmax(np.hypot(*(corner - middle).T))), axis=0)
+        rings += [one.exterior for one in shapely.get_parts(shapely.simplify(shapely.Polygon(corner), detail))]
+    return [ring for ring in rings if not ring.is_empty]

@@ -1,0 +1,293 @@
+"""Stiffness and stress of linear triangles in natural modes, with a rotation for each cell and edges that may be freed.
+
+Edge ``i`` of a triangle lies opposite vertex ``i`` and runs from ``j`` to ``k``; t is its direction, n = (-t_y, t_x), l its
+length:
+
+    elongation  q = t . (u_k - u_j)              of the three follows the strain: t' eps t = q / l, so eps = Q q
+    turn        r = n . (u_k - u_j) / l
+    energy      W = 1/2 z' k z + c sum over unfreed edges, over both ends v, of (theta_v - r + m)^2
+
+with k = w A H Q' C Q (natural modes; Argyris 1964), C of plane stress, w the weight of the triangle, A its area, H its thickness,
+m = n' eps(z) t, theta_v the rotation of the cell that owns v, and c = beta mu w A H / 12. An unfreed edge has z = q. A freed
+one has a z of its own, an inner unknown at which W is least, and its squares drop out of the sum. In an unbroken triangle
+r - m is the rotation of the material, whatever the edge, so that the sum is the drilling term of Hughes and Brezzi (1989, Comput.
+Methods Appl. Mech. Eng. 72): zero in uniform strain and rigid motion.
+
+A freed edge is open by q - z. A crack through a triangle is open by the part of these gaps along its normal; less than 0 would
+be ice that passes through ice. So its faces close: they bear pressure, and no tension, and slip freely along the crack.
+
+To free an edge adds an unknown to the minimum and drops squares, so the stiffness can only fall: the energy that a break
+releases is never negative, and the order of breaks does not matter.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from riftberg.compiled.kernels import kernel
+from riftberg.engines.quasi_static.lattice.cells import Booleans, CellMesh
+from riftberg.state import Floats, Ints
+
+DRILLING = 0.3
+"""beta: stiffness of the rotation of a cell against that of its ice, in parts of the shear modulus.
+
+The sag of a beam of eight cells hardly knows it, but it is what resists bending in a neck of one bond. More would lock the
+rotations to the ice of coarse lattices.
+"""
+
+
+class Triangles(NamedTuple):
+    """Matrices of the triangles for their six displacements (x and y of each vertex) and the rotations of their owners."""
+
+    stiffness: (
+        Floats  # Per volume of the ice, which it is proportional to: N m-4, N m-3, N m-2; shape (triangles, 9, 9)
+    )
+    stress: Floats  # Stress xx, yy, xy (Pa) by displacements and rotations; shape (triangles, 3, 9)
+
+
+class OpenEdges(NamedTuple):
+    """What it takes to close freed edges of triangles again."""
+
+    gap: Floats  # Gaps (m) by displacements and rotations; shape (triangles, 3, 9)
+    give: Floats  # By how much a pull on an edge from within (N per volume, of each column) stretches the ice; (triangles, 3, 3)
+    stress: Floats  # Stress xx, yy, xy (Pa) by such a stretch (m) of each edge; shape (triangles, 3, 3)
+
+
+def plane_stress(youngs: float, poisson: float) -> Floats:
+    """Stress xx, yy, xy (Pa) by strain xx, yy and twice xy."""
+    c = np.array([[1.0, poisson, 0.0], [poisson, 1.0, 0.0], [0.0, 0.0, 0.5 * (1.0 - poisson)]])
+    return youngs / (1.0 - poisson**2) * c
+
+
+def find_triangles(
+    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float = DRILLING
+) -> Triangles:
+    """Find the matrices of triangles with their freed edges condensed out.
+
+    ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``freed``: shape (triangles, 3).
+    """
+    return _condensed(vertex, freed, youngs, poisson, drilling)[0]
+
+
+def find_open_edges(vertex: Floats, freed: Booleans, youngs: float, poisson: float) -> tuple[Triangles, OpenEdges]:
+    """Find the matrices of triangles, and how their freed edges close; arguments as of `find_triangles`."""
+    found, elongation, stretch, inner_stiffness, stress = _condensed(vertex, freed, youngs, poisson, DRILLING)
+    of_freed = freed[:, :, None] & freed[:, None, :]
+    give = np.asarray(np.linalg.inv(inner_stiffness) * of_freed, np.float64)
+    return found, OpenEdges(elongation - stretch, give, stress)
+
+
+def _condensed(
+    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float
+) -> tuple[Triangles, Floats, Floats, Floats, Floats]:
+    """Matrices of triangles; their elongations q and z by displacements, stiffness of the inner unknowns, stress by z."""
+    count = len(vertex)
+    run = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
+    length = np.sqrt((run**2).sum(axis=2))
+    tx, ty = run[..., 0] / length, run[..., 1] / length
+
+    # Elongations, turns and rotations of the ends of each edge by the nine freedoms, and by three inner unknowns s, which
+    # only freed edges have.
+    elongation, turn, rotation = np.zeros((count, 3, 9)), np.zeros((count, 3, 12)), np.zeros((3, 2, 12))
+    for i in range(3):
+        for n, end, sign in ((0, (i + 1) % 3, -1.0), (1, (i + 2) % 3, 1.0)):
+            elongation[:, i, 2 * end], elongation[:, i, 2 * end + 1] = sign * tx[:, i], sign * ty[:, i]
+            turn[:, i, 2 * end], turn[:, i, 2 * end + 1] = (
+                -sign * ty[:, i] / length[:, i],
+                sign * tx[:, i] / length[:, i],
+            )
+            rotation[i, n, 6 + end] = 1.0
+
+    # Strain (xx, yy, 2 xy) by elongations, and the shear m of each edge by elongations.
+    strain = np.linalg.inv(np.stack([tx**2, ty**2, tx * ty], axis=2)) / length[:, None, :]
+    edge_shear = np.stack([-tx * ty, tx * ty, 0.5 * (tx**2 - ty**2)], axis=2) @ strain
+    elastic = plane_stress(youngs, poisson)
+    natural = strain.transpose(0, 2, 1) @ elastic @ strain
+    shear_modulus = 0.5 * youngs / (1.0 + poisson)
+    drill = drilling * shear_modulus / 6.0  # 2 c
+
+    # W in the freedoms x and the inner unknowns s: z = q for unfreed edges, z = s for freed ones.
+    whole, z = (~freed).astype(np.float64), np.zeros((count, 3, 12))
+    z[..., :9], z[:, range(3), range(9, 12)] = whole[:, :, None] * elongation, freed
+    drilled = rotation - (turn - edge_shear @ z)[:, :, None]
+    weighted = drilled * (drill * whole)[:, :, None, None]
+    energy = z.transpose(0, 2, 1) @ natural @ z
+    energy += drilled.reshape(count, 6, 12).transpose(0, 2, 1) @ weighted.reshape(count, 6, 12)
+    xx, xs, ss = energy[:, :9, :9], energy[:, :9, 9:], energy[:, 9:, 9:]
+
+    # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
+    ss += np.eye(3) * (whole * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
+    least = -np.linalg.solve(ss, xs.transpose(0, 2, 1))
+    stiffness = xx + xs @ least
+    stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
+    stretch, stress = z[..., :9] + freed[..., None] * least, elastic @ strain
+    return Triangles(stiffness, stress @ stretch), elongation, stretch, ss, stress
+
+
+class FaceTables(NamedTuple):
+    """What compiled code needs of `ClosingFaces`; a row for each triangle."""
+
+    row: Ints  # Number of the triangle
+    at: Ints  # Its nine freedoms
+    gap: Floats  # Gap (m) of the open crack by the freedoms; shape (triangles, 9)
+    stress: Floats  # Stress xx, yy, xy (Pa) by the freedoms where the crack is closed; shape (triangles, 3, 9)
+
+
+class ClosingFaces:
+    """Triangles with a crack through them whose faces may close; a row for each.
+
+    Whether it is closed follows from the displacements, so nothing is stored. The energy is convex, so one set of closed cracks
+    leaves no gap and no pressure below 0.
+
+    ``row``: number of the triangle; ``at``: its nine freedoms; ``vertex``: m; ``freed``: its edges that are freed, one or two;
+    ``across``: by how much the gap of the crack grows with that of each edge, shape (triangles, 3); ``volume``: m3.
+    """
+
+    def __init__(
+        self, row: Ints, at: Ints, vertex: Floats, freed: Booleans, across: Floats, volume: Floats, youngs: float,
+        poisson: float,
+    ) -> None:  # fmt: skip
+        found, edges = find_open_edges(vertex, freed, youngs, poisson)
+        # Closed: a pull across the crack takes away the gap that there is without it.
+        gap = np.einsum("te,tef->tf", across, edges.gap)
+        stretch = np.einsum("tef,tf->te", edges.give, across)
+        give = np.einsum("te,te->t", across, stretch)[:, None]
+        stress = found.stress + np.einsum("tce,te->tc", edges.stress, stretch)[:, :, None] * (gap / give)[:, None, :]
+        self.at, self.tables = at, FaceTables(row, at, gap, stress)
+        self.columns = gap * np.sqrt(volume[:, None] / give)  # w: closing adds w w^T to the stiffness
+
+    def closed(self, displacement: Floats) -> Booleans:
+        """Which of them are closed; ``displacement``: of all nodes (m, m, rad)."""
+        return closed_faces(self.tables, displacement)
+
+
+@kernel
+def put_closed_stress(faces: FaceTables, displacement: Floats, stress: Floats) -> None:
+    """Put the stress (Pa; xx, yy, xy) of triangles with closed faces in the place of that with open ones."""
+    row, at, if_closed, moved = faces.row, faces.at, faces.stress, displacement.ravel()
+    closed = closed_faces(faces, displacement)
+    for t in range(row.size):
+        if not closed[t]:
+            continue
+        for c in range(3):
+            stress[row[t], c] = 0.0
+            for a in range(9):
+                stress[row[t], c] += if_closed[t, c, a] * moved[at[t, a]]
+
+
+@kernel
+def closed_faces(faces: FaceTables, displacement: Floats) -> Booleans:
+    """Which cracks through triangles would be open by less than nothing."""
+    at, gap, moved = faces.at, faces.gap, displacement.ravel()
+    closed = np.empty(at.shape[0], np.bool_)
+    for t in range(at.shape[0]):
+        value = 0.0
+        for a in range(9):
+            value += gap[t, a] * moved[at[t, a]]
+        closed[t] = value < 0.0
+    return closed
+
+
+def shares_of_gap(vertex: Floats, freed: Booleans, faces: Booleans, normal: Floats) -> Floats:
+    """By how much the gap of a crack grows with that of each freed edge of its triangle, shape (triangles, 3).
+
+    ``vertex``: m; ``freed``: one or two edges of each triangle; ``faces``: those of them that belong to broken bonds;
+    ``normal``: of the crack where it crosses each edge, to either side, or 0 where its way is not known; shape (triangles, 3, 2).
+
+    A crack through two edges parts the vertex that they share from the other two. The gap is that along the normal of the
+    crack, so its faces slip freely, while edge by edge they would lock like the teeth of the lattice that they are made of.
+    """
+    shares, rows = freed.astype(np.float64), np.flatnonzero(freed.sum(axis=1) == 2)
+    edge = np.argsort(~freed[rows], axis=1, kind="stable")[:, :2]  # the two, shape (rows, 2)
+    parted = (3 - edge.sum(axis=1))[:, None]
+    # Along each of them to the parted vertex, from the one that is opposite the other.
+    toward = vertex[rows[:, None], parted] - vertex[rows[:, None], edge[:, ::-1]]
+    toward /= np.hypot(toward[..., 0], toward[..., 1])[..., None]
+    counts, crack = faces[rows[:, None], edge][..., None], normal[rows[:, None], edge]
+    crack = np.where((crack * toward.sum(axis=1, keepdims=True)).sum(axis=2, keepdims=True) < 0.0, -crack, crack)
+    mean = (crack * counts).sum(axis=1)
+    mean = np.where(mean.any(axis=1, keepdims=True), mean, (toward * counts).sum(axis=1))
+    mean /= np.hypot(*mean.T)[:, None]
+    # No share below 0: what was no gap on one edge alone is none on both, so that no break stores energy.
+    of_two = np.linalg.solve(toward.transpose(0, 2, 1), mean[..., None])[..., 0]
+    shares[rows[:, None], edge] = np.maximum(of_two, 0.0)
+    return shares
+
+
+def volumes(mesh: CellMesh, thickness: Floats) -> Floats:
+    """Volume (m3) of the ice of each triangle, with its weight; ``thickness`` (m) of the cells is linear between nodes.
+
+    It is not a number for cells that are gone: then that of the other vertices counts.
+    """
+    return np.asarray(mesh.weight * mesh.area * np.nanmean(thickness[mesh.owner[mesh.triangle]], axis=1))
+
+
+def freedoms(node: Ints, owner: Ints) -> Ints:
+    """Unknowns of triangles in the order of the matrices of `Triangles`, from the nodes of their vertices and their owners.
+
+    Each node has three: displacements along x and y, and a rotation, which the nodes on the outline do not use. ``node``,
+    ``owner``: shape (triangles, 3); the result: (triangles, 9).
+    """
+    displacements = 3 * node[:, :, None] + np.arange(2)
+    return np.concatenate([displacements.reshape(-1, 6), 3 * owner + 2], axis=1)
+
+
+@kernel
+def triangle_stresses(at: Ints, stress: Floats, displacement: Floats) -> Floats:
+    """Stress (Pa; xx, yy, xy) of each triangle; ``stress``: of `Triangles`; ``displacement``: of all nodes (m, m, rad)."""
+    found, moved = np.empty((at.shape[0], 3)), displacement.ravel()
+    for t in range(at.shape[0]):
+        xx = yy = xy = 0.0  # three sums side by side: each by itself would wait for its last addition
+        for a in range(9):
+            d = moved[at[t, a]]
+            xx += stress[t, 0, a] * d
+            yy += stress[t, 1, a] * d
+            xy += stress[t, 2, a] * d
+        found[t, 0], found[t, 1], found[t, 2] = xx, yy, xy
+    return found
+
+
+class Neighbourhoods(NamedTuple):
+    """Triangles whose stress is averaged in each of some places; a row for each triangle of a place, place by place."""
+
+    place: Ints
+    triangle: Ints
+    share: Floats  # Area with its weight, m2
+
+    @classmethod
+    def of_pairs(cls, mesh: CellMesh, place: Ints, triangle: Ints) -> Neighbourhoods:
+        """Take each pair of a place and a triangle once; places below 0 are none."""
+        count, chosen = len(mesh.triangle), place >= 0
+        pairs = np.unique(place[chosen] * count + triangle[chosen])
+        place, triangle = np.divmod(pairs, count)
+        return cls(place, triangle, (mesh.weight * mesh.area)[triangle])
+
+    def but_freed(self, whole: Booleans) -> Neighbourhoods:
+        """Return those without a freed edge (``whole``: of the triangles), in places that have any.
+
+        Freed edges carry nothing, so a mean that takes their triangles in sees the relief of the flanks of a crack and hardly
+        notices that a short one goes on.
+        """
+        of_whole = whole[self.triangle]
+        some = np.bincount(self.place, self.share * of_whole) > 0.0
+        counts = of_whole | ~some[self.place]
+        return Neighbourhoods(self.place[counts], self.triangle[counts], self.share[counts])
+
+
+@kernel
+def mean_stresses(near: Neighbourhoods, stress: Floats, places: int) -> Floats:
+    """Stress (Pa; xx, yy, xy) in each place: mean over its triangles by area; 0 where there are none."""
+    place, triangle, share = near.place, near.triangle, near.share
+    mean, n = np.zeros((places, 3)), 0
+    while n < place.size:
+        k, total, xx, yy, xy = place[n], 0.0, 0.0, 0.0, 0.0
+        while n < place.size and place[n] == k:
+            t, area = triangle[n], share[n]
+            total += area
+            xx, yy, xy = xx + area * stress[t, 0], yy + area * stress[t, 1], xy + area * stress[t, 2]
+            n += 1
+        if total > 0.0:
+            mean[k, 0], mean[k, 1], mean[k, 2] = xx / total, yy / total, xy / total
+    return mean

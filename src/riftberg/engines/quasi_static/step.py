@@ -1,0 +1,402 @@
+"""Quasi-static stepping: fragments move as rigid bodies, their lattices stand in equilibrium with the loads.
+
+A time step is a sequence of trial steps, each up to the first event in it (`TimeStep`):
+
+1. checkpoint: what a trial changes in the model is copied;
+2. trial step: contact in sub-steps, predictor, constraint of land, forcing at the new place, corrector, equilibrium;
+3. events: fracture by contact or the sea floor, overload; the trial is rolled back and taken again to the first;
+4. fracture: bonds break one by one under fixed loads until none is overloaded, and pieces become bodies of their own;
+5. acceptance: forces and peak stresses of the step are recorded.
+
+Elastic waves are left out: they pass within minutes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.engines.common.crack_tips import NO_TIPS, CrackTips
+from riftberg.engines.common.forces.media import FORCES
+from riftberg.engines.common.forces.sizes import Sizes, interaction_sizes
+from riftberg.engines.common.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
+from riftberg.engines.common.run_state import RunState
+from riftberg.engines.quasi_static.bodies.dynamics import longest_trial_step
+from riftberg.engines.quasi_static.bodies.pose import Bodies, bodies_from_elements, split_bodies
+from riftberg.engines.quasi_static.fracture.brittle_lattice import MAX_LOW_RANK_UPDATES, BrittleLattice
+from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, record_peak_stress, store_stresses
+from riftberg.engines.quasi_static.lattice.cell_stiffness import CellTopology
+from riftberg.engines.quasi_static.lattice.cells import ElasticCells
+from riftberg.engines.quasi_static.lattice.equilibrium import released_energy
+from riftberg.engines.quasi_static.rigid_step import BodyState, accumulate_step_forces
+from riftberg.engines.quasi_static.trial import LONGEST_PUSHED_STEP, FragmentMotion, LawsWithMemory, Trial
+from riftberg.parameters import KernelParameters
+from riftberg.state import Bonds, Elements, Ints
+
+MAX_CRACKS_PER_STEP = 64
+"""Cracks begin at most this often in a time step: overloads that follow each other sooner are found together."""
+
+EVENT_TOLERANCE = 1.0 / 64.0
+"""Events are located to this part of the shortest interval between two of them: the shortest sub-step for fracture by contact,
+the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
+
+LONGEST_CONTACT_STEP = 1800.0
+"""Longest trial step (s) in which fragments touch: in longer ones the loads at its end are not those of the impact."""
+
+
+class TimeStep:
+    """One time step of a model, from event to event.
+
+    ``lattice``, ``state`` and ``sizes`` are those of the step before, where nothing has changed since. ``unknown``:
+    bodies that take the velocity of their elements, None where the twists of ``bodies`` are right; ``cells``: the elastic cells
+    and the topology of their mesh; ``cracks``: the tips, and the highest number of a crack in the run.
+    """
+
+    def __init__(
+        self, model: RunState, bodies: Bodies | None = None, lattice: BrittleLattice | None = None,
+        state: BodyState | None = None, sizes: Sizes | None = None, unknown: NDArray[np.bool_] | None = None,
+        cells: tuple[ElasticCells | None, CellTopology | None] = (None, None),
+        cracks: tuple[CrackTips, int] = (NO_TIPS, 0), laws: LawsWithMemory | None = None,
+    ) -> None:  # fmt: skip
+        self.model, self.el, self.bonds = model, model.elements, model.bonds
+        self.laws = laws or LawsWithMemory()
+        self.motion = FragmentMotion(model, self.laws, sizes or interaction_sizes(self.el, model.constants))
+        self.start, self.dt, self.cracked = model.time, model.parameters.stepping.time_step, False
+        self.applied = np.zeros((self.el.size, len(FORCES), 2))  # mean accelerations so far, by their part of the step
+        self.touched: list[tuple[Ints, Ints]] = []  # elements of the pairs in contact so far
+        self._max_dt = self.dt  # longest trial step for the rest of the time step
+        newly_made = bodies is None or unknown is not None
+        if bodies is None:
+            bodies = first_bodies(self.el, self.bonds, model.constants)
+        if lattice is None:
+            lattice = BrittleLattice(model, bodies, self.motion.sizes, cells, *cracks)
+        else:  # the arrays of this step may be others than those of the last one
+            lattice.follow_cracks(bodies, cracks[0])
+        self.motion.lattice = lattice
+        if newly_made:
+            known = np.zeros(bodies.pose.shape[0], np.bool_) if unknown is None else ~unknown
+            bodies = bodies._replace(
+                twist=np.where(known[:, None], bodies.twist, self.motion.twists_of_elements(bodies))
+            )
+        if self.laws.seabed is not None:
+            self.laws.seabed.check_start(model, bodies)
+        self.state = state or self.motion.state_at(bodies, model.time)
+        if newly_made:
+            self.state = self.motion.in_equilibrium(self.state)
+        self.motion.frozen_displacement = self.state.bodies.displacement
+        self.bonds.peak_stress[lattice.intact] = self._equilibrium(self.state).stress[:, 0]
+
+    @property
+    def lattice(self) -> BrittleLattice:
+        """The lattice of the bonds that are intact now."""
+        return self.motion.lattice
+
+    def run(self) -> None:
+        """Advance to the end of the time step."""
+        may_break = self.model.parameters.fracture.enabled
+        if may_break and self.model.step_number == 0:
+            self._propagate_crack()
+        self._max_dt = longest_trial_step(self.state.operators.forcing, self.dt)
+        end, next_dt = self.start + self.dt, math.inf
+        while (rest := end - self.state.time) > 1e-9 * self.dt:
+            # The rest in equal parts, so that the last one is no shorter than it must be.
+            h = min(rest / math.ceil(rest / self._max_dt - 1e-9), next_dt)
+            next_dt = self._advance_to_event(h, may_break)
+        now = self._equilibrium(self.state)
+        self._store(now)
+        self.tips = self.lattice.told_tips(now)
+
+    # One step to the first event
+
+    def _advance_to_event(self, h: float, may_break: bool) -> float:
+        """Take one step of at most ``h`` s that ends at the first event in it; returns the longest step to come next (s).
+
+        The order in which events are looked for is the order in which one invalidates what the trial shows about the next:
+
+        1. Fragments touch in a step of hours, or push one to where the sea floor holds it otherwise. All loads of the trial are
+           then wrong, so it is rejected whatever else is in it, and the rest of the time step is taken in shorter steps, in
+           which all events are looked for again.
+        2. Fracture by contact or the sea floor. Their loads peak within the step, so it comes before what the end of the step
+           shows.
+        3. Overload under the loads at the end, which grow evenly from the start of the step.
+
+        A fracture always ends the step, as the pieces are other bodies. No bond is overloaded at its start, as the crack of the
+        step before ran until none was; one that is now has been weakened by damage in this step, and breaks at its end.
+        """
+        tolerance = self.dt / MAX_CRACKS_PER_STEP * EVENT_TOLERANCE
+        self._checkpoint()
+        trial = self.motion.trial(self.state, h)
+        too_long = (
+            (LONGEST_CONTACT_STEP, trial.contact is not None and trial.contact.first.size > 0),
+            (LONGEST_PUSHED_STEP, trial.pushed),
+        )
+        for longest, happened in too_long:
+            if happened and h > longest * (1.0 + 1e-9):
+                self._rollback()
+                self._max_dt = min(self._max_dt, longest)
+                return math.inf
+
+        if not may_break:
+            self._accept(trial)
+            return math.inf
+
+        # After a first crack the next one begins no sooner than this: a berg that shatters must not stop the clock.
+        least = self.dt / MAX_CRACKS_PER_STEP if self.cracked else 0.0
+        if trial.contact is not None and self.lattice.overload(self._peak_equilibrium(trial)) > 0.0:
+            # Cracks by contact may follow each other as quickly as its sub-steps.
+            shortest = trial.contact.shortest_substep
+            trial = self._located(trial, self._overload_in, shortest * EVENT_TOLERANCE, min(least, shortest))
+            if (
+                self._peak_equilibrium(trial) is not None
+                and self.lattice.overload(self._equilibrium(trial.state)) <= 0.0
+            ):
+                # Contact presses harder within the step than at its end: the crack runs under the peak loads.
+                assert trial.contact is not None
+                peak_load = self.motion.peak_load(trial.state, trial.contact.peak_load)
+                trial.state = self.motion.in_equilibrium(trial.state._replace(load=peak_load))
+            self._accept(trial, cracks=True)
+            # From the most critical bond, if any: where contact presses has shifted a little.
+            self._propagate_crack(impact=True)
+            # The next crack by crushing follows soon, and to locate it from a long step takes through the impact many times.
+            # The factor only trades steps against trials: each step is located to the same tolerance.
+            return max(8.0 * trial.h, shortest)
+
+        if self.lattice.overload(self._equilibrium(trial.state)) <= 0.0:
+            self._accept(trial)
+            return 8.0 * trial.h if self.cracked and trial.contact is not None else math.inf
+        start, end, h = self._equilibrium(self.state), self._equilibrium(trial.state), trial.h
+        after = h
+        if (at_start := self.lattice.overload(start)) <= 0.0:
+            after = first_moment(
+                lambda t: self.lattice.overload(self._between(start, end, t / h)),
+                (0.0, at_start),
+                (h, self.lattice.overload(end)),
+                tolerance,
+            )
+        first_broken = self.lattice.critical_bond(self._between(start, end, after / h))[0]
+        if (short := max(after, least)) < h * (1.0 - 1e-9):
+            self._rollback()
+            trial = self.motion.trial(self.state, short)
+        self._accept(trial, cracks=True)
+        # In the located step the loads may fall short of those between its ends by a little: the bond that was found there
+        # breaks in any case.
+        self._propagate_crack(first_broken)
+        return math.inf
+
+    def _located(
+        self, trial: Trial, event: Callable[[Trial], float], tolerance: float, least: float = 0.0
+    ) -> Trial:  # fmt: skip
+        """Return a trial that ends at most ``tolerance`` s after the first event in ``trial``.
+
+        ``event`` is above 0 where a trial holds one. In the first ``least`` s none is located. Trials without an event become
+        the state, and what is returned starts from there: an impact need not be gone through from its start each time.
+        """
+        done, latest = 0.0, (trial.h, trial)
+
+        def until(t: float) -> float:
+            nonlocal done, latest
+            self._rollback()
+            latest = t, self.motion.trial(self.state, t - done)
+            value = event(latest[1])
+            if value <= 0.0:
+                self._accept(latest[1])
+                self._checkpoint()
+                done = t
+            return value
+
+        before, after = (0.0, -1.0), (trial.h, event(trial))
+        if 0.0 < least < trial.h:
+            early = least, until(least)
+            before, after = (early, after) if early[1] <= 0.0 else (before, early)
+        end = after[0] if after[0] <= least else first_moment(until, before, after, tolerance)
+        if latest[0] == end > done:
+            return latest[1]
+        self._rollback()
+        return self.motion.trial(self.state, end - done)
+
+    def _checkpoint(self) -> None:
+        """Copy what a trial step changes in the model and the next trial reads before it finds it anew."""
+        self._kept = [array.copy() for array in self._changed_by_trials()], self.laws.checkpoint()
+
+    def _changed_by_trials(self) -> tuple[np.ndarray, ...]:
+        el = self.el
+        damage = (self.bonds.damage,) if self.model.parameters.damage.enabled else ()
+        on_bed = (*el.keel, el.environment.depth) if self.laws.seabed is not None else ()
+        return *el.place, *el.shown, el.motion.rotation, *damage, *on_bed
+
+    def _rollback(self) -> None:
+        """Return to the last checkpoint."""
+        kept, laws = self._kept
+        for array, values in zip(self._changed_by_trials(), kept, strict=True):
+            array[:] = values
+        self.laws.rollback(laws)
+
+    def _accept(self, trial: Trial, cracks: bool = False) -> None:
+        """Make a trial step the state: record its forces, its contacts and, unless a crack follows, its peak stresses."""
+        start, end, contact, work = self.state, trial.state, trial.contact, self.motion.workspace(trial.state.bodies)
+        self.state = end
+        before = self.applied[contact.rows] if contact else self.applied[:0]
+        part = 0.5 * trial.h / self.dt
+        middle = np.empty_like(start.bodies.twist)
+        accumulate_step_forces(
+            start.operators, start.terms, end.terms, start.bodies.twist, 0.5 * trial.h, part, middle, self.applied, work
+        )
+        if contact is not None:
+            # In contact the impulses of all forces were summed over the sub-steps instead.
+            self.applied[contact.rows] = before + contact.applied / self.dt
+            self.touched.append((contact.first, contact.second))
+        if not cracks:
+            self._record_peaks(self._equilibrium(end), self._peak_equilibrium(trial))
+
+    def _record_peaks(self, *moments: Equilibrium | None) -> None:
+        """Record the largest stress of each bond within the time step."""
+        for moment in moments:
+            if moment is not None:
+                record_peak_stress(self.bonds.peak_stress, self.lattice.intact, moment.stress)
+
+    # Events
+
+    def _overload_in(self, trial: Trial) -> float:
+        """Event function of fracture in a trial, by contact on the way or under the loads at its end."""
+        return max(
+            self.lattice.overload(self._peak_equilibrium(trial)), self.lattice.overload(self._equilibrium(trial.state))
+        )
+
+    def _between(self, start: Equilibrium, end: Equilibrium, share: float) -> Equilibrium:
+        """Return the equilibrium at a part of a trial: loads change linearly from start to end, and displacements with them."""
+        displacement = start.displacement + share * (end.displacement - start.displacement)
+        return self.lattice.moment(displacement, start.load + share * (end.load - start.load))
+
+    def _peak_equilibrium(self, trial: Trial) -> Equilibrium | None:
+        """Return the equilibrium under the peak contact loads of a trial; None where no bonded fragment was touched."""
+        contact, lattice = trial.contact, self.lattice
+        if contact is None or not contact.peak_load.rows.size:
+            return None
+        if trial.peak is None:
+            load = self.motion.peak_load(trial.state, contact.peak_load)
+            trial.peak = lattice.moment(lattice.displacements(load), load)
+        return trial.peak
+
+    def _equilibrium(self, state: BodyState) -> Equilibrium:
+        """Return the equilibrium of a state."""
+        return self.lattice.equilibrium(state.bodies.displacement, state.load)
+
+    # Fracture
+
+    def _propagate_crack(self, first: int = -1, impact: bool = False) -> None:
+        """Break bonds under fixed loads until none is overloaded: a crack runs faster than the loads change.
+
+        The most critical bond breaks, then the next one in the equilibrium without it. ``first`` (a row of the state)
+        begins in any case where none is overloaded. ``impact``: the loads are those of the strongest moment of a contact. They
+        end where a piece parts: the next step finds what contact does to the pieces.
+        """
+        now = self._equilibrium(self.state)
+        self._store(now)
+        bond, ratio = self.lattice.critical_bond(now)
+        bond = bond if ratio > 1.0 else first
+        if bond < 0:
+            return
+        bond = self.lattice.next_bond(now, bond)
+        self.cracked, first_broken, area = True, bond, 0.0
+        before = self.state
+        while True:
+            area += self.lattice.facet_area(bond)
+            self.bonds.break_strength[bond] = self.lattice.exceeded(now, bond)
+            self._break_bond(bond)
+            now = self._equilibrium(self.state)
+            bond, ratio = self.lattice.critical_bond(now)
+            if ratio <= 1.0:
+                break
+            # What the last bonds bear while a crack runs through them is no stress that the ice has borne.
+            bond = self.lattice.next_bond(now, bond)
+        after = self.state
+        # What the load of an impact has stored goes into the rebound of the pieces.
+        if not (impact and after.bodies.pose.shape[0] != before.bodies.pose.shape[0]):
+            self.bonds.released_energy[first_broken] = released_energy(
+                before.bodies.displacement, before.load, after.bodies.displacement, after.load
+            )
+        self.bonds.cracked_area[first_broken] = area
+        self._renumber()
+        self._record_peaks(self._equilibrium(self.state))
+
+    def _break_bond(self, bond: int) -> None:
+        """Break one bond and find the equilibrium without it, with new bodies where a piece has parted."""
+        el, bonds, state, c = self.el, self.bonds, self.state, self.model.constants
+        i, j = bonds.first[bond], bonds.second[bond]
+        aground = state.operators.forcing.aground
+        bonds.status[bond] = 1
+        bonds.break_time[bond] = state.time
+        bonds.break_grounded[bond] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
+        el.bond_count[i] -= 1
+        el.bond_count[j] -= 1
+        body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
+        if int(body.max()) + 1 != state.bodies.pose.shape[0]:
+            # Elements stay where they are, with the displacements at the start of the time step: on their last bonds
+            # alone they would be found turned by up to 30 degrees, for which a crack leaves no time.
+            frozen = self.motion.frozen_displacement
+            el.rotation[:] += frozen[:, 2] - state.bodies.displacement[:, 2]
+            bodies = split_bodies(
+                state.bodies._replace(displacement=frozen), body, state.operators.forcing.mass, c.latlon, c.earth_radius
+            )
+            self.motion.frozen_displacement = bodies.displacement
+            self.motion.lattice = self.lattice.anew(bodies)
+            self.motion.publish_positions(bodies)
+            self.state = self.motion.state_at(bodies, state.time)
+        elif self.lattice.update_rank >= MAX_LOW_RANK_UPDATES:
+            self.motion.lattice = self.lattice.anew(state.bodies)
+        else:
+            self.lattice.remove(bond)
+        self.state = self.motion.in_equilibrium(self.state)
+
+    def _renumber(self) -> None:
+        """Number the fragments anew, and start from fresh factors, which a restarted run has too."""
+        model, el, bonds = self.model, self.el, self.bonds
+        if model.constants.broken_as_contact:
+            drop_parted_bonds(bonds, connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status))
+        else:
+            drop_broken_bonds(bonds)
+        model.fragments.update(el, bonds, self.state.time, model.constants)
+        if self.lattice.update_rank:  # else it has just been factored, as where pieces part
+            self.motion.lattice = self.lattice.anew(self.state.bodies)
+        self.state = self.motion.in_equilibrium(self.motion.state_at(self.state.bodies, self.state.time))
+
+    def _store(self, now: Equilibrium) -> None:
+        """Write stresses and deformations to the state."""
+        store_stresses(self.bonds, now.lattice, now.intact, now.deformation, now.stress, self.state.operators.levers)
+
+
+def first_bodies(el: Elements, bonds: Bonds, p: KernelParameters) -> Bodies:
+    """Make bodies of the elements as they are, taken to be free of load."""
+    body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
+    return bodies_from_elements(el.lon, el.lat, body, el.mass, p.latlon, p.earth_radius, p.period)
+
+
+def first_moment(
+    value: Callable[[float], float], before: tuple[float, float], after: tuple[float, float], tolerance: float
+) -> float:
+    """Find the first moment at which ``value`` is above 0, to ``tolerance`` (s): the end of the bracket, just after it.
+
+    ``before`` and ``after``: the ends of a bracket, and the values there. By the ITP method (Oliveira and Takahashi 2020,
+    doi:10.1145/3423597): the secant through both ends, moved towards the middle, and never so far from it that bisection would
+    need more than one evaluation less. Values may jump, as the sea floor and other fragments act from one moment to the next;
+    of signs alone it makes bisection.
+    """
+    (a, low), (b, high), width = before, after, after[0] - before[0]
+    most = math.ceil(math.log2(max(width / tolerance, 1.0))) + 1  # one more than bisection
+    for n in range(most):
+        if b - a <= tolerance:
+            break
+        low, high, middle = max(-1.0, low), min(high, 1.0), 0.5 * (a + b)  # without ice or strength they are infinite
+        from_secant = middle - (a * high - b * low) / (high - low)
+        away = max(abs(from_secant) - 0.2 / width * (b - a) ** 2, 0.0)
+        away = min(away, max(0.5 * tolerance * 2.0 ** (most - n) - 0.5 * (b - a), 0.0))
+        t = middle - math.copysign(away, from_secant)
+        now = value(t)
+        if now > 0.0:
+            b, high = t, now
+        else:
+            a, low = t, now
+    return b

@@ -1,0 +1,351 @@
+"""A trial step: fragments move as rigid bodies, in contact in sub-steps, and their lattices bear the loads at its end.
+
+A trial changes positions, rotations and damage in the model; `riftberg.engines.quasi_static.step` accepts it or rolls it back.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.engines.common.broad_phase import NO_PAIRS
+from riftberg.engines.common.forces.media import FORCES
+from riftberg.engines.common.forces.sizes import Sizes
+from riftberg.engines.common.land import (
+    MAX_PASSES,
+    corrected_poses,
+    find_near_circles,
+    land_corrections,
+    leading_elements,
+    stopped_by_land,
+)
+from riftberg.engines.common.run_state import RunState
+from riftberg.engines.quasi_static.bodies.dynamics import (
+    BodyOperators,
+    BodyWorkspace,
+    ForceTerms,
+    allocate_body_workspace,
+    check_converged,
+    half_kick_newton,
+)
+from riftberg.engines.quasi_static.bodies.linear_pack import linear_pack, soft_pack
+from riftberg.engines.quasi_static.bodies.pose import Bodies, place_elements
+from riftberg.engines.quasi_static.contact.anchors import without_floor
+from riftberg.engines.quasi_static.contact.faces import FaceContact, FacePairs
+from riftberg.engines.quasi_static.contact.islands import (
+    PeakContactLoad,
+    SubcycledMotion,
+    scatter_peak_load,
+    trapezoidal_correction,
+)
+from riftberg.engines.quasi_static.fracture.brittle_lattice import BrittleLattice
+from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, grow_damage
+from riftberg.engines.quasi_static.ground.seabed import Seabed, joined, without
+from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, supported_loads
+from riftberg.engines.quasi_static.lattice.sides import FragmentSides
+from riftberg.engines.quasi_static.rigid_step import (
+    BodyState,
+    assemble_operators,
+    find_loads,
+    predict,
+    remove_rigid_modes,
+)
+from riftberg.errors import RunError
+from riftberg.ocean.cells import settle_elements
+from riftberg.state import Floats, Ints
+
+LONGEST_PUSHED_STEP = 60.0
+"""Longest trial step (s) in which others push a fragment to where the bed holds it otherwise, or down onto it."""
+
+LARGEST_TURN_ON_ROLLERS = 0.02
+"""Sine of the angle by which a fragment may turn on supports that are free eastward: they stay across its own axis."""
+
+Memory = tuple[tuple[Floats, Floats] | None, FacePairs | None]
+"""Work of friction on the sea floor and the least clearance above it, and faces that press each other."""
+
+
+class LawsWithMemory(NamedTuple):
+    """Laws that keep something from one step to the next: a bed of sediment if it is chosen, faces where fragments may meet.
+
+    ``sides``: the outlines of the fragments on which the water drags; without them it drags by a mean over all directions.
+    """
+
+    seabed: Seabed | None = None
+    faces: FaceContact | None = None
+    sides: FragmentSides | None = None
+
+    def checkpoint(self) -> Memory:
+        """Return what a step changes of them."""
+        return (
+            None if self.seabed is None else self.seabed.checkpoint(),
+            None if self.faces is None else self.faces.pairs,
+        )
+
+    def rollback(self, before: Memory) -> None:
+        """Return to what `checkpoint` gave."""
+        bed, pairs = before
+        if self.seabed is not None and bed is not None:
+            self.seabed.rollback(bed)
+        if self.faces is not None and pairs is not None:
+            self.faces.pairs = pairs
+
+
+class Ashore(NamedTuple):
+    """Fragments that land has put back."""
+
+    bodies: Ints
+    leading: Ints  # The elements that went farthest over land, theirs or of a fragment that they push
+    own: NDArray[np.bool_]  # Whether it is theirs
+    correction: Floats  # Of these, m east and north; shape (fragments, 2)
+
+
+def _stop_at_land(twist: Floats, levers: Floats, ashore: list[Ashore]) -> None:
+    """Take from fragments the velocity into the land that stops their leading elements, or those that they push."""
+    for bodies, leading, own, correction in ashore:
+        m, q = levers[leading], twist[bodies]
+        q[:, 2] *= own  # of a fragment that pushes the motion of its centre counts
+        u, v = np.sum(m[:, 0:3] * q, axis=1), np.sum(m[:, 3:6] * q, axis=1)
+        du, dv = stopped_by_land(0.0 * u, 0.0 * v, u, v, correction)
+        # From the axes of the element to those of the centre: the inverse of a rotation.
+        twist[bodies, 0] += m[:, 0] * du + m[:, 3] * dv
+        twist[bodies, 1] += m[:, 1] * du + m[:, 4] * dv
+
+
+@dataclass
+class Trial:
+    """A trial step from the state at its start; positions, rotation and damage in the model have followed it."""
+
+    h: float  # s
+    state: BodyState  # At its end
+    contact: SubcycledMotion | None  # What contact and the bed did on the way
+    pushed: bool = False  # Whether others have pushed a fragment to where the bed holds it otherwise
+    peak: Equilibrium | None = None  # Under the peak contact loads, once it has been needed
+
+
+class FragmentMotion:
+    """Takes the fragments of a model through trial steps.
+
+    ``lattice``: that of the bonds that are intact now. ``frozen_displacement``: displacements of the elements at the start of the
+    time step (m, m, rad), with which they are placed all through it.
+    """
+
+    lattice: BrittleLattice
+    frozen_displacement: Floats
+
+    def __init__(self, model: RunState, laws: LawsWithMemory, sizes: Sizes) -> None:
+        self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
+        self.laws, self.sizes = laws, sizes
+        self._work = allocate_body_workspace(0, 0)
+        self.seabed, self.faces, self._sides = laws
+
+    def trial(self, start: BodyState, h: float) -> Trial:
+        """Take a trial step of ``h`` s: the fragments at the new place with their velocities, loads and equilibrium."""
+        el, c, bodies = self.el, self.c, start.bodies
+        work, time = self.workspace(bodies), start.time + h
+
+        # Contact: fragments that may touch each other go through the step in sub-steps, island by island; then those that
+        # touch a bed of sediment.
+        contact, ground, pushed = self._resolve_contacts_and_bed(start, h)
+        in_substeps = joined(contact, ground, bodies.body)
+
+        # Predictor: first half kick and drift. Bodies in contact drift with the mean twist of their sub-steps.
+        new = bodies._replace(pose=np.empty_like(bodies.pose), twist=np.empty_like(bodies.twist))
+        moved = (in_substeps.bodies, in_substeps.mean) if in_substeps else (NO_PAIRS[0], bodies.twist[:0])
+        predict(
+            new, bodies, start.operators, start.terms, self.frozen_displacement, h, c.latlon, c.earth_radius, c.period,
+            el.place.lon, el.place.lat, el.body.static, el.motion.rotation, *moved, work,
+        )  # fmt: skip
+        new, ashore = self._constrained_by_land(new)
+        self.model.forcing.sample(el, time)
+        op = self.operators(new)
+
+        # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
+        twist = 2.0 * new.twist - bodies.twist  # first guess: the second half changes it as the first has done
+        work.active[:] = True
+        if in_substeps is not None:
+            work.active[in_substeps.bodies] = False
+        _stop_at_land(new.twist, op.levers, ashore)  # each half kick drives a body into the land that stops it
+        check_converged(half_kick_newton(op, new.twist, twist, 0.5 * h, work))
+        if contact is not None:
+            twist, contact = trapezoidal_correction(contact, soft_pack(start.operators), soft_pack(op), twist, h)
+        if ground is not None:
+            twist[ground.bodies] = ground.twist
+        _stop_at_land(twist, op.levers, ashore)
+
+        state = self.in_equilibrium(self._loaded(new, op, time, twist))
+        if self.model.parameters.damage.enabled:
+            # By the equilibrium in the middle of the step, and the damage at its start.
+            lattice, displacement = self.lattice, 0.5 * (bodies.displacement + state.bodies.displacement)
+            middle = lattice.moment(displacement, 0.5 * (start.load + state.load))
+            grow_damage(self.bonds, lattice.intact, lattice.criterion.damage_drive(middle, lattice.strengths()), h, c)
+        return Trial(h, state, joined(contact, ground, bodies.body), pushed)
+
+    def _resolve_contacts_and_bed(
+        self, start: BodyState, h: float
+    ) -> tuple[SubcycledMotion | None, SubcycledMotion | None, bool]:
+        """Take fragments through contact and over a bed of sediment; the third value is that of `Trial.pushed`."""
+        contact = self._resolve_contacts(start, h)
+        if self.seabed is None:
+            return contact, None, False
+        op = linear_pack(start.operators, start.bodies.twist)
+        ground, pushed = self.seabed.resolve(self.model, start.bodies, op, start.time, h, contact)
+        if contact is not None and ground is not None:
+            contact = without(contact, ground.bodies, start.bodies.body)
+        return contact, ground, pushed
+
+    def _resolve_contacts(self, start: BodyState, h: float) -> SubcycledMotion | None:
+        """Take the fragments that may touch each other within ``h`` s through sub-steps."""
+        bodies, keel = start.bodies, self.el.keel
+        if self.faces is None or not self.c.interactions:
+            return None
+        if bodies.pose.shape[0] < 2:
+            self.faces.forget_pairs()
+            return None
+        anchors = without_floor(self.el.size) if self.seabed is None else self.seabed.anchors(keel)
+        try:
+            return self.faces.resolve(self.model, bodies, soft_pack(start.operators), h, self.sizes, anchors)
+        except FloatingPointError:
+            raise RunError(
+                f"the velocities of bergs in contact did not converge at {self.model.date:%Y-%m-%d %H:%M}"
+            ) from None
+
+    def _constrained_by_land(self, bodies: Bodies) -> tuple[Bodies, list[Ashore]]:
+        """Find the cells of the elements; where land stops one, its fragment is put back, with those in its way."""
+        el, c, grid, ashore = self.el, self.c, self.model.forcing.grid, []
+        for _ in range(MAX_PASSES):  # a correction may lead onto other land
+            if grid is None:
+                break
+            lon, lat = el.lon.copy(), el.lat.copy()
+            settle_elements(el, grid.arrays, c)
+            correction = land_corrections(el, lon, lat, c)
+            if not correction.any():
+                break
+            if self.faces is None:  # nobody may touch another
+                find_near = partial(find_near_circles, el, lon, lat, bodies.body, c)
+            else:
+                find_near = partial(self.faces.find_near, self.model, bodies, lon, lat)
+            leading = leading_elements(correction, bodies.body, find_near)
+            bodies = bodies._replace(pose=corrected_poses(bodies.pose, el, lon, lat, leading, c))
+            stopped = np.flatnonzero(leading >= 0)
+            own = bodies.body[leading[stopped]] == stopped
+            ashore.append(Ashore(stopped, leading[stopped], own, correction[leading[stopped]]))
+            place_elements(
+                bodies._replace(displacement=self.frozen_displacement), el.lon, el.lat, el.static, c.latlon,
+                c.earth_radius, c.period,
+            )  # fmt: skip
+        self.publish_positions(bodies)
+        return bodies, ashore
+
+    def publish_positions(self, bodies: Bodies) -> None:
+        """Let fragments see each other as they are without load."""
+        # A slender piece bends by more than its contact is pressed in, and displacements lag by one step: seen bent, it
+        # came out of contact in one step and deeper into it in the next.
+        el, c = self.el, self.c
+        el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
+        if bodies.pose.shape[0] > 1:
+            undeformed = bodies._replace(displacement=np.zeros_like(bodies.displacement))
+            place_elements(undeformed, el.lon_pair, el.lat_pair, el.static, c.latlon, c.earth_radius, c.period)
+
+    def operators(self, bodies: Bodies) -> BodyOperators:
+        """Find what moves the fragments, from the environment that the elements carry."""
+        el, c = self.el, self.c
+        sides = None if self._sides is None else self._sides.find(self.model, bodies.body, self.lattice.xy)
+        op = assemble_operators(el, self.sizes, bodies, c, self.workspace(bodies), sides)
+        for b, inside in self._supported(bodies):
+            turn = float(np.abs(op.levers[inside, 10] * (el.free_y[inside] < 0.5)).max())  # sine of the angle
+            if turn > LARGEST_TURN_ON_ROLLERS:
+                raise RunError(
+                    f"a berg with elements that are held north and south (free_y = 0) has turned by "
+                    f"{math.degrees(math.asin(turn)):.1f} degrees at {self.model.date:%Y-%m-%d %H:%M}: the default scheme "
+                    "holds them across the berg as it stood at the start. Hold more elements, or use stepping.scheme mts"
+                )
+            # Fragments with supports move only as these allow: Z (Z^T M Z)^-1 Z^T in place of M^-1.
+            z = self.lattice.supports.rigid_modes(inside, self.lattice.xy)
+            op.matrices.mobility[b] = z @ np.linalg.solve(z.T @ op.matrices.inertia[b] @ z, z.T) if z.size else 0.0
+        return op
+
+    def _supported(self, bodies: Bodies) -> list[tuple[int, Ints]]:
+        """Fragments with supports, and their elements."""
+        if not self.lattice.supports.any:
+            return []
+        supported = np.unique(bodies.body[(self.el.static >= 0.5) | (self.el.free_y < 0.5)])
+        return [(int(b), np.flatnonzero(bodies.body == b)) for b in supported]
+
+    def _loaded(self, bodies: Bodies, op: BodyOperators, time: float, twist: Floats) -> BodyState:
+        """Find forces and loads where the bodies are and go with ``twist``."""
+        el, count = self.el, self.el.size
+        # What the bed and lasting contact load the lattice with is no part of the forces by which the next step begins.
+        pressed = np.zeros((0, 3))
+        if self.seabed is not None:
+            keel = el.keel
+            torque = keel.floor_arm_x * keel.floor_y - keel.floor_arm_y * keel.floor_x
+            pressed = np.column_stack([keel.floor_x, keel.floor_y, torque])
+            op.forcing.aground[:] = el.keel.floor_load > 0.0
+        if self.faces is not None and self.faces.pairs.pair.size:
+            of_faces = self.faces.force(self.model)
+            pressed = pressed + of_faces if pressed.size else of_faces
+        terms = ForceTerms(np.zeros((count, len(FORCES), 2)), np.zeros_like(twist), np.empty((count, 3)))
+        force, load, sums = np.empty((count, 3)), np.empty((count, 3)), np.empty((twist.shape[0], 7))
+        find_loads(
+            op, twist, self.lattice.xy, pressed, terms, force, load, el.motion, el.shown, el.kicks.spin_rate, sums,
+            self.workspace(bodies),
+        )  # fmt: skip
+        state = BodyState(time, bodies._replace(twist=twist), op, terms, force, load)
+        self._set_supported_loads(state, load, op.levers[:, 9:11], force)
+        return state
+
+    def state_at(self, bodies: Bodies, time: float) -> BodyState:
+        """Forces and loads where the bodies are."""
+        return self._loaded(bodies, self.operators(bodies), time, bodies.twist)
+
+    def _set_supported_loads(self, state: BodyState, balanced: Floats, turn: Floats, force: Floats) -> None:
+        """Replace the loads of fragments with supports, which carry a part of them, in those of free fragments."""
+        lattice, forcing = self.lattice, state.operators.forcing
+        for _, inside in self._supported(state.bodies):
+            z = lattice.supports.rigid_modes(inside, lattice.xy)
+            balanced[inside] = supported_loads(inside, z, lattice.xy, turn, force, forcing.mass, forcing.inertia)
+
+    def in_equilibrium(self, state: BodyState) -> BodyState:
+        """Return the state with the displacements of the equilibrium under its loads."""
+        bodies, count = state.bodies, state.bodies.pose.shape[0]
+        displacement = self.lattice.displacements(state.load)
+        supported = np.zeros(count, np.bool_)
+        for b, _ in self._supported(bodies):
+            supported[b] = True
+        finite = remove_rigid_modes(
+            bodies.body, self.lattice.xy, displacement, bodies.displacement, self.el.rotation, state.operators.forcing,
+            supported, np.empty((count, 3)), np.empty((count, 4)),
+        )  # fmt: skip
+        if not finite:
+            raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
+        return state._replace(bodies=bodies._replace(displacement=displacement))
+
+    def peak_load(self, state: BodyState, peak: PeakContactLoad) -> Floats:
+        """Balanced loads at the end of a trial, those of the touched fragments at the moment of their peak contact load."""
+        forcing, lattice = state.operators.forcing, self.lattice
+        force, axes, spin = scatter_peak_load(peak, self.el.size, state.bodies.pose.shape[0])
+        at_peak = balanced_loads(state.bodies.body, lattice.xy, axes, force, forcing.mass, forcing.inertia, spin)
+        self._set_supported_loads(state, at_peak, axes, force)
+        load = state.load.copy()
+        load[peak.rows] = at_peak[peak.rows]
+        return load
+
+    def twists_of_elements(self, bodies: Bodies) -> Floats:
+        """Return the rigid motions nearest to the velocities of the elements: those of the same momentum."""
+        el, op = self.el, self.operators(bodies)
+        m, mass, inertia = op.levers, op.forcing.mass, op.forcing.inertia
+        momentum = mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
+        momentum += (inertia * el.spin)[:, None] * m[:, 6:9]
+        sums = np.array([np.bincount(bodies.body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
+        return np.asarray((op.matrices.mobility @ sums[:, :, None])[:, :, 0])
+
+    def workspace(self, bodies: Bodies) -> BodyWorkspace:
+        """Return a workspace for the fragments."""
+        if self._work.residual.shape != bodies.twist.shape or self._work.direction.shape[0] != bodies.body.size:
+            self._work = allocate_body_workspace(bodies.pose.shape[0], bodies.body.size)
+        return self._work

@@ -1,0 +1,107 @@
+"""The door to the engines: the choice of the scheme, and the two in which no force moves the ice.
+
+What lies inside of an engine is imported by that engine alone; what both share lies in `riftberg.engines.common`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riftberg.engines.common.broad_phase import NO_PAIRS
+from riftberg.engines.common.forces.media import FORCES
+from riftberg.engines.common.run_state import RunState
+from riftberg.engines.common.stepper import (
+    Stateless,
+    Stepper,
+    apply_boundaries,
+    publish_positions,
+    sample_between_steps,
+)
+from riftberg.engines.explicit import single_step
+from riftberg.engines.explicit.mts import MultipleStepper
+from riftberg.engines.explicit.single_step import RungeKuttaStepper, VerletStepper
+from riftberg.engines.explicit.stability import assign_substeps, check_long_step, resonance_warning, size_bins
+from riftberg.state import Floats, Ints
+
+__all__ = [
+    "FrozenStepper",
+    "ImposedStepper",
+    "assign_substeps",
+    "check_long_step",
+    "make_stepper",
+    "resonance_warning",
+    "size_bins",
+]
+
+
+def make_stepper(run: RunState) -> Stepper:
+    """Return the stepper of the scheme that the parameters name."""
+    scheme = run.parameters.stepping.scheme
+    if run.parameters.stepping.frozen:
+        return FrozenStepper()
+    if run.parameters.stepping.fixed_velocity is not None and scheme in ("mts", "quasi_static"):
+        return ImposedStepper()
+    if scheme == "mts":
+        return MultipleStepper(run)
+    if scheme == "quasi_static":
+        # Its sparse solver takes half a second to import, which runs by other schemes do not wait for.
+        from riftberg.engines.quasi_static.stepper import QuasiStaticStepper
+
+        return QuasiStaticStepper(run)
+    return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)
+
+
+class FrozenStepper(Stateless):
+    """Nothing moves: time goes on, and the environment with it."""
+
+    def __init__(self) -> None:
+        self._applied = np.zeros((0, len(FORCES), 2))
+
+    def step(self, run: RunState) -> None:
+        """Advance by one long step."""
+        self._move(run)
+        run.time += run.parameters.stepping.time_step
+        self._applied = np.zeros((run.elements.size, len(FORCES), 2))
+        self.sample_forcing(run)
+
+    def _move(self, run: RunState) -> None:
+        """Leave everything where it is."""
+
+    def sample_forcing(self, run: RunState) -> None:
+        """See `riftberg.engines.common.stepper.Stepper.sample_forcing`."""
+        sample_between_steps(run, run.elements)
+
+    def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
+        """Return the velocity as it stands."""
+        return run.elements.u.copy(), run.elements.v.copy()
+
+    @property
+    def applied(self) -> Floats:
+        """No force has acted."""
+        return self._applied
+
+    @property
+    def touched(self) -> tuple[Ints, Ints]:
+        """Nothing has met."""
+        return NO_PAIRS
+
+
+class ImposedStepper(FrozenStepper):
+    """Bergs go at an imposed velocity whatever acts on them, in the schemes that have sub-steps (equations 4.2)."""
+
+    def _move(self, run: RunState) -> None:
+        el, p, imposed = run.elements, run.parameters, run.parameters.stepping.fixed_velocity
+        publish_positions(el)
+        moving, kicks = el.static < 0.5, el.kicks
+        for kick in kicks:
+            kick[moving] = 0.0
+        if imposed is not None and not p.quirks.imposed_velocity_late:
+            el.u[moving], el.v[moving] = imposed
+        count = int(el.substeps.max(initial=1))
+        for _ in range(count):
+            single_step.update_positions(el, p.stepping.time_step / count, run.constants)
+        el.rotation[moving] += p.stepping.time_step * el.spin[moving]
+        for mine, shown in ((el.u, (el.u_pair, el.u_sync)), (el.v, (el.v_pair, el.v_sync))):
+            for other in shown:
+                other[moving] = mine[moving]
+        apply_boundaries(run)

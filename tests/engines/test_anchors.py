@@ -1,0 +1,116 @@
+"""Friction of the sea floor in the sub-steps of contact, against a slow twin: root finding on the law as it is written."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import root
+
+from riftberg.compiled.kernels import plain
+from riftberg.engines.quasi_static.contact import anchors
+from riftberg.engines.quasi_static.contact.anchors import ANCHOR_X, ANCHOR_Y, ARM_X, ARM_Y, HOLD, SLOPE_X, STIFFNESS
+
+MASS = np.diag([3e12, 3e12, 4e19])
+
+
+def levers(places: np.ndarray) -> np.ndarray:
+    """Levers of elements of one body on a plane, at places about its centre (m)."""
+    found = np.zeros((len(places), 11))
+    found[:, [0, 4, 8, 9]] = 1.0
+    found[:, 2], found[:, 5] = -places[:, 1], places[:, 0]
+    return found
+
+
+def standing(seed: int, scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Anchors of five elements of one body, one of them afloat, and their levers."""
+    random = np.random.default_rng(seed)
+    found, places = anchors.without_floor(5), random.uniform(-5e3, 5e3, (5, 2))
+    found[:4, HOLD] = scale * random.uniform(1e8, 4e8, 4)
+    found[:4, STIFFNESS] = found[:4, HOLD] / 0.1
+    found[:4, [ANCHOR_X, ANCHOR_Y]] = scale * random.uniform(-5e7, 5e7, (4, 2))
+    found[:4, [ARM_X, ARM_Y]] = random.uniform(-400.0, 400.0, (4, 2))
+    found[:4, SLOPE_X] = scale * 1e7
+    return found, levers(places)
+
+
+def friction(a: np.ndarray, m: np.ndarray, h: float, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Force on the body (N, N, N m) and friction of each anchor (N) by the law."""
+    total, forces = np.zeros(3), np.zeros((len(a), 2))
+    for e in range(len(a)):
+        if a[e, STIFFNESS] == 0.0:
+            continue
+        away = np.array([m[e, 5] + a[e, ARM_X], -m[e, 2] + a[e, ARM_Y]])
+        u = v[:2] + v[2] * np.array([-away[1], away[0]])
+        f = a[e, [ANCHOR_X, ANCHOR_Y]] - h * a[e, STIFFNESS] * u
+        f *= min(1.0, a[e, HOLD] / math.hypot(*f))
+        forces[e] = f
+        total += [f[0], f[1], away[0] * f[1] - away[1] * f[0]]
+    return total, forces
+
+
+def by_turns(a: np.ndarray, m: np.ndarray, h: float, old: np.ndarray, pushed: np.ndarray) -> tuple[np.ndarray, int]:
+    """Velocity after a sub-step, and how many turns it took."""
+    body, guess = np.zeros(len(a), np.int64), old[None].copy()
+    now, force, drag, arm = np.zeros((1, 3)), np.empty((1, 3)), np.empty((1, 3, 3)), np.full(1, 3.6e3)
+    plain(anchors.add_floor_force)(a, body, m, now)
+    for turn in range(anchors.MOST_TURNS):
+        assert plain(anchors.find_grip)(a, body, m, h, old[None], guess, np.zeros(1, np.int64), force, drag)
+        new = old + np.linalg.solve(MASS + h * drag[0], h * (now[0] + force[0] + pushed))
+        if plain(anchors.agree)(guess, new[None], arm):
+            return new, turn + 1
+        guess = new[None].copy()
+    return new, anchors.MOST_TURNS
+
+
+@pytest.mark.parametrize("h", [0.2, 10.0, 60.0])
+@pytest.mark.parametrize("push", [0.0, 0.5, 0.9, 1.3, 4.0])
+def test_turns_find_the_velocity_of_the_law(h: float, push: float) -> None:
+    """Held and sliding, with and without speed at first."""
+    for seed in range(4):
+        for speed in (0.0, 0.05):
+            a, m = standing(seed)
+            old = np.array([speed, -0.3 * speed, speed * 1e-5])
+            pushed = push * a[:, HOLD].sum() * np.array([0.8, 0.6, 100.0])
+            slope = np.array([a[:, SLOPE_X].sum(), 0.0, 0.0])
+            slope[2] = -((-m[:, 2] + a[:, ARM_Y]) * a[:, SLOPE_X]).sum()
+            found, turns = by_turns(a.copy(), m, h, old, pushed)
+
+            def rest(q: np.ndarray, a=a, m=m, old=old, pushed=pushed, slope=slope) -> np.ndarray:
+                v = q * [1.0, 1.0, 1e-4]
+                force = friction(a, m, h, v)[0] + pushed + slope
+                return (v - old - h * np.linalg.solve(MASS, force)) * [1.0, 1.0, 1e4]
+
+            exact = root(rest, found * [1.0, 1.0, 1e4], tol=1e-14)
+            assert np.abs(exact.fun).max() < 1e-9
+            error = np.abs(exact.x - found * [1.0, 1.0, 1e4])
+            assert error.max() < 2e-2 * np.abs(exact.x).max() + 2e-5, (seed, speed, turns)
+
+
+def test_friction_after_a_sub_step_is_that_of_the_law_and_takes_energy() -> None:
+    a, m = standing(1)
+    before, old, pushed = a.copy(), np.array([0.05, 0.0, 0.0]), np.zeros(3)
+    new, _ = by_turns(a, m, 60.0, old, pushed)
+    rubbed = np.zeros(1)
+    plain(anchors.drag_anchors)(a, np.zeros(5, np.int64), m, 60.0, new[None], new[None], rubbed)
+    _, forces = friction(before, m, 60.0, new)
+    np.testing.assert_allclose(a[:, [ANCHOR_X, ANCHOR_Y]], forces, rtol=1e-3, atol=1e4)
+    assert (np.hypot(a[:, ANCHOR_X], a[:, ANCHOR_Y]) <= a[:, HOLD] * 1.002).all()
+    assert rubbed[0] > 0.0
+    assert not a[4].any()  # afloat
+
+
+def test_friction_does_not_depend_on_axes_or_on_the_unit_of_force() -> None:
+    a, m = standing(2)
+    old, pushed = np.array([0.02, 0.01, 1e-6]), np.array([3e8, -2e8, 1e11])
+    one, _ = by_turns(a.copy(), m, 30.0, old, pushed)
+    turned = a.copy()
+    for x, y in ((ANCHOR_X, ANCHOR_Y), (ARM_X, ARM_Y), (SLOPE_X, SLOPE_X + 1)):
+        turned[:, x], turned[:, y] = -a[:, y], a[:, x]
+    places = np.column_stack([m[:, 5], -m[:, 2]])
+    two, _ = by_turns(
+        turned, levers(np.column_stack([-places[:, 1], places[:, 0]])), 30.0, np.array([-old[1], old[0], old[2]]),
+        np.array([-pushed[1], pushed[0], pushed[2]]),
+    )  # fmt: skip
+    np.testing.assert_allclose(two, [-one[1], one[0], one[2]], rtol=1e-9)

@@ -1,0 +1,189 @@
+"""Footprints: they fill the outline whatever the lattice and its angle, and are convex."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg.engines.common.forces.sizes import interaction_sizes
+from riftberg.engines.common.lattices import outline_of_cells
+from riftberg.engines.quasi_static.lattice import cells, footprints
+from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
+from riftberg.ocean.analytic import Steady
+from riftberg.state.population import rows_of
+
+
+def model(rotation: float, packing: str) -> Model:
+    berg = Iceberg.rectangle(
+        12e3, 9e3, thickness=200.0, radius=1000.0, placement=(19e3, 4e3), latlon=False, rotation=rotation, packing=packing
+    )  # fmt: skip
+    return Model(berg, Steady(), Parameters(earth={"latlon": False, "period": 0.0}, bonds={"packing": packing}))
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+@pytest.mark.parametrize("rotation", [0.0, 10.0, 20.0, 45.0, 77.7])
+def test_footprints_fill_the_outline_and_are_convex(rotation: float, packing: str) -> None:
+    """Bug: round-off on a square lattice turned by 20 degrees gave one element the whole berg."""
+    run = model(rotation, packing)
+    found = FootprintBook(run).follow(run)
+    rings = [shapely.Polygon(found.corner[a:b]) for a, b in zip(found.start[:-1], found.start[1:], strict=True)]
+    area = np.bincount(found.owner, shapely.area(rings))
+    assert area.sum() == pytest.approx(108e6, rel=1e-6)
+    assert area.max() < 3.0 * area.min()
+    # Bug: edges of millimetres, whose direction is round-off, made depths of contact depend on which of two bergs came first.
+    assert min(np.hypot(*(np.roll(c, 1, axis=0) - c).T).min() for c in (r.exterior.coords[:-1] for r in rings)) > 0.01
+    np.testing.assert_allclose(shapely.area(shapely.convex_hull(rings)), shapely.area(rings), rtol=1e-9)
+
+
+def test_footprints_turn_with_their_fragments() -> None:
+    """Two fragments at once lie as each by itself."""
+    run = model(20.0, "square")
+    el, found = run.elements, FootprintBook(run).follow(run)
+    turn = np.exp(0.3j) * ((el.lon - el.lon.mean()) + 1j * (el.lat - el.lat.mean()))
+    xy, body = np.column_stack([turn.real, turn.imag]), (np.arange(el.size) >= 20).astype(np.int64)
+    both = body_footprint(found, el, np.arange(el.size), xy, body)
+    for b in (0, 1):
+        rows = np.flatnonzero(body == b)
+        one = body_footprint(found, el, rows, xy)
+        mine = np.isin(both.owner, rows)
+        corner = np.repeat(mine, np.diff(both.start))
+        np.testing.assert_allclose(both.corner[corner], one.corner, atol=1e-6)
+        away = one.corner - xy[rows][np.repeat(one.owner, np.diff(one.start))]
+        assert np.hypot(*away.T).max() < 3e3
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 2.0, -1.57])
+def test_footprints_of_a_fragment_that_moved_as_a_whole_have_moved_with_it(turn: float) -> None:
+    """To the micrometre, whatever the way: corners keep their places about the elements."""
+    run = model(20.0, "square")
+    el, found = run.elements, FootprintBook(run).follow(run)
+    rows, way = np.arange(el.size), 3e4 - 7e3j
+    there = np.exp(1j * turn) * (found.centre @ (1.0, 1.0j)) + way
+    laid = body_footprint(found, el, rows, np.column_stack([there.real, there.imag])[np.argsort(found.element)])
+    asked = np.exp(1j * turn) * (found.corner @ (1.0, 1.0j)) + way
+    assert laid.corner.shape == found.corner.shape
+    np.testing.assert_allclose(laid.corner @ (1.0, 1.0j), asked, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_bergs_of_one_element_have_the_cells_of_a_lattice(packing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All at once, as one by one they took 0.23 ms each: a quarter of a minute for a population."""
+    bergs = Iceberg.field(30, (-40.0, -38.0, -58.0, -57.0), seed=2)
+    bergs.elements.sides[:] = 6 if packing == "hexagonal" else 4
+    run = Model(bergs, Forcing.uniform((0.1, 0.0)), Parameters())
+    one_by_one = [
+        outline_of_cells(np.zeros((1, 2)), r, packing, 0.0)
+        for r in interaction_sizes(run.elements, run.constants).radius
+    ]
+    monkeypatch.setattr(footprints, "lattices", lambda *_: [])
+    found = FootprintBook(run).follow(run)
+    row = rows_of(run.elements.id, found.element)[0]
+    assert sorted(row) == list(range(30))
+    for ring, owner in zip(np.split(found.corner, found.start[1:-1]), found.owner, strict=True):
+        one, other = shapely.Polygon(ring + found.centre[owner]), one_by_one[row[owner]]
+        assert one.exterior.is_ccw
+        assert shapely.symmetric_difference(one, other).area < 1e-9 * other.area
+
+
+def test_without_contact_and_sediment_no_footprints_are_made() -> None:
+    bergs = Iceberg.field(30, (-40.0, -38.0, -58.0, -57.0), seed=2)
+    run = Model(bergs, Forcing.uniform((0.1, 0.0)), Parameters(stepping={"interactions": False}))
+    run.step()
+    assert FootprintBook(run).state_dict() == {}
+
+
+def test_a_child_born_inside_the_outline_of_the_start_has_a_footprint_of_its_own() -> None:
+    """Bug: a footloose child took its parent's outline, lay in all of its elements at once, and a day took minutes."""
+    p = Parameters(
+        stepping={"time_step": 1800.0}, footloose={"enabled": True, "style": "bergs"},
+        melt={"enabled": True, "temperature": 8.0, "salinity": 34.0},
+    )  # fmt: skip
+    berg = Iceberg.rectangle(6e3, 6e3, thickness=150.0, radius=1500.0, placement=(-37.0, -56.0), velocity=(0.6, 0.0))
+    berg.elements.fl_k[:] = 3e5
+    run = Model(berg, Forcing.uniform((0.6, 0.0), wind=(10.0, 0.0)), p)
+    for _ in range(6):  # 6 km: who is born in the west is born where the outline was
+        run.step()
+    el = run.elements
+    children = np.flatnonzero(el.life.fl_k < 0.0)
+    assert children.size > 1
+    found = run._stepper._footprints.follow(run)  # type: ignore[attr-defined]
+    xy = np.column_stack([el.lon, el.lat])
+    laid = body_footprint(found, el, children, xy, np.arange(children.size))
+    rings = [shapely.Polygon(laid.corner[a:b]) for a, b in zip(laid.start[:-1], laid.start[1:], strict=True)]
+    area = np.bincount(laid.owner, shapely.area(rings))
+    np.testing.assert_allclose(area, el.body.length[children] * el.body.width[children], rtol=1e-6)
+
+
+def test_members_that_begin_with_the_same_berg_share_the_work_and_no_arrays() -> None:
+    """Footprints and elastic cells take most of the set-up; they hang on the berg alone."""
+    before = [cache.cache_info().hits for cache in (footprints._parts_of_ice, cells._cell_mesh)]
+    one, two = (model(31.0, "square") for _ in range(2))
+    assert [cache.cache_info().hits for cache in (footprints._parts_of_ice, cells._cell_mesh)] == [
+        n + 1 for n in before
+    ]
+    for mine, theirs in ((one._stepper._cells.mesh, two._stepper._cells.mesh),
+                         (one._stepper._footprints.follow(one), two._stepper._footprints.follow(two))):  # fmt: skip
+        for name, array in mine._asdict().items():
+            np.testing.assert_array_equal(array, getattr(theirs, name))
+            assert np.isscalar(array) or not np.shares_memory(array, getattr(theirs, name))
+
+
+LATTICES = [("square", 0.0), ("square", 27.0), ("square", 45.0), ("hexagonal", 10.0)]
+
+
+def parted(packing: str, angle: float, line: list[tuple[float, float]], **options: object) -> Iceberg:
+    """A berg of 24 x 12 km on a turned lattice that a rift has parted."""
+    berg = Iceberg.rectangle(
+        24e3, 12e3, thickness=200.0, radius=1000.0, latlon=False, packing=packing, lattice_angle=angle, **options
+    )  # fmt: skip
+    return berg.with_rifts([line], broken=True)
+
+
+@pytest.mark.parametrize("line", [[(650.0, -7e3), (650.0, 7e3)], [(-3e3, -7e3), (-1e3, 0.0), (2e3, 7e3)]])
+@pytest.mark.parametrize(("packing", "angle"), LATTICES)
+def test_a_crack_divides_the_ice_along_its_line(packing: str, angle: float, line: list[tuple[float, float]]) -> None:
+    """Bug: it divided it along the sides of cells, so that both faces had teeth, at 45 degrees as high as half a cell.
+
+    A line with a bend, as one without; the ends, which no crossing bears witness of, may be off by a part of a cell.
+    """
+    run = Model(parted(packing, angle, line), Steady(), Parameters(earth={"latlon": False, "period": 0.0}))
+    el, found = run.elements, FootprintBook(run).follow(run)
+    corner = found.corner - found.centre.mean(axis=0) + (el.lon.mean(), el.lat.mean())
+    rings = [shapely.Polygon(corner[a:b]) for a, b in zip(found.start[:-1], found.start[1:], strict=True)]
+    np.testing.assert_allclose(shapely.area(shapely.convex_hull(rings)), shapely.area(rings), rtol=1e-9)
+    assert all(ring.exterior.is_ccw for ring in rings)
+    assert shapely.area(rings).sum() == pytest.approx(288e6, rel=1e-6)
+    berg = el.berg[rows_of(el.id, found.element)[0]][found.owner]
+    one, other = (shapely.union_all([r for r, b in zip(rings, berg, strict=True) if b == n]) for n in np.unique(berg))
+    middle = shapely.box(-2e4, -3.5e3, 2e4, 3.5e3)
+    face = shapely.intersection(shapely.intersection(one.buffer(1.0), other.boundary), middle)
+    assert face.length > 7e3
+    # It stays clear of centres by 200 m.
+    assert face.hausdorff_distance(shapely.intersection(shapely.LineString(line), middle)) < 210.0
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("packing", "angle"), LATTICES)
+def test_ice_that_slides_along_a_crack_breaks_nothing_whatever_the_lattice(packing: str, angle: float) -> None:
+    """Bug: the cells beside a crack of A68a bore on each other like the teeth of a rack.
+
+    Its tip stood aground, the rest slid past it, and on a lattice turned by 45 degrees shattered on it.
+    """
+    berg = parted(packing, angle, [(650.0, -7e3), (650.0, 7e3)])
+    el = berg.elements
+    west = el.lon < 650.0
+    el.static[west] = 1.0
+    el.v[~west], el.u[~west] = 0.2, 0.02  # along the crack, and away from it as slowly as a current parts ice
+    run = Model(
+        berg, Steady(), Parameters(
+            earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0, "only_interactions": True},
+            fracture={"normal_strength": "11 kPa"},
+        ),
+    )  # fmt: skip
+    before = run.bonds_broken
+    run.advance(steps=18)
+    assert run.bonds_broken == before
+    np.testing.assert_allclose(run.elements.v[~west], 0.2, rtol=0.02)
