@@ -16,6 +16,7 @@ from riftberg.engines.common.fragments.grounding_log import GroundingLog
 from riftberg.engines.common.fragments.tree import Fragment, FragmentTree
 from riftberg.engines.common.laws import Laws
 from riftberg.errors import RunError
+from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import A68A_2022_MTS, Parameters
 from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
@@ -35,10 +36,9 @@ class FakeTree:
     origin = FragmentTree.origin
 
 
-class FakeForcing:
+class FakeForcing(Forcing):
     """Uniform eastward current over a sloping floor."""
 
-    grid = None
     title = "uniform current of 0.2 m/s"
     citations = ("Nobody (2000): A uniform current.",)
 

@@ -37,7 +37,7 @@ from riftberg.life.coming import COMING, bear, coming, coming_text, parted_by_da
 from riftberg.life.motion import MotionLedger
 from riftberg.life.process import LifeProcess, check_water, lives
 from riftberg.ocean.floor_notices import floor_notices
-from riftberg.ocean.forcing import Forcing
+from riftberg.ocean.forcing import Forcing, as_forcing
 from riftberg.parameters import ExplicitParameters, Parameters
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Environment, Floats, Ints, copy_state
 from riftberg.state.population import Population, Saved, by_identifier, changed_rows, cut_out
@@ -123,7 +123,7 @@ class BareModel(RunState):
         *,
         laws: Laws | None = None,
     ) -> None:
-        asked = Parameters() if parameters is None else parameters
+        asked, forcing = Parameters() if parameters is None else parameters, as_forcing(forcing)
         check_arguments(berg, forcing, asked)
         began = time_zero(forcing, None if start is None else moment(start, where="start"))
         check_coordinates(berg, forcing, asked)
@@ -165,14 +165,14 @@ class BareModel(RunState):
         outlines: tuple[Any, ...] = (), laws: Laws | None = None,
     ) -> None:  # fmt: skip
         """Check the state and set up the stepper."""
-        own = Laws() if laws is None else laws
+        own, forcing = Laws() if laws is None else laws, as_forcing(forcing)
         required(own, Laws, "Laws(force=..., melt=..., fracture=...)", where="Model, laws")
         own.check(parameters)
         # Errors of an ensemble may be put around the forcing later; the forces are still called through this.
         self._force = None if own.force is None and own.drag is None else WithOwnForces(forcing, own)
         super().__init__(
             population, self._force or forcing, parameters,
-            parameters.kernel_values()._replace(ice_drift_known=bool(getattr(forcing, "ice_drift_known", True))),
+            parameters.kernel_values()._replace(ice_drift_known=forcing.ice_drift_known),
             FragmentTree(list(fragments), bergs), start, time, step_number, outlines=outlines,
             laws=own,
         )  # fmt: skip
@@ -207,7 +207,7 @@ class BareModel(RunState):
             # The same values as in the file, unless the run failed because its forcing was at fault. A force of one's own may
             # have been taken at velocities that are no more: it stays. An ocean model that has yet to hand over its fields
             # (`OceanForcing`) would be one at rest.
-            if getattr(forcing, "given", True):
+            if forcing.given:
                 environment = self.elements.environment
                 by_user = [getattr(environment, name) for name in OWN_VARIABLES]
                 values_by_user = [array.copy() for array in by_user]
@@ -676,7 +676,7 @@ class BareModel(RunState):
     @property
     def sea_level_notice(self) -> str:
         """What is assumed of the sea level where no data give one, with a figure for the largest berg; empty where they do."""
-        if not getattr(self.forcing, "tells_sea_level", False):
+        if not (self.forcing.assumes_slope or self.forcing.level_gaps):
             return ""
         from riftberg.ocean.balance import slope_notice  # with xarray, which a run of formulas does without
 
@@ -760,7 +760,7 @@ def check_arguments(berg: object, forcing: object, parameters: object) -> None:
     good = {
         "berg": (isinstance(berg, Iceberg), "an Iceberg, for example Iceberg.rectangle(...)"),
         "forcing": (
-            callable(getattr(forcing, "sample", None)) and not isinstance(forcing, type),
+            isinstance(forcing, Forcing),
             "a forcing, for example Steady(current=(0.2, 0.0))",
         ),
         "parameters": (isinstance(parameters, Parameters), "Parameters(...), or A68A_2022.changed(...)"),
@@ -783,14 +783,14 @@ def check_recorders(recorders: object) -> None:
 
 def time_zero(forcing: Forcing, given: datetime | None) -> datetime:
     """Return the date of time zero: as given, or that from which the forcing counts."""
-    own = getattr(forcing, "start", None)
-    if given is not None and isinstance(own, datetime) and own != given:
+    own = forcing.start
+    if given is not None and own is not None and own != given:
         raise InputError(
             f"the forcing counts its time from {own}, the model from {given}",
             where="start",
             remedy=f"Give both the same start, such as Forcing.from_dataset(ds, start='{given:%Y-%m-%d %H:%M}')",
         )
-    return given or (own if isinstance(own, datetime) else DEFAULT_START)
+    return given or own or DEFAULT_START
 
 
 def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
@@ -798,9 +798,8 @@ def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
     said = {"the berg": berg.latlon}
     if forcing.grid is not None:
         said["the grid of the forcing"] = forcing.grid.arrays.latlon
-    own = getattr(forcing, "latlon", None)
-    if own is not None:
-        said["the forcing"] = own
+    if forcing.latlon is not None:
+        said["the forcing"] = forcing.latlon
     for who, latlon in said.items():
         if latlon != p.earth.latlon:
             ours, theirs = ("degrees", "metres") if latlon else ("metres", "degrees")
@@ -820,9 +819,9 @@ def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
 
 def check_balance(forcing: Forcing, p: Parameters) -> None:
     """Refuse a current that is balanced for another Coriolis parameter than that of the run."""
-    if getattr(forcing, "latlon", None) is None:
+    if forcing.latlon is None:
         return
-    theirs = getattr(forcing, "latitude", None)
+    theirs = forcing.latitude
     plane = p.earth.f_plane or not p.earth.latlon
     ours = p.earth.reference_latitude if plane else None
     if theirs != ours:

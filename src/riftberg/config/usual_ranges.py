@@ -94,11 +94,9 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
 
 def _lacks_concentration(forcing: Any) -> bool:
     """Whether formulas give a thickness of sea ice, and nothing its concentration."""
-    parts = getattr(forcing, "parts", (forcing,))
+    parts = forcing.components()
     given = [part for part in parts if {"Steady", "Uniform"} & set(_own_kinds(part)) and part.sea_ice[2] > 0.0]
-    known = any(
-        getattr(part, "ice_fraction", 0.0) > 0.0 or "ice_fraction" in getattr(part, "provides", ()) for part in parts
-    )
+    known = "ice_fraction" in forcing.provides or any(getattr(part, "ice_fraction", 0.0) > 0.0 for part in parts)
     return bool(given) and not known
 
 
@@ -148,7 +146,7 @@ def _of_parameters(parameters: Any) -> Iterator[tuple[str, Usual, Any, str]]:
 
 def _of_forcing(forcing: Any) -> Iterator[tuple[str, Usual, Any, str]]:
     """Give the values of formulas that have a usual range."""
-    for part in getattr(forcing, "parts", (forcing,)):
+    for part in forcing.components():
         for kind in _own_kinds(part):
             for name, usual in USUAL.items():
                 value = getattr(part, name.partition(".")[2], None) if name.startswith(f"{kind}.") else None
@@ -177,7 +175,7 @@ def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Usual, Any,
 
 def _changes(forcing: Any) -> Iterator[tuple[str, float, float]]:
     """Give what changes in a forcing, its period or interval (s), and the longest step that follows it."""
-    for part in getattr(forcing, "parts", (forcing,)):
+    for part in forcing.components():
         times = getattr(getattr(part, "records", part), "times", None)
         if times is not None and len(times) > 1:
             interval = float(np.median(np.diff(times)))

@@ -161,7 +161,7 @@ class OceanForcing(GriddedForcing):
         Whether a step has put its fields; until then a run that is resumed keeps what its bergs met last.
     """
 
-    provides: Final = frozenset({"sst", "sss"})
+    provides = frozenset({"sst", "sss"})
 
     def __init__(self, grid: Grid, fields: Fields, **options: Any) -> None:
         super().__init__(grid, fields, **options)

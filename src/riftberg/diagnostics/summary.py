@@ -72,7 +72,7 @@ from riftberg.engines.common.reserves import CAVEAT, Reserve, berg_reserve
 from riftberg.errors import InputError
 from riftberg.life.process import PROCESSES, melt_of
 from riftberg.runs.groundings import summarize_ground
-from riftberg.runs.layout import called, forcing_text, read_start
+from riftberg.runs.layout import called, read_start
 from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
@@ -124,7 +124,7 @@ def summarize(
         "seconds_per_day": None if math.isnan(speed) else speed,
         "steps": model.step_number,
         "numerics": model.parameters.model_dump(mode="json"),
-        "forcing": forcing_text(model.forcing),
+        "forcing": model.forcing.describe(),
         "riftberg": __version__,
     }
 

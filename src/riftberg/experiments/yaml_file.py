@@ -371,7 +371,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     days = options.days or experiment.days
     check_span(experiment.start, days, where="--days" if options.days else str(path))
     forcing = build_forcing(experiment, folder, days, options, berg, parameters)
-    notices += getattr(forcing, "notices", ())
+    notices += forcing.notices
     if options.ocean is not None:
         forcing = options.ocean(forcing, parameters)
     made, loses = lost_in_lattice(berg)

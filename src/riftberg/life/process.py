@@ -206,7 +206,7 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
 
     Runs with the reference's numerics take what their driver hands over.
     """
-    missing = {} if p.quirks.zero_start else missing_water(p, provided(forcing))
+    missing = {} if p.quirks.zero_start else missing_water(p, forcing.provides)
     if missing:
         fields = " and ".join(missing.values())
         raise InputError(
@@ -225,11 +225,6 @@ def missing_water(p: Parameters, known: Container[str]) -> dict[str, str]:
     salty = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
     wanted = [("temperature", "sst", melt.temperature), *([("salinity", "sss", melt.salinity)] if salty else [])]
     return {name: field for name, field, number in wanted if number is None and field not in known}
-
-
-def provided(forcing: Forcing) -> frozenset[str]:
-    """Return which variables around the elements a forcing knows; empty where it does not say."""
-    return frozenset(getattr(forcing, "provides", ()))
 
 
 LEDGER: Final = "life_ledger"

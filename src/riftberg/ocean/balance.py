@@ -331,8 +331,8 @@ def slope_notice(forcing: Forcing, elements: Elements, largest: Ints, parameters
 
     ``largest``: rows of the elements of the largest berg.
     """
-    if not getattr(forcing, "assumes_slope", False) or largest.size == 0:
-        return str(getattr(forcing, "level_gaps", ""))
+    if not forcing.assumes_slope or largest.size == 0:
+        return forcing.level_gaps
     body, lat = elements.body, float(np.mean(elements.place.lat[largest]))
     area, density = float((body.length[largest] * body.width[largest]).sum()), parameters.ice.density
     size, thickness = math.sqrt(area), float(body.mass[largest].sum()) / (density * area)
@@ -345,7 +345,7 @@ def slope_notice(forcing: Forcing, elements: Elements, largest: Ints, parameters
         f"no sea level is given: its slope balances the current (in {SHOWN_SPEED:g} m/s a berg of {big} moves {with_it} km in "
         f"two days with it, {without} without)"
     )
-    clauses = list(getattr(forcing, "slope_remarks", ()))
+    clauses = list(forcing.slope_remarks)
     depth = np.asarray(forcing.depth(elements.place.lon[largest[:1]], elements.place.lat[largest[:1]]), float)
     if (depth >= FIELD_DEFAULTS["depth"]).all():
         clauses.append("no depth is given either, so the berg runs aground nowhere")

@@ -32,7 +32,7 @@ from riftberg.ocean.balance import (
     wind_drift,
 )
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
-from riftberg.ocean.forcing import DescribedForcing
+from riftberg.ocean.forcing import Forcing as BaseForcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.product_records import (
     NO_RINGS,
@@ -167,7 +167,7 @@ class DatasetOptions(TypedDict, total=False):
     names: Mapping[str, str] | None
 
 
-class DatasetForcing(DescribedForcing):
+class DatasetForcing(BaseForcing):
     """Several products as one forcing; implements `riftberg.ocean.forcing.Forcing`.
 
     Parameters
@@ -199,9 +199,6 @@ class DatasetForcing(DescribedForcing):
     ForcingError
         If two parts give the same field, or ``wind_layer`` is asked of currents on levels or without a wind.
     """
-
-    start: datetime | None = None
-    """Date of time 0 (UTC), where it is known; a model takes it over."""
 
     def __init__(
         self,
@@ -239,6 +236,10 @@ class DatasetForcing(DescribedForcing):
                 self.notices = (*self.notices, f"sea_level: geostrophic: {'; '.join(self.slope_remarks)}")
         filled = {variable for name in provided for variable in FILLS[name]}
         self._missing = tuple(name for name in VARIABLES if name not in filled)
+        self.provides = frozenset(VARIABLES) - frozenset(self._missing)
+        # A pack that only seems to stand still would hold bergs.
+        self.ice_drift_known = not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
+        self.title = ", ".join(dict.fromkeys(part.shown for part in self.parts))
 
     def _wind_of_layer(self) -> Part | None:
         """Return the wind whose layer is taken out of the slope too; refuse currents that hold no such layer."""
@@ -357,21 +358,6 @@ class DatasetForcing(DescribedForcing):
         forcing = cls(parts, **{"notices": notices, **options})
         forcing.start = begin
         return forcing
-
-    @property
-    def provides(self) -> frozenset[str]:
-        """Variables of the elements that come from a product."""
-        return frozenset(VARIABLES) - frozenset(self._missing)
-
-    @property
-    def ice_drift_known(self) -> bool:
-        """Whether sea ice, where a product gives any, has a velocity: a pack that only seems to stand still would hold bergs."""
-        return not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
-
-    @property
-    def title(self) -> str:
-        """Return the products, for titles."""
-        return ", ".join(dict.fromkeys(part.shown for part in self.parts))
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements at ``time`` (s since the start of the run)."""
@@ -533,11 +519,6 @@ class DatasetForcing(DescribedForcing):
         return float(np.radians(np.nanmedian(apart)) * EARTH_RADIUS_KID)
 
     @property
-    def tells_sea_level(self) -> bool:
-        """Whether a model has something to say of the sea level."""
-        return self.assumes_slope or bool(self.level_gaps)
-
-    @property
     def level_gaps(self) -> str:
         """What is missing of a given sea level at the start, and at the end of a run that was checked; empty if nothing is."""
         share = self._gaps
@@ -619,6 +600,15 @@ class DatasetForcing(DescribedForcing):
                 values = self.currents(x, y, 0.0)[0] if name == "uo" else self.depth(x, y)
                 found |= np.isnan(values) & (part.mesh.locate(x, y).row >= 0)
         return found.reshape(np.shape(lon))
+
+    @property
+    def level_of_files(self) -> bool:
+        """Whether the sea level of a product counts in the depth of a chart."""
+        return self._part_with("ssh") is not None and self._part_with("depth_below_surface") is not None
+
+    def components(self) -> tuple[Part, ...]:
+        """Return what each product gives."""
+        return self.parts
 
     def describe(self) -> str:
         """Return what each product gives, on which points and at which times."""

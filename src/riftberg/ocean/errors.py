@@ -27,7 +27,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import InputError
-from riftberg.ocean.forcing import Forcing, WrappedForcing, land_at
+from riftberg.ocean.forcing import Forcing, WrappedForcing
 from riftberg.plane import ConformalPlane
 from riftberg.state import Elements, Floats
 
@@ -293,7 +293,7 @@ class Envelope:
         axes = [np.arange(low - margin, high + margin + 1) for low, high in ((west, east), (south, north))]
         self.middle = (int(-axes[0][0]), int(-axes[1][0]))
         lon, lat = self.plane.inverse(*np.meshgrid(*(self.step * axis for axis in axes)))
-        land = land_at(self.forcing, lon, lat)
+        land = self.forcing.land(lon, lat)
         self.factor = np.empty((0, 0))
         if not land.any() and self.size is None:
             return

@@ -36,7 +36,7 @@ def floor_notices(forcing: Forcing, elements: Elements, parameters: Parameters, 
         yield from _deep_keel(forcing, elements, parameters.ice.density)
     modulus = parameters.grounding.ice_modulus if parameters.grounding.bending else UNBENT_MODULUS
     side = math.sqrt(2.0) * bending_length(modulus, POISSON, float(elements.thickness.min())) / SIDES_PER_LAMBDA
-    for part in getattr(forcing, "parts", (forcing,)):
+    for part in forcing.components():
         if isinstance(part, Seamount) and part.width < PADS_ACROSS * side:
             yield (
                 f"a seamount with a width of {part.width:g} m is narrower than two of the pads of {side:.0f} m in which a keel "

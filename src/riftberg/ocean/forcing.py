@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import html
 import threading
-from typing import Any, Protocol
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +17,52 @@ from riftberg.state import Elements, Floats
 from riftberg.system.input_files import shortened
 
 
-class Forcing(Protocol):
-    """Ocean, air, sea ice and sea floor around the bergs.
+class Forcing:
+    """Ocean, air, sea ice and sea floor around the bergs: all that a run may ask of them, and what holds without an answer.
+
+    Subclass `riftberg.Forcing` for a formula of your own, which can be added to others; subclass this class where a forcing
+    fills the whole environment by itself. ``sample`` and ``currents`` are what it must have.
 
     Attributes
     ----------
     grid : Grid or None
-        Grid that gives cells, land and metrics; None for an open, analytic ocean.
+        Grid that gives cells, land and metrics; None for an open ocean.
+    start : datetime or None
+        Date of its time 0 (UTC), which a model takes over; None where the model's holds.
+    latlon : bool or None
+        Positions are degrees, not metres; None where both will do.
+    latitude : float or None
+        Latitude (degrees) of the Coriolis parameter in its balance; None for that of each place.
+    provides : frozenset of str
+        Variables around the elements that are known, such as ``sst`` and ``sss``.
+    notices : sequence of str
+        What should be known of it before a run.
+    citations : sequence of str
+        Works to cite.
+    title : str
+        What it is, for titles.
+    given : bool
+        Its fields are there; those of an ocean model come with the first step.
+    ice_drift_known : bool
+        Sea ice, where there is any, has a velocity.
+    assumes_slope : bool
+        The slope of the sea surface was not asked for, but follows from the current.
+    slope_remarks : sequence of str
+        What should be known of that slope.
     """
 
-    grid: Grid | None
+    grid: Grid | None = None
+    start: datetime | None = None
+    latlon: bool | None = None
+    latitude: float | None = None
+    provides: frozenset[str] = frozenset()
+    notices: Sequence[str] = ()
+    citations: Sequence[str] = ()
+    title: str = ""
+    given: bool = True
+    ice_drift_known: bool = True
+    assumes_slope: bool = False
+    slope_remarks: Sequence[str] = ()
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements (``uo`` ... ``vorticity``) at their positions and cells.
@@ -36,18 +74,113 @@ class Forcing(Protocol):
         time : float
             Seconds since the start of the run.
         """
+        raise NotImplementedError(f"{type(self).__name__} has no sample(elements, time)")
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `riftberg.errors.ForcingError` unless the forcing covers these elements from ``start`` to ``end`` (s)."""
 
+    def check_fields(self, elements: Elements, start: float, end: float) -> None:
+        """Do so where currents may come from another part of a sum."""
+        self.check(elements, start, end)
+
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
-        """Return the ocean current (m s-1) at arrays of points, for maps; NaN outside."""
+        """Return the ocean current (m s-1) at arrays of points; NaN outside and on land."""
+        return np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
-        """Return the depth of water (m) at arrays of points, for maps; NaN outside or unknown."""
+        """Return the depth of water (m) at arrays of points; NaN outside or unknown, infinite where there is no floor."""
+        return np.full(np.shape(lon), np.inf)
+
+    def depth_spacing(self) -> float | None:
+        """Return the usual distance (m) between points of the chart of the sea floor; None where there is none."""
+        return None
+
+    def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
+        """Return the sea level (m) above that to which the depth belongs, at arrays of points."""
+        return np.zeros(np.shape(lon))
+
+    def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
+        """Return which points are land; what lies beyond the data of a product is none."""
+        flow, depth = self.currents(lon, lat, 0.0)[0], np.asarray(self.depth(lon, lat), float)
+        return np.asarray(np.isnan(flow) | ~(depth > 0.0))
+
+    @property
+    def level_gaps(self) -> str:
+        """What is missing of a given sea level; empty if nothing is."""
+        return ""
+
+    @property
+    def level_of_files(self) -> bool:
+        """Whether the sea level counts from another zero than the depth of a chart may do."""
+        return False
+
+    def without_assumed_slope(self) -> Forcing:
+        """Return the same forcing without a slope of the sea surface that was not asked for: a sum has another one."""
+        return self
+
+    def components(self) -> tuple[Any, ...]:
+        """Return the forcings or products of which it is made."""
+        return (self,)
 
     def describe(self) -> str:
         """Return what this forcing is, where it comes from and what it covers, in plain words."""
+        return ""
+
+    def __repr__(self) -> str:
+        lines = [shortened(line, 160) for line in self.describe().splitlines()]
+        shown = lines if len(lines) <= 20 else [*lines[:19], f"... and {len(lines) - 19} lines more, see describe()"]
+        return f"<{type(self).__name__}: " + "\n  ".join(shown) + ">"
+
+    def _repr_html_(self) -> str:
+        return f'<pre style="white-space:pre-wrap">{html.escape(repr(self)[1:-1])}</pre>'
+
+
+class WrappedForcing(Forcing):
+    """Changes what another forcing gives at the elements; all else is that of the other one."""
+
+    def __init__(self, forcing: Forcing) -> None:
+        self.forcing = forcing
+
+    def __getattr__(self, name: str) -> Any:
+        # Not while it is being unpickled, when there is no forcing yet.
+        if name.startswith("__") or "forcing" not in self.__dict__:
+            raise AttributeError(name)
+        return getattr(self.forcing, name)
+
+
+def _of_wrapped(name: str) -> property:
+    return property(lambda self: getattr(self.forcing, name))
+
+
+_ANSWERS = tuple(name for name in vars(Forcing) if not name.startswith("_"))
+# What the base class declares would be found there, never at the forcing inside.
+for _name in _ANSWERS:
+    setattr(WrappedForcing, _name, _of_wrapped(_name))
+
+
+class OutsideForcing(WrappedForcing):
+    """An object of another class that samples: what it has of a forcing is its own, the rest holds without an answer."""
+
+    def __init__(self, forcing: Any) -> None:
+        super().__init__(forcing)
+
+
+def _of_outside(name: str) -> property:
+    def answer(self: OutsideForcing) -> Any:
+        return getattr(self.forcing if hasattr(self.forcing, name) else super(WrappedForcing, self), name)
+
+    return property(answer)
+
+
+for _name in _ANSWERS:
+    setattr(OutsideForcing, _name, _of_outside(_name))
+
+
+def as_forcing(given: Any) -> Any:
+    """Return a forcing; an object of another class that has ``sample`` is put into one, anything else comes back as it is."""
+    if isinstance(given, Forcing | type) or not callable(getattr(given, "sample", None)):
+        return given
+    return OutsideForcing(given)
 
 
 class SharedLock:
@@ -97,52 +230,3 @@ def ice_text(ice: tuple[float, float, float], fraction: float) -> str:
         return ""
     concentration = f", concentration {fraction:g}" if fraction else ""
     return f"sea ice of {ice[2]:g} m at {pair_text(ice[:2])} m/s{concentration}"
-
-
-class DescribedForcing:
-    """Gives a forcing its `repr` and its look in notebooks; it needs a method ``describe``."""
-
-    def describe(self) -> str:
-        """Return what this forcing is; each forcing has its own words."""
-        return ""
-
-    def __repr__(self) -> str:
-        lines = [shortened(line, 160) for line in self.describe().splitlines()]
-        shown = lines if len(lines) <= 20 else [*lines[:19], f"... and {len(lines) - 19} lines more, see describe()"]
-        return f"<{type(self).__name__}: " + "\n  ".join(shown) + ">"
-
-    def _repr_html_(self) -> str:
-        return f'<pre style="white-space:pre-wrap">{html.escape(repr(self)[1:-1])}</pre>'
-
-
-class WrappedForcing(DescribedForcing):
-    """Changes what another forcing gives at the elements; all else is that of the other one."""
-
-    forcing: Forcing
-
-    def __getattr__(self, name: str) -> Any:
-        # Not while it is being unpickled, when there is no forcing yet.
-        if name.startswith("__") or "forcing" not in self.__dict__:
-            raise AttributeError(name)
-        return getattr(self.forcing, name)
-
-
-def sea_level(forcing: Forcing, lon: Floats, lat: Floats, time: float) -> Floats:
-    """Return the sea level (m) above that to which the depth belongs, at arrays of points; 0 where the forcing gives none.
-
-    A forcing of one's own may have a method ``sea_level(lon, lat, time)``.
-    """
-    given = getattr(forcing, "sea_level", None)
-    return np.zeros(np.shape(lon)) if given is None else np.asarray(given(lon, lat, time), float)
-
-
-def land_at(forcing: Forcing, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
-    """Return which points a forcing knows to be land; what lies beyond the data of a product is none.
-
-    A forcing of one's own may have a method ``land(lon, lat)``; without it, land is where it has no current or no water.
-    """
-    given = getattr(forcing, "land", None)
-    if given is not None:
-        return np.asarray(given(lon, lat), bool)
-    flow, depth = forcing.currents(lon, lat, 0.0)[0], np.asarray(forcing.depth(lon, lat), float)
-    return np.asarray(np.isnan(flow) | ~(depth > 0.0))

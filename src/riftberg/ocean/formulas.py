@@ -19,7 +19,6 @@ import functools
 import inspect
 import math
 from collections.abc import Sequence
-from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, dataclass_transform
 
 import numpy as np
@@ -49,17 +48,14 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.forcing import (
-    DescribedForcing,
     Forcing,
+    as_forcing,
     compass,
     flows_text,
     ice_text,
-    land_at,
     pair_text,
     said,
-    sea_level,
 )
-from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
 
@@ -76,19 +72,12 @@ _CENTRE = "longitude and latitude (x and y in m where positions are metres)"
 _TOWARDS = "direction, clockwise from north: 90 is eastward"
 
 
-class Formula(DescribedForcing):
+class Formula(Forcing):
     """Forcing that formulas give at the elements themselves, and that can be added to other forcing.
 
     A forcing class of one's own may stand on this one: `add_to` is all that it must have, and `currents` and `depth` are
     what maps ask for.
     """
-
-    grid: Grid | None = None
-    latlon: bool | None = None  # Positions are degrees; otherwise metres
-    # Latitude (degrees) of the Coriolis parameter; by default that of each place. Needed for positions in metres
-    latitude: float | None = None
-    provides: frozenset[str] = frozenset()
-    """What is known of the sea beside its motion: ``sst``, ``sss``."""
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add what this part does to the environment of the elements at ``time`` (s since the start)."""
@@ -115,34 +104,27 @@ class Formula(DescribedForcing):
         """Return the parts whose currents the sea surface balances."""
         return ()
 
-    def check(self, elements: Elements, start: float, end: float) -> None:
-        """Serve any place and time."""
-
-    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
-        """Return the current (m s-1) at arrays of points."""
-        return np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
-
-    def depth(self, lon: Floats, lat: Floats) -> Floats:
-        """Return the depth of water (m) at arrays of points."""
-        return np.full(np.shape(lon), np.inf)
-
-    def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
-        """Return the sea level (m) that counts in the depth, at arrays of points: that of tides."""
-        return np.zeros(np.shape(lon))
-
     def describe(self) -> str:
         """Return what this part is, in words."""
         return type(self).__name__
 
     def __add__(self, other: Forcing) -> Sum:
         """Return both as one forcing."""
-        return Sum(_parts_of(self) + _parts_of(other)) if _is_forcing(other) else NotImplemented
+        return (
+            Sum(_parts_of(self) + _parts_of(other))
+            if isinstance(other := as_forcing(other), Forcing)
+            else NotImplemented
+        )
 
     def __radd__(self, other: Any) -> Any:
         """Return both as one forcing; the other is no formula, such as fields from files, or the 0 that `sum` begins with."""
         if isinstance(other, int) and other == 0:
             return self
-        return Sum(_parts_of(other) + _parts_of(self)) if _is_forcing(other) else NotImplemented
+        return (
+            Sum(_parts_of(other) + _parts_of(self))
+            if isinstance(other := as_forcing(other), Forcing)
+            else NotImplemented
+        )
 
 
 def _at(part: Formula, point: Pair) -> str:
@@ -179,23 +161,19 @@ def _add_inertial_slope(flows: Sequence[Flow], elements: Elements, time: float) 
             e.slope_y[:] -= v * (sign / (2.0 * MATERIAL_STEP * GRAVITY))
 
 
-def _is_forcing(other: Any) -> bool:
-    return callable(getattr(other, "sample", None))
-
-
-def _gives_level(part: Any) -> bool:
+def _gives_level(part: Forcing) -> bool:
     """Return whether a part says that it gives the slope of the sea surface; one that it assumes does not count."""
-    return "slope_x" in getattr(part, "provides", ()) and not getattr(part, "assumes_slope", False)
+    return "slope_x" in part.provides and not part.assumes_slope
 
 
-def _parts_of(forcing: Any) -> list[Any]:
+def _parts_of(forcing: Forcing) -> list[Forcing]:
     return list(forcing.parts) if isinstance(forcing, Sum) else [forcing]
 
 
 class Sum(Formula):
     """Several forcings as one: formulas, on top of at most one that is none, such as fields from files."""
 
-    def __init__(self, parts: Sequence[Any]) -> None:
+    def __init__(self, parts: Sequence[Forcing]) -> None:
         # Forcing from files comes first: it sets the environment, and formulas add to what they find.
         self.parts = tuple(sorted(parts, key=lambda part: isinstance(part, Formula)))
         others = [part for part in parts if not isinstance(part, Formula)]
@@ -206,7 +184,7 @@ class Sum(Formula):
                 remedy="Add formulas to one forcing from files; several files are one forcing already",
             )
         for name, what in (("sst", "temperature"), ("sss", "salinity")):
-            givers = [part for part in self.parts if name in getattr(part, "provides", ())]
+            givers = [part for part in self.parts if name in part.provides]
             if len(givers) > 1:
                 one, other = (str(part.describe()).splitlines()[0] for part in givers[:2])
                 raise ForcingError(
@@ -216,17 +194,13 @@ class Sum(Formula):
         # One slope of the sea surface: that of data which give a level, and none beside it that was assumed.
         levels = [part for part in self.parts if _gives_level(part)]
         if levels:
-            self.parts = tuple(
-                part.without_assumed_slope() if getattr(part, "assumes_slope", False) else part for part in self.parts
-            )
+            self.parts = tuple(part.without_assumed_slope() for part in self.parts)
         # A level without currents belongs to those of the formulas, whose own slopes are left out beside it.
         self._level_of_all = any("uo" not in part.provides for part in levels)
         self.grid = others[0].grid if others else None
-        self.provides = frozenset(name for part in parts for name in getattr(part, "provides", ()))
+        self.provides = frozenset(name for part in parts for name in part.provides)
         for name in ("latlon", "latitude"):
-            said: list[Any] = sorted(
-                {getattr(part, name) for part in self.parts if getattr(part, name, None) is not None}
-            )
+            said: list[Any] = sorted({getattr(part, name) for part in self.parts} - {None})
             if len(said) > 1:
                 raise ForcingError(
                     f"parts of the forcing disagree on {name}: {' and '.join(map(str, said))}",
@@ -234,50 +208,37 @@ class Sum(Formula):
                     remedy="Give all parts the same",
                 )
             setattr(self, name, said.pop() if said else None)
-
-    @property
-    def start(self) -> datetime | None:
-        """Date of time 0 (UTC), if a part counts from one."""
-        return next((part.start for part in self.parts if getattr(part, "start", None) is not None), None)
-
-    @property
-    def notices(self) -> tuple[str, ...]:
-        """What should be known of it before a run."""
-        return tuple(text for part in self.parts for text in getattr(part, "notices", ()))
-
-    @property
-    def ice_drift_known(self) -> bool:
-        """Whether every part that gives sea ice gives its velocity, or one part gives that alone."""
+        self.start = next((part.start for part in self.parts if part.start is not None), None)
+        self.notices = tuple(text for part in self.parts for text in part.notices)
+        self.citations = tuple(text for part in self.parts for text in part.citations)
+        self.title = ", ".join(filter(None, (part.title for part in self.parts)))
+        # Every part that gives sea ice gives its velocity, or one part gives that alone.
         alone = any(any(getattr(part, "sea_ice", (0.0, 0.0))[:2]) for part in self.parts)
-        return alone or all(getattr(part, "ice_drift_known", True) for part in self.parts)
-
-    @property
-    def title(self) -> str:
-        """What it is, for titles."""
-        return ", ".join(filter(None, (str(getattr(part, "title", "")) for part in self.parts)))
+        self.ice_drift_known = alone or all(part.ice_drift_known for part in self.parts)
+        self.given = all(part.given for part in self.parts)
+        self.assumes_slope = any(part.assumes_slope for part in self.parts)
+        self.slope_remarks = tuple(text for part in self.parts for text in part.slope_remarks)
 
     def _flows(self) -> tuple[Flow, ...]:
         return () if self._level_of_all else tuple(part for part in self.parts if isinstance(part, Flow))
 
     @property
-    def assumes_slope(self) -> bool:
-        """Whether a part takes a slope of the sea surface that was not asked for."""
-        return any(getattr(part, "assumes_slope", False) for part in self.parts)
-
-    @property
-    def tells_sea_level(self) -> bool:
-        """Whether a model has something to say of the sea level."""
-        return any(getattr(part, "tells_sea_level", False) for part in self.parts)
-
-    @property
-    def slope_remarks(self) -> tuple[str, ...]:
-        """What should be known of a slope that was assumed."""
-        return tuple(text for part in self.parts for text in getattr(part, "slope_remarks", ()))
-
-    @property
     def level_gaps(self) -> str:
         """What is missing of a given sea level; empty if nothing is."""
-        return next(filter(None, (getattr(part, "level_gaps", "") for part in self.parts)), "")
+        return next(filter(None, (part.level_gaps for part in self.parts)), "")
+
+    @property
+    def level_of_files(self) -> bool:
+        """Whether the sea level of a part counts from another zero than the depth of a chart may do."""
+        return any(part.level_of_files for part in self.parts)
+
+    def components(self) -> tuple[Any, ...]:
+        """Return the forcings or products of which the parts are made."""
+        return tuple(one for part in self.parts for one in part.components())
+
+    def depth_spacing(self) -> float | None:
+        """Return the distance (m) between points of the first chart among the parts."""
+        return next((spacing for part in self.parts if (spacing := part.depth_spacing()) is not None), None)
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add all parts."""
@@ -295,7 +256,7 @@ class Sum(Formula):
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless all parts cover these elements from ``start`` to ``end`` (s)."""
         for part in self.parts:  # the currents of a sum may all come from its formulas
-            getattr(part, "check_fields", part.check)(elements, start, end)
+            part.check_fields(elements, start, end)
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
@@ -309,11 +270,11 @@ class Sum(Formula):
 
     def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
         """Return which points are land in any part."""
-        return np.asarray(np.any([land_at(part, lon, lat) for part in self.parts], axis=0))
+        return np.asarray(np.any([part.land(lon, lat) for part in self.parts], axis=0))
 
     def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
         """Return the sea level (m) at arrays of points: the sum of all parts."""
-        levels: Floats = np.sum([sea_level(part, lon, lat, time) for part in self.parts], axis=0)
+        levels: Floats = np.sum([part.sea_level(lon, lat, time) for part in self.parts], axis=0)
         return levels
 
     def describe(self) -> str:

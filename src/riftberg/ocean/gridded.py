@@ -28,7 +28,7 @@ from riftberg.ocean.cells import (
     points_from_corners,
     sample_gridded,
 )
-from riftberg.ocean.forcing import DescribedForcing, SharedLock
+from riftberg.ocean.forcing import Forcing, SharedLock
 from riftberg.ocean.grid import ZERO_ON_LAND, Grid, first_gap, usable
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import listed
@@ -106,7 +106,7 @@ class FieldRules:
             raise ForcingError(f"stepwise names {unknown[0]!r}", remedy=f"Fields are {', '.join(Fields._fields)}")
 
 
-class GriddedForcing(DescribedForcing):
+class GriddedForcing(Forcing):
     """Ocean, air, sea ice and sea floor from fields on a grid, constant or in records over time.
 
     Implements `riftberg.ocean.forcing.Forcing`.

@@ -173,6 +173,10 @@ class Series(Formula):
         self.provides = frozenset({*given, *(("depth",) if np.isfinite(self._water[0]) else ())} | (
             set() if choice == "none" else {"slope_x", "slope_y"}
         ))  # fmt: skip
+        self.ice_drift_known = not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
+        near_surface = "the current of a series counts as that of the whole draft; near the surface it holds wind drift, "
+        near_surface += "without a slope"
+        self.slope_remarks = (layer_text(self.wind_layer) if self.wind_layer else near_surface,)
 
     def _last_known(self, name: str, values: Floats) -> int:
         """Return the number of the last time at which a value is given; refuse one that is missing before."""
@@ -305,25 +309,6 @@ class Series(Formula):
     def land(self, lon: Floats, lat: Floats) -> Any:
         """Return that no point is land."""
         return np.zeros(np.shape(lon), bool)
-
-    @property
-    def ice_drift_known(self) -> bool:
-        """Whether sea ice, where it is given, has a velocity."""
-        return not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
-
-    @property
-    def tells_sea_level(self) -> bool:
-        """Whether a model has something to say of the sea level."""
-        return self.assumes_slope
-
-    @property
-    def slope_remarks(self) -> tuple[str, ...]:
-        """What should be known of a slope that was assumed."""
-        if self.wind_layer:
-            return (layer_text(self.wind_layer),)
-        return (
-            "the current of a series counts as that of the whole draft; near the surface it holds wind drift, without a slope",
-        )
 
     def describe(self) -> str:
         """Return what the series gives, from when to when."""

@@ -31,7 +31,7 @@ from riftberg.compiled.kernels import borrower, kernel, plain
 from riftberg.config.units import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.ocean.forcing import DescribedForcing
+from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.formulas import MATERIAL_STEP
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
@@ -269,7 +269,7 @@ def _fill_exponent(lon, lat, along, metre, shoal_lon, shoal_lat, length, out):
         out[e] = -(x * x + y * y) / length**2
 
 
-class StoryOcean(DescribedForcing):
+class StoryOcean(Forcing):
     """The fitted ocean as forcing, evaluated at the elements themselves.
 
     ``shoal``, ``shear``: with these parts; ``start``: date (UTC) at which the run starts, which has the ocean of that date.

@@ -51,6 +51,10 @@ DOUBTFUL_CLEARANCE: Final = 50.0
 """Clearance (m) below which a run says how good charts are."""
 
 
+LEAST_LEVEL: Final = 0.05
+"""Sea level (m) from which on it is told that a file's adds to the depth of a chart."""
+
+
 @dataclass(frozen=True)
 class Stay:
     """One stay on the sea floor, with dates in place of seconds."""
@@ -131,11 +135,10 @@ def summarize_ground(model: BareModel) -> dict[str, Any]:
     """Return what the sea floor did in a run, as the summary holds it."""
     stays, p = list_stays(model), model.parameters
     clearance = model.groundings.clearance
-    spacing = getattr(model.forcing, "depth_spacing", None)
     found: dict[str, Any] = {
         "law": p.grounding.law,
         "least_clearance": None if math.isinf(clearance) else clearance,
-        "bathymetry_spacing": None if spacing is None else spacing(),
+        "bathymetry_spacing": model.forcing.depth_spacing(),
         "first": None,
         "stays": [stay.as_dict() for stay in stays],
     }
@@ -284,7 +287,7 @@ def keel_line(model: BareModel) -> str:
     under, near = (np.asarray(model.forcing.depth(*places), float) for places in ((el.lon, el.lat), around))
     if not np.isfinite(under).any() or not np.nanmin(under) < NO_FLOOR:
         return ""
-    spacing = getattr(model.forcing, "depth_spacing", lambda: None)()
+    spacing = model.forcing.depth_spacing()
     chart = f"the chart, with a node every {_kilometres(spacing)}," if spacing else "the sea floor"
     gap = float(np.nanmin(under)) - draft
     said = (
@@ -362,7 +365,7 @@ class GroundTeller:
     def __init__(self) -> None:
         self._told = self._freed = 0
         self._open: set[int] = set()
-        self._deep = False
+        self._deep = self._level = False
 
     def start(self, model: BareModel) -> None:
         """Take what happened before as told."""
@@ -381,6 +384,7 @@ class GroundTeller:
             if k < MOST_TOLD:
                 said.append(touch_line(stays[k], int((berg == rows[k].number).sum()), latlon=latlon))
                 self._open.add(k)
+                said += self._level_line(model, rows[k])
             elif k == MOST_TOLD:
                 said.append("More bergs touch the sea floor: see summary.json")
         self._told = len(rows)
@@ -394,6 +398,19 @@ class GroundTeller:
         """Say what is new after a step."""
         for line in self.lines(model):
             say(line)
+
+    def _level_line(self, model: BareModel, row: GroundingEvent) -> list[str]:
+        """Return once what the sea level of files adds to the depth of a chart, which may count from another zero."""
+        if self._level or not model.forcing.level_of_files:
+            return []
+        self._level = True
+        level = float(model.forcing.sea_level(np.array([row.lon]), np.array([row.lat]), row.time)[0])
+        if abs(level) < LEAST_LEVEL:
+            return []
+        return [
+            f"  the sea level of the files stands at {level:+.2f} m there and counts in the depth: it is above the geoid, and a "
+            "chart may stand above another zero"
+        ]
 
     def _deep_keel(self, model: BareModel) -> list[str]:
         """Return once that a law of drag lets a keel far below the floor."""

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from riftberg.model import BareModel
+    from riftberg.ocean.forcing import Forcing
 
 
 LENGTH = 96
@@ -295,17 +296,11 @@ HUTH_2022 = (
 LIBRARIES = ("numpy", "numba", "xarray", "netCDF4", "pydantic")
 
 
-def forcing_text(forcing: Any) -> str:
-    """Return what the forcing says of itself, or nothing where it is silent."""
-    describe = getattr(forcing, "describe", None)
-    return str(describe()) if callable(describe) else ""
-
-
-def forcing_title(forcing: Any) -> str:
+def forcing_title(forcing: Forcing) -> str:
     """Return the short name of the forcing for titles: its ``title``, else the first line of its description."""
-    title = getattr(forcing, "title", "")
-    text = str(title() if callable(title) else title).strip()
-    return text or next((line.strip() for line in forcing_text(forcing).splitlines() if line.strip()), "")
+    return str(forcing.title).strip() or next(
+        (line.strip() for line in forcing.describe().splitlines() if line.strip()), ""
+    )
 
 
 def heading_of(run: xr.Dataset, otherwise: str = "Iceberg") -> str:
@@ -315,7 +310,7 @@ def heading_of(run: xr.Dataset, otherwise: str = "Iceberg") -> str:
 
 def citations(model: BareModel) -> list[str]:
     """Return the works to cite for this run: the model, and the data products that the forcing names."""
-    return [HUTH_2022, *(str(text) for text in getattr(model.forcing, "citations", ()))]
+    return [HUTH_2022, *(str(text) for text in model.forcing.citations)]
 
 
 COMMAND, FILE, PLACE = "command", "experiment_file", "data_folder"
@@ -340,7 +335,7 @@ def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None =
         "date_created": now,
         "references": "\n".join(citations(model)),
         "start": model.start.isoformat(),
-        "forcing": forcing_text(model.forcing),
+        "forcing": model.forcing.describe(),
         "forcing_title": "" if model.parameters.stepping.only_interactions else forcing_title(model.forcing),
         **({"sea_level": level} if (level := model.sea_level_notice) else {}),
         **({"laws": laws} if (laws := model.laws.named()) else {}),

@@ -27,7 +27,7 @@ from riftberg.engines.common.fragments.tree import Fragment
 from riftberg.errors import InputError
 from riftberg.life.process import PROCESSES, SOURCES
 from riftberg.parameters import Parameters
-from riftberg.runs.layout import Allowed, check_bond_ends, forcing_text, read_parameters, read_start
+from riftberg.runs.layout import Allowed, check_bond_ends, read_parameters, read_start
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
 from riftberg.state.variables import LARGEST, LARGEST_WHOLE
@@ -88,7 +88,7 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
                 "riftberg_restart_format": FORMAT,
                 "riftberg_version": __version__,
                 "start": model.start.isoformat(),
-                "forcing": forcing_text(model.forcing),
+                "forcing": model.forcing.describe(),
                 "parameters_json": model.parameters.model_dump_json(),
             }
         )
@@ -532,7 +532,7 @@ def check_same_run(state: RestartState, fresh: Any, path: Path, *, named: str) -
         )  # fmt: skip
     before, now = (
         next((line.strip() for line in text.splitlines() if line.strip()), "")
-        for text in (state.forcing, forcing_text(fresh.forcing))
+        for text in (state.forcing, fresh.forcing.describe())
     )
     if before != now:
         raise InputError(

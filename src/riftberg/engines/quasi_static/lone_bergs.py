@@ -44,7 +44,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 from riftberg.engines.quasi_static.bodies.pose import Bodies, move_poses, place_elements
 from riftberg.engines.quasi_static.contact.faces import FaceContact
 from riftberg.ocean.cells import settle_elements
-from riftberg.ocean.forcing import Forcing
+from riftberg.ocean.forcing import Forcing, WrappedForcing
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import Population, cut_out
 
@@ -114,19 +114,17 @@ class LoneStep(NamedTuple):
     happened: Ints  # The others, which are as they were at the start
 
 
-class OneAtATime:
+class OneAtATime(WrappedForcing):
     """A forcing that the threads of a step share: it samples for one of them at a time, so that it may keep what it likes."""
 
     def __init__(self, forcing: Forcing) -> None:
-        self._forcing, self._lock, self.grid = forcing, threading.Lock(), forcing.grid
+        super().__init__(forcing)
+        self._lock = threading.Lock()
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements."""
         with self._lock:
-            self._forcing.sample(elements, time)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._forcing, name)
+            self.forcing.sample(elements, time)
 
 
 def step_lone_bergs(

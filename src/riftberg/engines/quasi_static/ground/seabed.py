@@ -35,7 +35,7 @@ from riftberg.engines.quasi_static.ground.shoal import Keels, Shoal, choose_squa
 from riftberg.engines.quasi_static.ground.soundings import DepthOf, Soundings
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
 from riftberg.errors import InputError, RunError
-from riftberg.ocean.forcing import Forcing, land_at, sea_level
+from riftberg.ocean.forcing import Forcing
 from riftberg.physics.floating import draft_of
 from riftberg.physics.seabed import POISSON, UNBENT_MODULUS, bending_stress
 from riftberg.state import Floats, Ints
@@ -67,7 +67,7 @@ def depth_of_bed(forcing: Forcing, middle: float = 0.0, period: float = 0.0) -> 
         found = np.asarray(forcing.depth(lon, lat), float)
         lost = ~np.isfinite(found)
         if lost.any():
-            dry = land_at(forcing, lon[lost], lat[lost])
+            dry = forcing.land(lon[lost], lat[lost])
             # Beyond the data it is as deep as at its edge: a plane through a step of kilometres would overshoot into the keel.
             beyond = OPEN_DEPTH if lost.all() else float(np.max(found[~lost]))
             found = found.copy()
@@ -224,7 +224,7 @@ class Seabed:
         draft, level = draft_of(thickness, c.rho_ice), np.empty((3, count))
         middle = _place_middles(pads.frame, pose, c.latlon, c.earth_radius)
         for n in range(3):
-            level[n] = sea_level(forcing, *middle, time + 0.5 * n * h)
+            level[n] = forcing.sea_level(*middle, time + 0.5 * n * h)
         lowest, chosen, (lon, lat) = level.min(axis=0), np.empty_like(watch.square), np.empty((2, watch.square.size))
         found = choose_squares(
             pads, watch, pose, reach, lowest, np.maximum.reduceat(draft, pads.row_start[:-1]), keels.way, c.latlon,
