@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fakes import FakeModel
+from fakes import FakeForcing, FakeModel
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import GRAVITY
 from riftberg.diagnostics.summary import summarize
@@ -158,6 +158,34 @@ def test_touches_and_coming_free_are_told_once() -> None:
     again = GroundTeller()
     again.start(model)  # as after a restart
     assert again.lines(model) == []
+
+
+def test_what_the_sea_level_of_files_adds_to_a_chart_is_told_once() -> None:
+    """A level above the geoid, and a depth that may count from another zero; below 5 cm nothing is said."""
+    for level, said in ((-0.63, True), (0.02, False)):
+        model, teller = model_of(), GroundTeller()
+        model.forcing = LeveledForcing(level)
+        teller.start(model)
+        after(model, 1, loads={6: 1e9})
+        lines = teller.lines(model)
+        assert len(lines) == 1 + said
+        if said:
+            assert "the sea level of the files stands at -0.63 m there and counts in the depth" in lines[1]
+        after(model, 30, loads={})
+        after(model, 1, loads={6: 1e9})
+        assert all("sea level" not in line for line in teller.lines(model))
+
+
+class LeveledForcing(FakeForcing):
+    """A chart with a sea level from files."""
+
+    level_of_files = True
+
+    def __init__(self, level: float) -> None:
+        self.level = level
+
+    def sea_level(self, lon: Any, lat: Any, time: float) -> Any:
+        return np.full(np.shape(lon), self.level)
 
 
 @pytest.mark.parametrize("scheme", ["mts", "runge_kutta"])

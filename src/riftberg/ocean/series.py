@@ -174,7 +174,9 @@ class Series(Formula):
             set() if choice == "none" else {"slope_x", "slope_y"}
         ))  # fmt: skip
         self.ice_drift_known = not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
-        near_surface = "the current of a series counts as that of the whole draft; near the surface it holds wind drift, "
+        near_surface = (
+            "the current of a series counts as that of the whole draft; near the surface it holds wind drift, "
+        )
         near_surface += "without a slope"
         self.slope_remarks = (layer_text(self.wind_layer) if self.wind_layer else near_surface,)
 

@@ -176,6 +176,19 @@ def _total(levers: Floats, dx: float, dy: float, x: float, y: float, net: Floats
 
 
 @kernel
+def _load_from_centre(now: Landing, a: int, e: int) -> tuple[float, float]:
+    """Return where the load of an element lies from its centre, along the axes of the fragment (m)."""
+    x = now.found[e, LOAD_X] - now.pads.element[e, 0] - now.pads.frame[a, ORIGIN_X]
+    return x, now.found[e, LOAD_Y] - now.pads.element[e, 1] - now.pads.frame[a, ORIGIN_Y]
+
+
+@kernel
+def _turned(m: Floats, x: float, y: float) -> tuple[float, float]:
+    """Return a vector along the axes of the fragment east and north at an element; ``m``: its levers."""
+    return m[9] * x - m[10] * y, m[10] * x + m[9] * y
+
+
+@kernel
 def _rub(now: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: float) -> bool:
     """Solve for the velocity at the end of a sub-step with the anchors, by Newton's method; False where it does not settle.
 
@@ -197,13 +210,11 @@ def _rub(now: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: float) -> 
     for i in range(n):
         e = first + loaded[i]
         m = now.levers[e]
-        away[i, 0] = now.found[e, LOAD_X] - now.pads.element[e, 0] - now.pads.frame[a, ORIGIN_X]
-        away[i, 1] = now.found[e, LOAD_Y] - now.pads.element[e, 1] - now.pads.frame[a, ORIGIN_Y]
-        ox, oy = m[9] * away[i, 0] - m[10] * away[i, 1], m[10] * away[i, 0] + m[9] * away[i, 1]
+        away[i, 0], away[i, 1] = _load_from_centre(now, a, e)
+        ox, oy = _turned(m, away[i, 0], away[i, 1])
         for k in range(3):
             lever[i, k], lever[i, 3 + k] = m[k] - oy * m[6 + k], m[3 + k] + ox * m[6 + k]
-        slope[i, 0] = m[9] * now.found[e, PUSH_X] - m[10] * now.found[e, PUSH_Y]
-        slope[i, 1] = m[10] * now.found[e, PUSH_X] + m[9] * now.found[e, PUSH_Y]
+        slope[i, 0], slope[i, 1] = _turned(m, now.found[e, PUSH_X], now.found[e, PUSH_Y])
         _total(m, away[i, 0], away[i, 1], slope[i, 0], slope[i, 1], constant)
         now.tried[e, LARGEST] = max(now.anchors[e, LARGEST], now.found[e, HOLD])
         spring[i] = dt * now.tried[e, LARGEST] / bed.anchor_way
@@ -511,11 +522,10 @@ def _set_down(now: Landing, a: int, bed: Bed, h: float, depth: Floats, latlon: b
         held += found[HOLD]
         now.yielded[e] = max(now.yielded[e], found[YIELD])
         anchor[LARGEST] = max(anchor[LARGEST], found[HOLD])
-        anchor[FORCE_X] = anchor[ANCHOR_X] + m[9] * found[PUSH_X] - m[10] * found[PUSH_Y]
-        anchor[FORCE_Y] = anchor[ANCHOR_Y] + m[10] * found[PUSH_X] + m[9] * found[PUSH_Y]
-        x = found[LOAD_X] - now.pads.element[e, 0] - now.pads.frame[a, ORIGIN_X]
-        y = found[LOAD_Y] - now.pads.element[e, 1] - now.pads.frame[a, ORIGIN_Y]
-        anchor[ARM_X], anchor[ARM_Y] = m[9] * x - m[10] * y, m[10] * x + m[9] * y
+        x, y = _turned(m, found[PUSH_X], found[PUSH_Y])
+        anchor[FORCE_X], anchor[FORCE_Y] = anchor[ANCHOR_X] + x, anchor[ANCHOR_Y] + y
+        away = _load_from_centre(now, a, e)
+        anchor[ARM_X], anchor[ARM_Y] = _turned(m, away[0], away[1])
     way = math.hypot(now.motion[a, PATH, 0], now.motion[a, PATH, 1]) + number[ARM] * abs(now.motion[a, PATH, 2])
     changed = abs(held - number[HELD]) > CARRIED_CHANGE * number[HELD]
     flag[CHANGED], flag[ACCEPTED], flag[STATUS] = int(changed and way > bed.anchor_way), 1, DONE
