@@ -156,6 +156,27 @@ def test_what_is_no_file_of_openberg_is_refused(file: Path, tmp_path: Path) -> N
         read_opendrift(tmp_path / "lost.nc")
 
 
+@pytest.mark.parametrize(("changes", "said"), [
+    ({"sail": -5.0}, r"trajectory 7: length 200, width 150, sail -5, draft 70 m are no size of a berg"),
+    ({"width": 0.0}, "trajectory 7: .*width 0, .* are no size of a berg"),
+    ({"x_sea_water_velocity": np.where(np.arange(HOURS) == 6, np.nan, 0.2)}, "trajectory 7, .*uo is missing at 2025-09-24 06:00"),
+    ({"y_wind": 1e20}, "trajectory 7, va: va = 1e.20 is not possible"),
+])  # fmt: skip
+def test_values_that_cannot_be_are_refused_by_file_and_trajectory(
+    changes: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    openberg(**changes).to_netcdf(tmp_path / "ob.nc")
+    one = read_trajectory(tmp_path / "ob.nc", 7)
+    with pytest.raises(InputError, match=f"ob.nc, {said}"):
+        Model(one.berg(), one.forcing())
+
+
+def test_a_file_without_a_component_of_the_current_is_refused(tmp_path: Path) -> None:
+    openberg().drop_vars("y_sea_water_velocity").to_netcdf(tmp_path / "ob.nc")
+    with pytest.raises(ForcingError, match="no current along the trajectory"):
+        read_trajectory(tmp_path / "ob.nc", 7).forcing()
+
+
 def test_an_experiment_takes_start_size_length_and_forcing_of_a_trajectory(file: Path) -> None:
     path = file.with_name("e.yaml")
     path.write_text("forcing: {opendrift: ob.nc, trajectory: 7}\n")

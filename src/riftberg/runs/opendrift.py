@@ -111,6 +111,12 @@ class Trajectory:
             raise InputError(
                 "no length, width, sail and draft", where=self.source, remedy="Give the size of the berg yourself"
             )
+        if not (min(self.size) >= 0.0 < min(self.size.length, self.size.width, self.size.draft)):
+            size = ", ".join(f"{name} {value:g}" for name, value in self.size._asdict().items())
+            raise InputError(
+                f"{size} m are no size of a berg", where=f"{self.source}, trajectory {self.number}",
+                remedy="Give the size of the berg yourself",
+            )  # fmt: skip
         return {"length": self.size.length, "width": self.size.width, "thickness": self.size.thickness}
 
     def forcing(self, **options: Any) -> Series:
@@ -126,14 +132,18 @@ class Trajectory:
         ForcingError
             If the file holds no current, or one of 0 throughout: no reader covered it.
         """
-        if "uo" not in self.series:
+        if not {"uo", "vo"} <= self.series.keys():
             raise ForcingError("no current along the trajectory", where=self.source, remedy="Give a file of OpenBerg")
         if not any(self.series[name].any() for name in ("uo", "vo")):
             raise ForcingError(
                 f"the current is 0 at all {self.times.size} times of trajectory {self.number}: no ocean covered it",
                 where=self.source, remedy="Run OpenDrift with an ocean that covers the berg, or give another trajectory",
             )  # fmt: skip
-        return Series(self.times, **{"depth": self.depth, **self.series, **options})
+        try:
+            return Series(self.times, **{"depth": self.depth, **self.series, **options})
+        except ForcingError as error:
+            where = f"{self.source}, trajectory {self.number}, {error.where}"
+            raise ForcingError(error.what, where=where, remedy=error.remedy) from error
 
     def course(self) -> Course:
         """Return the trajectory as the course of a berg, to be compared with that of a run."""
