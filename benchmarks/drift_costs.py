@@ -1,7 +1,7 @@
 """What the laws of drift cost: processor time with each of them and without, by turns in one process.
 
 python benchmarks/drift_costs.py [NAME ...]       rows by the words of ROWS; all without
-python benchmarks/drift_costs.py --profile NAME   where the time of the dearer one goes
+python benchmarks/drift_costs.py --profile NAME   where the time with the law goes
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ import pstats
 import sys
 import time
 from collections.abc import Callable
-from statistics import median
-from typing import Any
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 import xarray as xr
@@ -21,9 +22,10 @@ import xarray as xr
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
+from riftberg.stepping.lattice.sides import FragmentSides
 
-TURNS = 3
-"""Pairs that are timed, after one that is not."""
+TURNS = 24
+"""Pairs that are timed, after one that is not: a step of the days of one run, and of the other, and so on."""
 
 WHOLE: dict[str, Any] = {"fracture": {"enabled": False}}
 PACK: dict[str, Any] = {"sea_ice": (0.1, 0.0, 1.0), "ice_fraction": 0.9}
@@ -71,89 +73,124 @@ def lone(number: int) -> Iceberg:
     return Iceberg.field(number, (-40.0, -40.0 + side, -58.0, -58.0 + 0.5 * side), seed=1)
 
 
-def timed(model: Model, days: float, first: float = 0.05) -> float:
-    """Return processor seconds of some days, after the first steps."""
-    model.advance(days=first)
-    began = time.process_time()
-    model.advance(days=days)
-    return time.process_time() - began
-
-
-def in_files(level: bool) -> float:
-    """Return processor seconds of ten days in hourly files, their reading among them."""
-    began = time.process_time()
-    Model(giant(), Forcing.from_xarray(DATA[level]), Parameters(**WHOLE)).advance(days=10)
-    return time.process_time() - began
+def on_files(level: bool, forcing: Forcing | None = None) -> Model:
+    """Return a giant in hourly files; with a forcing: that which others have read before."""
+    return Model(giant(), forcing or Forcing.from_xarray(DATA[level]), Parameters(**WHOLE))
 
 
 SHARED = {level: Forcing.from_xarray(DATA[level]) for level in (True, False)}
 
 
-def further(level: bool) -> float:
-    """Return processor seconds of ten days of a member whose forcing others have read before."""
-    return timed(Model(giant(), SHARED[level], Parameters(**WHOLE)), 9.0)
+def further(level: bool) -> Model:
+    """Return a further member of an ensemble: its forcing has been read before."""
+    if level not in READ:
+        on_files(level, SHARED[level]).advance(days=10.5)
+        READ.add(level)
+    return on_files(level, SHARED[level])
 
 
-def in_pack(berg: Iceberg, capture: str, days: float) -> float:
-    """Return processor seconds of a berg or a field of bergs in a pack."""
-    sea_of = Forcing.uniform((0.1, 0.05), wind=(8.0, 2.0), **PACK)
-    return timed(Model(berg, sea_of, Parameters(sea_ice={"capture": capture}, **WHOLE)), days)
+READ: set[bool] = set()
 
 
-def a68a(**changes: Any) -> float:
-    """Return processor seconds of A68a in the currents of its story, whole and over the deep sea."""
-    return timed(story_model(Options({**WHOLE, **changes}, without=frozenset({"shoal"}))), 8.0, 1.0)
+def in_pack(berg: Iceberg, capture: str) -> Model:
+    """Return a berg or a field of bergs in a pack."""
+    pack = Forcing.uniform((0.1, 0.05), wind=(8.0, 2.0), **PACK)
+    return Model(berg, pack, Parameters(sea_ice={"capture": capture}, **WHOLE))
 
 
-def open_sea(berg: Iceberg, days: float, **changes: Any) -> float:
-    """Return processor seconds in a current and a wind."""
-    return timed(
-        Model(berg, Forcing.uniform((0.1, 0.05), wind=(8.0, 2.0)), Parameters(**{**WHOLE, **changes})), days
-    )
+def a68a(**changes: Any) -> Model:
+    """Return A68a in the currents of its story, whole and over the deep sea."""
+    return story_model(Options({**WHOLE, **changes}, without=frozenset({"shoal"})))
+
+
+def open_sea(berg: Iceberg) -> Model:
+    """Return bergs in a current and a wind."""
+    return Model(berg, Forcing.uniform((0.1, 0.05), wind=(8.0, 2.0)), Parameters(**WHOLE))
 
 
 def cloud(number: int = 10_000) -> Iceberg:
     """Return bergs of 200 x 150 x 80 m around a position, none of which touch."""
-    return Iceberg.cloud(number, (-38.0, -57.0), 50e3, length=200.0, width=150.0, thickness=80.0, seed=1)
+    return Iceberg.cloud(number, (-38.0, -57.0), 150e3, length=200.0, width=150.0, thickness=80.0, seed=1)
 
 
-BY_ELEMENT = {"compatibility": {"forces_by_element": True}}
+def by_radius() -> Iceberg:
+    """Return elements of the area and at the places of the cloud, as bergs of one element had to be given before."""
+    el = cloud().elements
+    return Iceberg.from_points(
+        el.lon, el.lat, thickness=80.0, radius=0.5 * (200.0 * 150.0) ** 0.5, pieces=np.arange(el.size)
+    )
 
-ROWS: dict[str, tuple[str, Callable[[], float], Callable[[], float]]] = {
-    "auto": ("slope of the current, for a level in hourly files, 60 x 20 km, 10 days", lambda: in_files(False),
-             lambda: in_files(True)),
-    "member": ("the same, a further member", lambda: further(False), lambda: further(True)),
-    "pack": ("pack limited, for none, 60 x 20 km, 5 days", lambda: in_pack(giant(), "limited", 5.0),
-             lambda: in_pack(giant(), "none", 5.0)),
-    "bergs in pack": ("the same, 4,000 single bergs, a day", lambda: in_pack(lone(4000), "limited", 1.0),
-                      lambda: in_pack(lone(4000), "none", 1.0)),
-    "A68a, pack": ("A68a without sea ice, pack limited, for none, 8 days", a68a, lambda: a68a(sea_ice={"capture": "none"})),
-    "A68a, sides": ("sides by the outline, for those by elements, A68a, 8 days", a68a, lambda: a68a(**BY_ELEMENT)),
-    "bergs, sides": ("the same, 4,000 single bergs, a day", lambda: open_sea(lone(4000), 1.0),
-                     lambda: open_sea(lone(4000), 1.0, **BY_ELEMENT)),
-    "cloud": ("10,000 of a cloud, for as many of `Iceberg.field`, a day", lambda: open_sea(cloud(), 1.0),
-              lambda: open_sea(lone(10_000), 1.0)),
+
+def by_directions() -> AbstractContextManager[Any]:
+    """Drag on the sides of bonded bergs by a mean over all directions, as before the outline had a law."""
+    return patch.object(FragmentSides, "find", lambda *_: None)
+
+
+class Row(NamedTuple):
+    """A law: a model with it and one without, and days of a turn."""
+
+    title: str
+    with_it: Callable[[], Model]
+    without: Callable[[], Model]
+    days: float
+    other: Callable[[], AbstractContextManager[Any]] = nullcontext  # Holds while the model without it runs
+
+
+ROWS = {
+    "auto": Row(
+        "slope of the current, for a level in hourly files: 60 x 20 km", lambda: on_files(False), lambda: on_files(True), 0.4
+    ),
+    "member": Row("the same, a further member", lambda: further(False), lambda: further(True), 0.4),
+    "pack": Row(
+        "pack `limited`, for `none`: 60 x 20 km", lambda: in_pack(giant(), "limited"), lambda: in_pack(giant(), "none"), 0.25
+    ),
+    "bergs in pack": Row(
+        "the same, 2,000 single bergs", lambda: in_pack(lone(2000), "limited"), lambda: in_pack(lone(2000), "none"), 1 / 48
+    ),
+    "A68a, pack": Row(
+        "pack `limited`, for `none`, in open water: A68a", a68a, lambda: a68a(sea_ice={"capture": "none"}), 0.4
+    ),
+    "A68a, sides": Row("sides by the outline, for a mean over directions: A68a", a68a, a68a, 0.4, by_directions),
+    "cloud": Row(
+        "10,000 bergs by length and width, for as many by radius",
+        lambda: open_sea(cloud()), lambda: open_sea(by_radius()), 1 / 48
+    ),
 }  # fmt: skip
-"""What it is, and processor seconds with a law and without it."""
+
+
+def seconds(model: Model, days: float) -> float:
+    """Return processor seconds of some days."""
+    began = time.process_time()
+    model.advance(days=days)
+    return time.process_time() - began
 
 
 def main(words: list[str]) -> None:
     """Print a row for each case, or a profile of one."""
     if words[:1] == ["--profile"]:
-        profile = cProfile.Profile(time.process_time)
-        _, dearer, _ = ROWS[words[1]]
-        dearer()
-        profile.runcall(dearer)
+        row, profile = ROWS[words[1]], cProfile.Profile(time.process_time)
+        model = row.with_it()
+        model.advance(days=row.days)
+        profile.runcall(model.advance, days=TURNS * row.days)
         pstats.Stats(profile).sort_stats("tottime").print_stats(45)
         return
-    print("| case | with, s | without, s | median ratio of pairs | of the quickest | load |\n|---|---:|---:|---:|---:|---:|")
-    for row in words or ROWS:
-        title, dearer, cheaper = ROWS[row]
-        pairs = [(dearer(), cheaper()) for _ in range(TURNS + 1)][1:]
-        one, other = (min(costs) for costs in zip(*pairs, strict=True))
-        ratio = median(a / b for a, b in pairs)
+    print(
+        "| | with, s a day | without, s a day | ratio: median of the pairs, quartiles | load |\n|---|---:|---:|---|---:|"
+    )
+    for name in words or ROWS:
+        row = ROWS[name]
+        models = row.with_it(), row.without()
+        pairs = []
+        for _ in range(TURNS + 1):
+            one = seconds(models[0], row.days)
+            with row.other():
+                pairs.append((one, seconds(models[1], row.days)))
+        costs = np.array(pairs[1:])
+        ratios = np.percentile(costs[:, 0] / costs[:, 1], [50, 25, 75])
+        one, other = np.median(costs, axis=0) / row.days
         print(
-            f"| {title} | {one:.3f} | {other:.3f} | {ratio:.3f} | {one / other:.3f} | {os.getloadavg()[0]:.1f} |",
+            f"| {row.title} | {one:.3f} | {other:.3f} | {ratios[0]:.2f} ({ratios[1]:.2f} to {ratios[2]:.2f}) "
+            f"| {os.getloadavg()[0]:.0f} |",
             flush=True,
         )
 

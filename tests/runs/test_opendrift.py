@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -208,10 +209,30 @@ def run(file: Path, tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
-@pytest.mark.slow
-def test_compare_and_score_take_a_trajectory_as_the_other_run(run: Path, file: Path) -> None:
-    result = CliRunner().invoke(app, ["compare", str(run), f"{file}#7", "--json"])
+def opened(caplog: pytest.LogCaptureFixture, path: Path) -> int:
+    """Return how often a file was opened."""
+    return sum(record.getMessage() == f"opening {path}" for record in caplog.records)
+
+
+def test_compare_opens_a_file_of_trajectories_once(file: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Three times before: for its name, for what it is, and for its positions."""
+    other = file.with_name("other.nc")
+    openberg(lon=-57.9).to_netcdf(other)
+    with caplog.at_level(logging.DEBUG):
+        result = CliRunner().invoke(app, ["compare", f"{file}#7", f"{other}#7", "--json"])
     assert result.exit_code == 0, result.output
+    assert (opened(caplog, file), opened(caplog, other)) == (1, 1)
+    assert [one["name"] for one in json.loads(result.output)["runs"]] == ["ob.nc#7", "other.nc#7"]
+
+
+@pytest.mark.slow
+def test_compare_and_score_take_a_trajectory_as_the_other_run(
+    run: Path, file: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.DEBUG):
+        result = CliRunner().invoke(app, ["compare", str(run), f"{file}#7", "--json"])
+    assert result.exit_code == 0, result.output
+    assert (opened(caplog, run / "run.nc"), opened(caplog, file)) == (1, 1)
     table = json.loads(result.output)
     (apart,) = table["apart"]
     assert apart["distance_km"][0] == pytest.approx(0.0, abs=0.01)

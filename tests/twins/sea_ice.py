@@ -56,7 +56,8 @@ def drift(length, width, thickness, latitude, wind, ice, depth, fraction, base, 
     def total(u):
         past = u - current
         speed = abs(past) if outline else math.hypot(*past)
-        force = -(sides * speed + 1025.0 * base * length * width * math.hypot(*past)) * past - air * math.hypot(*(u - wind)) * (u - wind)
+        bottom = 1025.0 * base * length * width * math.hypot(*past)
+        force = -(sides * speed + bottom) * past - air * math.hypot(*(u - wind)) * (u - wind)
         force += limit * (ice - u) / math.hypot(*(ice - u), YIELD)
         return (force + mass * f * np.array([u[1] - current[1], current[0] - u[0]])) / (limit + 1e6)
 
