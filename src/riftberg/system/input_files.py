@@ -379,7 +379,7 @@ def rows_of_csv(path: Path, kind: type[InputError] = InputError) -> tuple[list[d
             raise kind(f"two columns are called {twice!r}", where=str(path), remedy="Give each its own name")
         rows = list(reader)
     for line, row in enumerate(rows, start=2):
-        beyond = [cell for cell in row.get(None, ()) if cell.strip()]  # type: ignore[call-overload]
+        beyond = [cell for cell in row.get(None, ()) if cell.strip()]
         if beyond:
             raise kind(
                 f"{value_shown(beyond[0])} has no name: {len(names)} columns are named", where=f"{path}, line {line}",
