@@ -216,8 +216,13 @@ def test_a_criterion_is_refused_where_the_scheme_has_its_own() -> None:
     ("given", "words"),
     [
         (5.0, r"Laws, force: law returns 5.0 instead of 2 arrays \(eastward, northward\)"),
-        ((np.zeros(3), 0.0), "Laws, force: law, eastward: .*; there are 2 elements"),
+        (
+            (np.zeros(3), 0.0),
+            "Laws, force: law, eastward: array.*is no number and no array of 2. Return a number, or an array",
+        ),
         ((0.0, np.array([0.0, np.nan])), "Laws, force: law, northward: nan for element 2"),
+        ((None, 0.0), "Laws, force: law, eastward: nan for element 1. Return a number"),
+        (("strong", 0.0), "Laws, force: law, eastward: 'strong' is no number"),
     ],
 )
 def test_what_a_law_returns_is_checked(given, words) -> None:
@@ -340,8 +345,16 @@ def test_a_force_with_its_rate_needs_no_short_step() -> None:
 @pytest.mark.parametrize(
     ("drag", "words"),
     [
-        ({"water": lambda elements, time: -1.0}, "Laws, drag of water: .*coefficient: -1 for element 1"),
-        ({"air": lambda elements, time: np.zeros(5)}, "Laws, drag of air: .*there are 1 elements"),
+        (
+            {"water": lambda elements, time: -1.0},
+            "Laws, drag of water: .*coefficient: -1 for element 1. Return a number of 0 or more",
+        ),
+        (
+            {"water": lambda elements, time: None},
+            "Laws, drag of water: .*coefficient: nan for element 1. Return a number",
+        ),
+        ({"sea_ice": lambda elements, time: "much"}, "Laws, drag of sea_ice: .*coefficient: 'much' is no number"),
+        ({"air": lambda elements, time: np.zeros(5)}, "Laws, drag of air: .*is no number and no array of 1"),
     ],
 )
 def test_what_a_drag_returns_is_checked(drag, words) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -192,7 +193,7 @@ BAD: list[tuple[Any, dict[str, Any], str]] = [
     ([0.0, np.nan, 7200.0], {}, "no number"),
     (dates([0, 1, 2]), {"uo": [0.1, np.nan, 0.2]}, "uo is missing at 2025-10-01 01:00, and given later"),
     (dates([0, 1, 2]), {"va": [np.nan, 1.0, 2.0], "ua": 0.0}, "va is missing at 2025-10-01 00:00"),
-    (dates([0, 1, 2]), {"uo": [0.1, 0.2]}, "shape .2,., there are 3 times"),
+    (dates([0, 1, 2]), {"uo": [0.1, 0.2]}, "shape .2,. for 3 times"),
     (dates([0, 1, 2]), {"uo": 20.0}, "uo = 20 is not possible.*-5 to 5"),
     (dates([0, 1, 2]), {"ice_fraction": 80.0}, "ice_fraction = 80"),
     (dates([0, 1, 2]), {"ua": 1.0}, "ua without va"),
@@ -200,6 +201,14 @@ BAD: list[tuple[Any, dict[str, Any], str]] = [
     (dates([0, 1, 2]), {"depth": -5.0}, "depth = -5"),
     (dates([0, 1, 2]), {"sea_level": "files"}, "no.*sea level.*ssh_slope"),
     (dates([0, 1, 2]), {"ssh_slope": 1e-6}, "no pair"),
+    (["2025-10-01T00+03", "2025-10-01T01+03", "2025-10-01T02+03"], {}, "'2025-10-01T00.03' has another time zone"),
+    (["2025-10-01 00:00:00 -0330", "2025-10-01 01:00:00 -0330", "2025-10-02"], {}, "-0330' has another time zone"),
+    (pd.date_range("2025-10-01", periods=3, tz="America/Santiago"), {}, "'2025-10-01 00:00:00-03:00' has another time zone"),
+    (dates([0, 1, 2]), {"uo": np.ma.masked_less([0.1, -9.0, 0.2], -5.0)}, "uo is missing at 2025-10-01 01:00"),
+    (dates([0, 1, 2]), {"uo": [0.1, [0.2, 0.3], 0.4]}, "uo: .0.1, .0.2, 0.3., 0.4. is no array of numbers. Allowed"),
+    (dates([0, 1, 2]), {"hold": "-3 h"}, "hold: '-3 h' is no length of time"),
+    (dates([0, 1, 2]), {"max_gap": -60.0}, "max_gap: -60.0 is no length of time"),
+    (dates([0, 1, 2]), {"latitude": 120.0}, "120.0 is no latitude"),
     (dates([0, 1, 2]), {"ssh_slope": (0.5, 0.0)}, "ssh_slope_x = 0.5"),
 ]  # fmt: skip
 
@@ -260,7 +269,8 @@ def test_a_table_is_the_forcing_of_an_experiment_and_of_its_forecast(experiment:
 
 def test_a_table_with_a_column_that_is_not_known_is_refused(tmp_path: Path) -> None:
     for text, said in (("time,uo,vo,u10\n0,0,0,1\n", "a column 'u10'"), ("time,uo\n0,1\n", "no column 'vo'"),
-                       ("time,uo,vo\n0,x,0\n", "line 2, uo.*'x' is no number")):  # fmt: skip
+                       ("time,uo,vo\n0,x,0\n", "line 2, uo.*'x' is no number"),
+                       ("time,uo,vo\n0,0,1,0\n", "line 2: '0' has no name: 3 columns are named.*decimal comma")):  # fmt: skip
         (tmp_path / "t.csv").write_text(text)
         with pytest.raises(ForcingError, match=said):
             read_series(tmp_path / "t.csv")

@@ -181,6 +181,31 @@ def test_drift_in_a_pack_that_is_limited_is_that_of_the_table_of_roots(
         np.testing.assert_allclose(drift(model), want, atol=1e-3)
 
 
+BONDED = ((3e3, 3e3, 0.75e3), (6e3, 4e3, 1e3), (24e3, 9e3, 1.5e3), (10e3, 30e3, 2.5e3))
+"""Length, width and radius of the elements (m) of bergs with bonds."""
+
+
+@pytest.mark.compiled
+@pytest.mark.quick(4)
+@pytest.mark.parametrize("size", BONDED)
+@pytest.mark.parametrize("k", range(3))
+@pytest.mark.parametrize("wind", [(8.0, 0.0), (-6.0, 10.0)])
+def test_a_bonded_berg_drifts_in_a_pack_as_the_balance_with_its_outline_has_it(
+    size: tuple[float, float, float], k: int, wind: tuple[float, float]
+) -> None:
+    """With the default coefficients: from the root it does not drift away, and it does not turn."""
+    (thickness, fraction), drag = PACKS[k], Parameters().drag
+    length, width, radius = size
+    root = twin.drift(
+        length, width, 220.0, -70.0, wind, ICE, thickness, fraction, drag.water_base, drag.air_top, outline=True
+    )
+    model = model_of(length, width, radius=radius, sea=pack(thickness, fraction, wind=wind), velocity=tuple(root))
+    assert model.elements.size > 3
+    model.advance(days=1.5)
+    np.testing.assert_allclose(drift(model), root, atol=1e-3)
+    assert abs(model.elements.spin).max() < 1e-7
+
+
 @pytest.mark.parametrize("size", TABLE)
 def test_a_pack_that_is_locked_carries_bergs_along_where_it_is_dense_and_strong(size: tuple[float, float]) -> None:
     for k, (thickness, fraction) in enumerate(PACKS):

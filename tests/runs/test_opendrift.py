@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -156,6 +157,27 @@ def test_what_is_no_file_of_openberg_is_refused(file: Path, tmp_path: Path) -> N
         read_opendrift(tmp_path / "lost.nc")
 
 
+@pytest.mark.parametrize(("changes", "said"), [
+    ({"sail": -5.0}, r"trajectory 7: length 200, width 150, sail -5, draft 70 m are no size of a berg"),
+    ({"width": 0.0}, "trajectory 7: .*width 0, .* are no size of a berg"),
+    ({"x_sea_water_velocity": np.where(np.arange(HOURS) == 6, np.nan, 0.2)}, "trajectory 7, .*uo is missing at 2025-09-24 06:00"),
+    ({"y_wind": 1e20}, "trajectory 7, va: va = 1e.20 is not possible"),
+])  # fmt: skip
+def test_values_that_cannot_be_are_refused_by_file_and_trajectory(
+    changes: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    openberg(**changes).to_netcdf(tmp_path / "ob.nc")
+    one = read_trajectory(tmp_path / "ob.nc", 7)
+    with pytest.raises(InputError, match=f"ob.nc, {said}"):
+        Model(one.berg(), one.forcing())
+
+
+def test_a_file_without_a_component_of_the_current_is_refused(tmp_path: Path) -> None:
+    openberg().drop_vars("y_sea_water_velocity").to_netcdf(tmp_path / "ob.nc")
+    with pytest.raises(ForcingError, match="no current along the trajectory"):
+        read_trajectory(tmp_path / "ob.nc", 7).forcing()
+
+
 def test_an_experiment_takes_start_size_length_and_forcing_of_a_trajectory(file: Path) -> None:
     path = file.with_name("e.yaml")
     path.write_text("forcing: {opendrift: ob.nc, trajectory: 7}\n")
@@ -187,10 +209,30 @@ def run(file: Path, tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
-@pytest.mark.slow
-def test_compare_and_score_take_a_trajectory_as_the_other_run(run: Path, file: Path) -> None:
-    result = CliRunner().invoke(app, ["compare", str(run), f"{file}#7", "--json"])
+def opened(caplog: pytest.LogCaptureFixture, path: Path) -> int:
+    """Return how often a file was opened."""
+    return sum(record.getMessage() == f"opening {path}" for record in caplog.records)
+
+
+def test_compare_opens_a_file_of_trajectories_once(file: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Three times before: for its name, for what it is, and for its positions."""
+    other = file.with_name("other.nc")
+    openberg(lon=-57.9).to_netcdf(other)
+    with caplog.at_level(logging.DEBUG):
+        result = CliRunner().invoke(app, ["compare", f"{file}#7", f"{other}#7", "--json"])
     assert result.exit_code == 0, result.output
+    assert (opened(caplog, file), opened(caplog, other)) == (1, 1)
+    assert [one["name"] for one in json.loads(result.output)["runs"]] == ["ob.nc#7", "other.nc#7"]
+
+
+@pytest.mark.slow
+def test_compare_and_score_take_a_trajectory_as_the_other_run(
+    run: Path, file: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.DEBUG):
+        result = CliRunner().invoke(app, ["compare", str(run), f"{file}#7", "--json"])
+    assert result.exit_code == 0, result.output
+    assert (opened(caplog, run / "run.nc"), opened(caplog, file)) == (1, 1)
     table = json.loads(result.output)
     (apart,) = table["apart"]
     assert apart["distance_km"][0] == pytest.approx(0.0, abs=0.01)

@@ -40,20 +40,24 @@ def hold(limit, velocity, ice):
     return limit * min(speed / YIELD, 1.0) * through / speed if speed > 0.0 else np.zeros(2)
 
 
-def drift(length, width, thickness, latitude, wind, ice, depth, fraction, base, top, current=(0.0, 0.0)):
+def drift(length, width, thickness, latitude, wind, ice, depth, fraction, base, top, current=(0.0, 0.0), outline=False):
     """Velocity (m s-1) at which water, air, Coriolis force and a pack that holds are in balance on a rectangle.
 
     As the table that it is compared with: no slope but that of the current, no waves, no quadratic drag of the pack, and a
-    corner rounded at `YIELD`, so that the root is found from anywhere.
+    corner rounded at `YIELD`, so that the root is found from anywhere. The sides face the axes; the water's drag on them is the
+    mean over all directions, or with ``outline`` the integral over the four sides.
     """
     f, mass = 2 * 7.292e-5 * math.sin(math.radians(latitude)), 850.0 * thickness * length * width
     front, draft = 0.5 * (length + width), 850.0 / 1025.0 * thickness
-    water = 1025.0 * (0.45 * front * draft + base * length * width)
+    sides = 1025.0 * 0.45 * draft * (np.array([width, length]) if outline else front)
     air = 1.1 * (0.65 * front * (thickness - draft) + top * length * width)
     limit = strength(depth, fraction) * front
 
     def total(u):
-        force = -water * math.hypot(*(u - current)) * (u - current) - air * math.hypot(*(u - wind)) * (u - wind)
+        past = u - current
+        speed = abs(past) if outline else math.hypot(*past)
+        bottom = 1025.0 * base * length * width * math.hypot(*past)
+        force = -(sides * speed + bottom) * past - air * math.hypot(*(u - wind)) * (u - wind)
         force += limit * (ice - u) / math.hypot(*(ice - u), YIELD)
         return (force + mass * f * np.array([u[1] - current[1], current[0] - u[0]])) / (limit + 1e6)
 

@@ -177,6 +177,9 @@ WRONG: list[tuple[str, str, str]] = [
     ("forcing.csv", "nothing.csv", "no such file"),
     ("made bergs.", "made bergs.\nsubsets: {deep: floor > 3}", "'floor > 3' compares no column"),
     ("made bergs.", "made bergs.\nunit: month", "unit"),
+    ("along: forcing.csv", "along: forcing.csv, files: [a.nc]", "forcing.files: there is no such key"),
+    ("made bergs.", "made bergs.\nsubsets: {all: sea > 0}", "subsets: 'all' is a subset of every case"),
+    ("made bergs.", "made bergs.\nsubsets: {one: berg == X7}", "subsets.one: no berg 'X7' starts. Bergs are X00, X01"),
 ]
 
 
@@ -204,7 +207,20 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"forcing\.sea_level.*level"):
         table(folder, "riftberg forcing.sea_level=level")
     starts = folder / "made" / "starts.csv"
-    starts.write_text(starts.read_text().replace("X05", "X06"))
+    table_of_starts = starts.read_text()
+    for text, other, said in (
+        (",-60.0,800", ",-95.0,800", "lat = '-95.0' is not possible"), (",200.0,", ",-200.0,", "thickness = '-200.0'"),
+        (",800.0,800.0", ",800.0,0", "width = '0'"), (",800.0,800.0", ",wide,800.0", "length = 'wide'"),
+        ("lon_before", "west", r"2025-09-30 .* and \(nan, .* are no earlier date and position"),
+        ("2025-09-30", "2025-12-30", "2025-12-30 .* are no earlier date"),
+    ):  # fmt: skip
+        starts.write_text(table_of_starts.replace(text, other))
+        with pytest.raises(InputError, match=f"starts.csv, line 2: {said}"):
+            read_suite(folder)
+    starts.write_text(table_of_starts + table_of_starts.splitlines()[3])
+    with pytest.raises(InputError, match=r"line 14: X01, 2025-10-01.* starts in line 4 too"):
+        read_suite(folder)
+    starts.write_text(table_of_starts.replace("X05", "X06"))
     with pytest.raises(InputError, match="no forcing for X06, 2025-10-01"):
         read_suite(folder)
 

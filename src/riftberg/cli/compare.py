@@ -6,7 +6,7 @@ import json
 import os
 import shlex
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import ExitStack, redirect_stdout
 from datetime import datetime, timedelta
 from io import StringIO
 from itertools import pairwise
@@ -97,9 +97,7 @@ def compare(
 
 def names_of(runs: Sequence[Path]) -> list[str]:
     """Return short names that differ: of the folders, or the paths where these are the same."""
-    from riftberg.runs.opendrift import has_trajectories
-
-    short = [run.name if has_trajectories(run) or member_of(run) else folder_of(run).name for run in runs]
+    short = [folder_of(run).name if is_folder(run) or run.name == "run.nc" else run.name for run in runs]
     return short if all(short) and len(set(short)) == len(short) else [str(run) for run in runs]
 
 
@@ -126,36 +124,37 @@ def folder_of(run: Path) -> Path:
 
 def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None = None) -> Comparison:
     """Read runs and members of sweeps, and put them side by side."""
-    from riftberg.diagnostics.compare import compare, member_compared, read_compared, trajectory_compared
-    from riftberg.runs.opendrift import has_trajectories, read_trajectory
+    from riftberg.diagnostics.compare import compare, member_compared, run_compared, trajectory_compared
+    from riftberg.runs.opendrift import only_one, trajectories_if_any
 
-    drifted = {run: read_trajectory(run) for run in runs if has_trajectories(run)}
+    drifted = {run: only_one(found, run) for run in runs if (found := trajectories_if_any(run)) is not None}
     for run in runs:
         if run not in drifted and not member_of(run):
             check_file(folder_of(run) / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
-    if runs[0] in drifted:
-        known = _known("", drifted[runs[0]].start, observed)
-    else:
-        first = opened_result(runs[0])
-        known = _known(
-            str(first.attrs.get("experiment", "")), first["time"].values[0].astype("datetime64[s]").item(), observed
-        )
-    found = [
-        trajectory_compared(drifted[run], name, known.fixes)
-        if run in drifted
-        else member_compared(opened_result(run), name, known.fixes)
-        if member_of(run)
-        else read_compared(folder_of(run), name, known.fixes)
-        for run, name in zip(runs, names, strict=True)
-    ]
-    begin, end = (pick(pick(run.course.times) for run in found) for pick in (min, max))
+    with ExitStack() as stack:
+        results = {run: stack.enter_context(opened_result(run)) for run in dict.fromkeys(runs) if run not in drifted}
+        if runs[0] in drifted:
+            known = _known("", drifted[runs[0]].start, observed)
+        else:
+            first = results[runs[0]]
+            start = first["time"].values[0].astype("datetime64[s]").item()
+            known = _known(str(first.attrs.get("experiment", "")), start, observed)
+        compared = [
+            trajectory_compared(drifted[run], name, known.fixes)
+            if run in drifted
+            else member_compared(results[run], name, known.fixes)
+            if member_of(run)
+            else run_compared(folder_of(run), results[run], name, known.fixes)
+            for run, name in zip(runs, names, strict=True)
+        ]
+    begin, end = (pick(pick(run.course.times) for run in compared) for pick in (min, max))
     meant = known.within(begin, end)
     if observed is not None and not meant.fixes:
         raise InputError(
             "no position during the runs", where=f"--observed {observed}",
             remedy=f"They go from {minute_text(begin)} to {minute_text(end)}",
         )  # fmt: skip
-    return compare(found, meant)
+    return compare(compared, meant)
 
 
 def opened_result(run: Path) -> xr.Dataset:

@@ -123,30 +123,30 @@ class Drag(Group):
     """Drag of water, air and sea ice on an element."""
 
     water_side: float = quantity(
-        0.9, "1", "form drag of the water on the sides, on 0.5 rho u^2", "Gladstone et al. 2001", ge=0, le=10,
-        usual=Usual(0.2, 2.0, "0.25 in Keghouche et al. 2010, 0.9 in Gladstone et al. 2001", off=True), trial=1.8,
+        0.9, "1", "form drag of the water on the sides, on 0.5 rho u^2", "Bigg et al. 1997", ge=0, le=10,
+        usual=Usual(0.2, 2.0, "0.25 in OpenDrift's OpenBerg, 0.85 in FESOM, 0.9 in Bigg et al. 1997", off=True), trial=1.8,
         kernel="water_side_drag",
     )  # fmt: skip
     water_base: float = quantity(
         0.0025, "1", "skin drag of the water on the base, on rho u^2",
         "Asay-Davis et al. 2016, base of ice shelves; KID 0.0012", ge=0, le=1,
-        usual=Usual(5e-4, 0.01, "0.0012, Gladstone et al. 2001, to 0.0097 under a shelf, Jenkins et al. 2010", off=True),
+        usual=Usual(5e-4, 0.035, "0.0012 in KID, 0.001 to 0.035 reported under sea ice (Steiner 2001)", off=True),
         trial=0.01, kernel="water_base_drag",
     )  # fmt: skip
     air_side: float = quantity(
-        1.3, "1", "form drag of the air on the sail, on 0.5 rho u^2", "Gladstone et al. 2001", ge=0, le=10,
-        usual=Usual(0.2, 2.6, "0.8 in Keghouche et al. 2010, 1.3 in Gladstone et al. 2001", off=True), trial=2.6,
+        1.3, "1", "form drag of the air on the sail, on 0.5 rho u^2", "Bigg et al. 1997", ge=0, le=10,
+        usual=Usual(0.2, 2.6, "0.4 in FESOM, 0.7 in OpenDrift's OpenBerg, 1.3 in Bigg et al. 1997", off=True), trial=2.6,
         kernel="air_side_drag",
     )  # fmt: skip
     air_top: float = quantity(
         0.0015, "1", "skin drag of the 10-m wind on the top, on rho u^2",
         "Amory et al. 2017, Antarctic snow, 0.0015 to 0.002; Andreas & Claffey 1995, 0.0013 to 0.0025; KID 0.0055", ge=0, le=1,
-        usual=Usual(5e-4, 0.006, "0.0013 over smooth snow to 0.0055 in Gladstone et al. 2001", off=True), trial=0.003,
+        usual=Usual(5e-4, 0.006, "0.0013 over smooth snow to 0.0055 in KID", off=True), trial=0.003,
         kernel="air_top_drag",
     )  # fmt: skip
     ice_side: float = quantity(
-        0.9, "1", "drag of sea ice on the sides, on 0.5 rho u^2 of its thickness", "Gladstone et al. 2001", ge=0, le=10,
-        usual=Usual(0.1, 10.0, "0.9 in Gladstone et al. 2001", off=True), trial=1.8, kernel="ice_side_drag",
+        0.9, "1", "drag of sea ice on the sides, on 0.5 rho u^2 of its thickness", "KID", ge=0, le=10,
+        usual=Usual(0.1, 10.0, "0.9 in KID, 1 in FESOM", off=True), trial=1.8, kernel="ice_side_drag",
     )  # fmt: skip
     ocean_scale: float = quantity(
         1.0, "1", "multiplies both ocean drag coefficients", "KID's ocean_drag_scale", ge=0,

@@ -582,17 +582,31 @@ def number(value: Any, unit: str, *, where: str, kind: type[InputError] = InputE
         raise kind(str(error), where=where, remedy=f"Allowed: a number{measured}") from error
 
 
+def duration(value: Any, *, where: str, kind: type[InputError] = InputError) -> float:
+    """Return a length of time in seconds, 0 or more; a text with a unit and a timedelta are taken."""
+    seconds = number(value, "s", where=where, kind=kind)
+    if not seconds >= 0.0:
+        raise kind(f"{value_shown(value)} is no length of time", where=where, remedy="Give 0 s or more")
+    return seconds
+
+
 def numbers(value: Any, unit: str, *, where: str, kind: type[InputError] = InputError) -> np.ndarray[Any, Any]:
-    """Return a number or an array of numbers in a unit; texts with units, Series and DataArrays are taken."""
+    """Return a number or an array of numbers in a unit, NaN where masked; texts with units, Series and DataArrays are taken."""
     try:
         if isinstance(value, str):
             return np.asarray(_number_in(value, unit))
-        array = np.asarray(value)
+        try:
+            array = np.asarray(value)
+        except ValueError:  # of NumPy: rows of different lengths
+            raise ValueError(f"{value_shown(value)} is no array of numbers") from None
         if array.dtype.kind in "OUS":
             array = np.array([_number_in(part, unit) for part in array.ravel().tolist()]).reshape(array.shape)
         if array.dtype.kind not in "fiu":
             raise ValueError(f"{value_shown(value)} is no number")
-        return array.astype(np.float64)
+        known = array.astype(np.float64)
+        if isinstance(value, np.ma.MaskedArray):
+            known[np.ma.getmaskarray(value)] = np.nan
+        return known
     except ValueError as error:
         measured = f", in {unit}" if unit not in ("", "1") else ""
         raise kind(str(error), where=where, remedy=f"Allowed: a number or an array of numbers{measured}") from error

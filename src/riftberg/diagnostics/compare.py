@@ -214,17 +214,18 @@ def _gap(metres: float, turned: float, area: float) -> str:
 
 def read_compared(folder: Path, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Read a run from its folder and compare it with the observed positions."""
-    summary = read_summary(folder / "summary.json")
     with open_run(folder) as dataset:
-        scene = Scene(dataset)
-        days = [day for fix in fixes if (day := _day_of_fix(scene, fix)) is not None] if scene.latlon else []
-        course = course_of(dataset)
-        file = str(dataset.attrs.get(FILE, ""))
-        numerics = summary["numerics"] | _set_beside_parameters(
-            str(dataset.attrs.get(COMMAND, "")), summary["numerics"]
-        )
-    summary = {**summary, "numerics": numerics}
-    return ComparedRun(name, summary, days, course, file)
+        return run_compared(folder, dataset, name, fixes)
+
+
+def run_compared(folder: Path, dataset: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
+    """Compare a run that is open with the observed positions; its summary is read from its folder."""
+    summary, scene = read_summary(folder / "summary.json"), Scene(dataset)
+    days = [day for fix in fixes if (day := _day_of_fix(scene, fix)) is not None] if scene.latlon else []
+    numerics = summary["numerics"] | _set_beside_parameters(str(dataset.attrs.get(COMMAND, "")), summary["numerics"])
+    return ComparedRun(
+        name, {**summary, "numerics": numerics}, days, course_of(dataset), str(dataset.attrs.get(FILE, ""))
+    )
 
 
 def trajectory_compared(trajectory: Trajectory, name: str, fixes: Sequence[Fix]) -> ComparedRun:

@@ -119,11 +119,11 @@ def _trajectories(path: str | Path) -> Observations | None:
     """Return the positions of a trajectory file of OpenDrift or TrajAn, a name for each trajectory; None of another file."""
     if ".nc" not in str(path):
         return None
-    from riftberg.runs.opendrift import file_and_number, has_trajectories, read_opendrift
+    from riftberg.runs.opendrift import file_and_number, trajectories_if_any
 
-    if not has_trajectories(path):
+    found, file = trajectories_if_any(path), file_and_number(path)[0]
+    if found is None:
         return None
-    found, file = read_opendrift(path), file_and_number(path)[0]
     fixes = [
         Fix(f"{file.stem} {one.number}" if len(found) > 1 else file.stem, when, False, *place, sensor=one.program)
         for one in found for when, place in one.observed().items()

@@ -274,7 +274,8 @@ class OpenDriftForcing(Section):
     wind: Literal["files", "none"] = key("files", "", "none leaves the wind out")
 
 
-def _kind_of(forcing: Any) -> Any:
+def kind_of(forcing: Any) -> Any:
+    """Return the word that says of which kind a section of forcing is."""
     kind = forcing.get("kind") if isinstance(forcing, dict) else getattr(forcing, "kind", None)
     return kind if isinstance(kind, str) else None
 
@@ -286,7 +287,7 @@ Forcing = Annotated[
     | Annotated[FormulaForcing, Tag("formula")]
     | Annotated[SeriesForcing, Tag("along")]
     | Annotated[OpenDriftForcing, Tag("opendrift")],
-    Field(discriminator=Discriminator(_kind_of)),
+    Field(discriminator=Discriminator(kind_of)),
 ]
 
 

@@ -295,7 +295,9 @@ class LifeProcess:
             self.look_around(model)
         self.follow_outlines(model)
         fragment = model.elements.body.berg.copy()
-        rates = NO_RATES if self.law is None else law_values(self.law, model.elements, model.time, "melt", MELTS, 0.0)
+        rates = NO_RATES
+        if self.law is not None:
+            rates = law_values(self.law, model.elements, model.time, "melt", MELTS, 0.0, may_leave=True)
         place = model.elements.place
         depth = None if self.floor is None else self.floor[place.cell_j, place.cell_i]
         step = melt_step(model.elements, self.values, born, rates, depth)

@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.config.values import check_names, given, moment, number, required
+from riftberg.config.values import check_names, duration, given, moment, number, required
 from riftberg.constants import EARTH_RADIUS_KID
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
@@ -326,7 +326,7 @@ class DatasetForcing(BaseForcing):
         begin = None if start is None else moment(start, where="start")
         limits = {"max_gap_seconds": (max_gap, "max_gap"), "hold_seconds": (hold, "hold")}
         rules = {
-            key: number(value, "s", where=name, kind=ForcingError)
+            key: duration(value, where=name, kind=ForcingError)
             for key, (value, name) in limits.items()
             if value is not None
         }

@@ -17,7 +17,7 @@ from typing import Any, Final, TypedDict, Unpack
 import numpy as np
 
 from riftberg.config.units import count_text, minute_text
-from riftberg.config.values import check_names, moment, native, number, numbers
+from riftberg.config.values import check_names, duration, moment, native, numbers
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError, InputError, nearest
 from riftberg.ocean.balance import (
@@ -59,7 +59,8 @@ FINE: Final = 3600.0
 TOLERANCE: Final = 60.0
 """Seconds by which a run may begin before a series or end after it: dates of programs are a few off the full minute."""
 
-_ZONE: Final = re.compile(r"\d:?\d\d\s*([+-]\d\d:?\d\d)$")
+_ZONE: Final = re.compile(r"\d(?:\s*T\s*|\s+)[\d:.,]+\s*([+-]\d\d(?::?\d\d)?)$", re.IGNORECASE)
+"""A time of day with its distance from UTC."""
 
 
 class SeriesOptions(TypedDict, total=False):
@@ -132,6 +133,10 @@ class Series(Formula):
     ) -> None:  # fmt: skip
         check_names(options, SeriesOptions)
         self.latlon, self.latitude, self.means = True, options.get("latitude"), means
+        if self.latitude is not None and not abs(self.latitude) <= 90.0:
+            raise ForcingError(
+                f"{value_shown(self.latitude)} is no latitude", where="latitude", remedy="Give -90 to 90"
+            )
         seconds, self.start = _as_seconds(times, start)
         slope, depth, max_gap = options.get("ssh_slope"), options.get("depth"), options.get("max_gap")
         every: dict[str, Any] = {"uo": uo, "vo": vo, **options}
@@ -159,10 +164,10 @@ class Series(Formula):
         self._water = np.array([np.inf if depth is None else _single_depth(depth)])
         self._times, self.times = seconds, seconds
         length = min(self._last_known(name, values) for name, values in columns.items())
-        held = number(options.get("hold", 0.0), "s", where="hold", kind=ForcingError)
+        held = duration(options.get("hold", 0.0), where="hold", kind=ForcingError)
         self.cover = float(seconds[0]) - held, float(seconds[length]) + held
         step = float(np.median(np.diff(seconds))) if seconds.size > 1 else np.inf
-        limit = GAP_FACTOR * step if max_gap is None else number(max_gap, "s", where="max_gap", kind=ForcingError)
+        limit = GAP_FACTOR * step if max_gap is None else duration(max_gap, where="max_gap", kind=ForcingError)
         gaps = [] if means else np.flatnonzero(np.diff(seconds[: length + 1]) > limit).tolist()
         self._gaps = [(float(seconds[k]), float(seconds[k + 1])) for k in gaps]
         self._times, self._values = _nodes(
@@ -441,7 +446,7 @@ def _utc(value: Any) -> datetime:
     zone = _ZONE.search(plain) if isinstance(plain, str) else None
     offset = getattr(plain, "utcoffset", lambda: None)() if not isinstance(plain, str) else None
     if (zone is not None and zone[1].strip("+-0:")) or offset:
-        raise ForcingError(f"{value_shown(value)} has another time zone than UTC", where="times",
+        raise ForcingError(f"{value_shown(str(plain))} has another time zone than UTC", where="times",
                            remedy="Give the times in UTC, without a zone")  # fmt: skip
     try:
         return moment(value, where="times")
@@ -459,7 +464,7 @@ def _column(name: str, value: Any, unit: str, limits: tuple[float, float], count
     values = numbers(value, unit, where=name, kind=ForcingError)
     if values.ndim and values.shape != (count,):
         raise ForcingError(
-            f"{name} has the shape {values.shape}, there are {count_text(count, 'time')}", where=name,
+            f"{name} has the shape {values.shape} for {count_text(count, 'time')}", where=name,
             remedy="Give a number, or one for each time",
         )  # fmt: skip
     low, high = limits

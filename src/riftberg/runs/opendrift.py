@@ -111,6 +111,12 @@ class Trajectory:
             raise InputError(
                 "no length, width, sail and draft", where=self.source, remedy="Give the size of the berg yourself"
             )
+        if not (min(self.size) >= 0.0 < min(self.size.length, self.size.width, self.size.draft)):
+            size = ", ".join(f"{name} {value:g}" for name, value in self.size._asdict().items())
+            raise InputError(
+                f"{size} m are no size of a berg", where=f"{self.source}, trajectory {self.number}",
+                remedy="Give the size of the berg yourself",
+            )  # fmt: skip
         return {"length": self.size.length, "width": self.size.width, "thickness": self.size.thickness}
 
     def forcing(self, **options: Any) -> Series:
@@ -126,14 +132,18 @@ class Trajectory:
         ForcingError
             If the file holds no current, or one of 0 throughout: no reader covered it.
         """
-        if "uo" not in self.series:
+        if not {"uo", "vo"} <= self.series.keys():
             raise ForcingError("no current along the trajectory", where=self.source, remedy="Give a file of OpenBerg")
         if not any(self.series[name].any() for name in ("uo", "vo")):
             raise ForcingError(
                 f"the current is 0 at all {self.times.size} times of trajectory {self.number}: no ocean covered it",
                 where=self.source, remedy="Run OpenDrift with an ocean that covers the berg, or give another trajectory",
             )  # fmt: skip
-        return Series(self.times, **{"depth": self.depth, **self.series, **options})
+        try:
+            return Series(self.times, **{"depth": self.depth, **self.series, **options})
+        except ForcingError as error:
+            where = f"{self.source}, trajectory {self.number}, {error.where}"
+            raise ForcingError(error.what, where=where, remedy=error.remedy) from error
 
     def course(self) -> Course:
         """Return the trajectory as the course of a berg, to be compared with that of a run."""
@@ -169,11 +179,28 @@ def read_opendrift(path: str | Path) -> list[Trajectory]:
     file, number = file_and_number(path)
     check_file(file, remedy=REMEDY)
     with reading(file, "no trajectories that can be read", REMEDY), open_lazily(file) as ds:
-        kind = str(ds.attrs.get("opendrift_class", KIND))
-        if kind != KIND:
-            raise InputError(f"written by OpenDrift's {kind}, which knows no icebergs", where=str(file), remedy=REMEDY)
-        layout = _layout(ds, str(file))
-        found = [one for k in range(layout.trajectories) if (one := _trajectory(ds, layout, k, file.name)) is not None]
+        return _all_of(ds, file, number)
+
+
+def trajectories_if_any(path: str | Path) -> list[Trajectory] | None:
+    """Return the trajectories of a file of OpenDrift or TrajAn, opened once; None of a run of Riftberg and any other file."""
+    file, number = file_and_number(path)
+    if file.suffix.lower() not in (".nc", ".nc4", ".cdf") or not file.is_file():
+        return None
+    with reading(file, "cannot be read", REMEDY), open_lazily(file, decode_times=False) as ds:
+        ours = {"parameters_json", "riftberg_version"} & ds.attrs.keys()
+        if "opendrift_class" in ds.attrs or (str(ds.attrs.get("featureType", "")) == "trajectory" and not ours):
+            return _all_of(xr.decode_cf(ds), file, number)
+    return None
+
+
+def _all_of(ds: xr.Dataset, file: Path, number: int | None) -> list[Trajectory]:
+    """Return the trajectories of an open file that have a position, or the one with a number."""
+    kind = str(ds.attrs.get("opendrift_class", KIND))
+    if kind != KIND:
+        raise InputError(f"written by OpenDrift's {kind}, which knows no icebergs", where=str(file), remedy=REMEDY)
+    layout = _layout(ds, str(file))
+    found = [one for k in range(layout.trajectories) if (one := _trajectory(ds, layout, k, file.name)) is not None]
     if number is not None:
         known = [one.number for one in found]
         found = [one for one in found if one.number == number]
@@ -188,7 +215,11 @@ def read_opendrift(path: str | Path) -> list[Trajectory]:
 
 def read_trajectory(path: str | Path, number: int | None = None) -> Trajectory:
     """Return one trajectory of a file: the one with a number, or the only one."""
-    found = read_opendrift(path if number is None else f"{path}#{number}")
+    return only_one(read_opendrift(path if number is None else f"{path}#{number}"), path)
+
+
+def only_one(found: list[Trajectory], path: str | Path) -> Trajectory:
+    """Return the trajectory of a file that has no other."""
     if len(found) > 1:
         numbers = ", ".join(str(one.number) for one in found[:20])
         raise InputError(
@@ -202,16 +233,6 @@ def file_and_number(path: str | Path) -> tuple[Path, int | None]:
     """Return the file of ``FILE.nc#7``, and the number."""
     name, mark, number = str(path).rpartition("#")
     return (Path(name), int(number)) if mark and number.isdecimal() and not Path(path).exists() else (Path(path), None)
-
-
-def has_trajectories(path: str | Path) -> bool:
-    """Whether a path names a trajectory file of OpenDrift or TrajAn, and not one of Riftberg."""
-    file = file_and_number(path)[0]
-    if file.suffix.lower() not in (".nc", ".nc4", ".cdf") or not file.is_file():
-        return False
-    with reading(file, "cannot be read", REMEDY), open_lazily(file, decode_times=False) as ds:
-        ours = {"parameters_json", "riftberg_version"} & ds.attrs.keys()
-        return "opendrift_class" in ds.attrs or (str(ds.attrs.get("featureType", "")) == "trajectory" and not ours)
 
 
 class _Layout(NamedTuple):

@@ -377,7 +377,15 @@ def rows_of_csv(path: Path, kind: type[InputError] = InputError) -> tuple[list[d
         twice = next((name for name in names if name and names.count(name) > 1), None)
         if twice is not None:
             raise kind(f"two columns are called {twice!r}", where=str(path), remedy="Give each its own name")
-        return list(reader), separator
+        rows = list(reader)
+    for line, row in enumerate(rows, start=2):
+        beyond = [cell for cell in row.get(None, ()) if cell.strip()]
+        if beyond:
+            raise kind(
+                f"{value_shown(beyond[0])} has no name: {len(names)} columns are named", where=f"{path}, line {line}",
+                remedy="Name all columns; numbers with a decimal comma are separated by semicolons or tabs",
+            )  # fmt: skip
+    return rows, separator
 
 
 def is_seen(lon: float, lat: float) -> bool:

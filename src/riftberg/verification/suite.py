@@ -13,17 +13,17 @@ import inspect
 import logging
 import operator
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError, field_validator
+from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.config.values import Section, UnfitError, explained, findings, key, number, parse_date
@@ -31,7 +31,7 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import InputError, nearest
 from riftberg.experiments.changes import changed, parse_settings
-from riftberg.experiments.schema import SeriesForcing
+from riftberg.experiments.schema import SeriesForcing, kind_of
 from riftberg.experiments.yaml_file import Document
 from riftberg.model import BareModel
 from riftberg.ocean.files_schema import FileForcing
@@ -83,7 +83,10 @@ class CaseFile(Section):
     within: float = key(
         0.0, "h", "positions are linear between observations at most so far apart; 0: only at the time", ge=0
     )
-    forcing: SeriesForcing | FileForcing = key(..., "", "series along the tracks (along), or files")
+    forcing: Annotated[
+        Annotated[SeriesForcing, Tag("along")] | Annotated[FileForcing, Tag("files")],
+        Field(discriminator=Discriminator(kind_of)),
+    ] = key(..., "", "series along the tracks (along), or files")
     entrants: dict[str, str] = key(
         {}, "", "further entrants by name, such as no slope: riftberg forcing.sea_level=none"
     )
@@ -125,9 +128,12 @@ class SuiteCase:
         if self.file.held_out:
             held = np.array([case.start.berg in self.file.held_out for case in self.cases])
             found |= {"open": ~held, "held out": held}
-        where = f"{self.folder / 'case.yaml'}, subsets"
+        where, bergs = f"{self.folder / 'case.yaml'}, subsets", {case.start.berg for case in self.cases}
+        taken = next((name for name in self.file.subsets if name in (ALL, "open", "held out")), None)
+        if taken:
+            raise InputError(f"{taken!r} is a subset of every case", where=where, remedy="Give it another name")
         return found | {
-            name: np.array([_holds(text, case.start, f"{where}.{name}") for case in self.cases])
+            name: np.array([_holds(text, case.start, f"{where}.{name}", bergs) for case in self.cases])
             for name, text in self.file.subsets.items()
         }
 
@@ -184,12 +190,17 @@ def _read_case(path: Path) -> SuiteCase:
     return SuiteCase(file, path.parent, cases)
 
 
-SIZED: Final = ("lon", "lat", "length", "width", "thickness")
-"""Columns of starts that must hold numbers."""
+SIZED: Final = {
+    "lon": (-360.0, 360.0),
+    "lat": (-90.0, 90.0),
+    **dict.fromkeys(("length", "width", "thickness"), (0.1, 1e6)),
+}
+"""Columns of starts that must hold numbers, and their limits, degrees and m."""
 
 
 def _starts(path: Path) -> Iterator[Start]:
-    """Give the starts of a table."""
+    """Give the starts of a table, each once."""
+    lines: dict[Any, int] = {}
     for line, row in enumerate(rows_of_csv(path)[0], start=2):
         where, texts = (
             f"{path}, line {line}",
@@ -197,17 +208,30 @@ def _starts(path: Path) -> Iterator[Start]:
         )
         values: dict[str, Any] = {name: as_number(text) for name, text in texts.items()}
         missing = next((name for name in ("berg", "date", *SIZED) if name not in texts), None)
-        wrong = next((name for name in SIZED if np.isnan(values.get(name, np.nan))), None)
+        wrong = next((name for name, (low, high) in SIZED.items() if not low <= values.get(name, np.nan) <= high), "")
         if missing or wrong:
             raise InputError(
-                f"no column {missing!r}" if missing else f"{wrong} is no number", where=where,
+                f"no column {missing!r}" if missing else f"{wrong} = {value_shown(texts[wrong])} is not possible", where=where,
                 remedy="Columns are berg, date, lon, lat (degrees), length, width and thickness (m)",
             )  # fmt: skip
-        before = {}
+        date, before = parse_date(texts["date"], where=where)[0], {}
         if texts.get("date_before"):
-            before[parse_date(texts["date_before"], where=where)[0]] = values["lon_before"], values["lat_before"]
-        date = parse_date(texts["date"], where=where)[0]
-        yield Start(texts["berg"], date, values["lon"], values["lat"], before, columns=values)
+            earlier, place = (
+                parse_date(texts["date_before"], where=where)[0],
+                (values.get("lon_before", np.nan), values.get("lat_before", np.nan)),
+            )
+            if not earlier < date or np.isnan(place).any():
+                raise InputError(
+                    f"{earlier} and {place} are no earlier date and position", where=where,
+                    remedy="Give date_before, lon_before and lat_before, or leave all three empty",
+                )  # fmt: skip
+            before[earlier] = place
+        start = Start(texts["berg"], date, values["lon"], values["lat"], before, columns=values)
+        if lines.setdefault(start.key, line) != line:
+            raise InputError(
+                f"{start} starts in line {lines[start.key]} too", where=where, remedy="Give each start once"
+            )
+        yield start
 
 
 def as_number(text: str) -> float:
@@ -299,7 +323,7 @@ _OPERATORS: Final[dict[str, Callable[[Any, Any], Any]]] = {
 }  # fmt: skip
 
 
-def _holds(text: str, start: Start, where: str) -> bool:
+def _holds(text: str, start: Start, where: str, bergs: Collection[str]) -> bool:
     """Whether a start is of a subset: ``NAME < NUMBER`` or ``NAME < NAME``, of its columns and ``speed`` (km a day)."""
     found, columns = _COMPARISON.fullmatch(text), {**start.columns, "berg": start.berg, "speed": start.speed}
     if not found or found[1] not in columns:
@@ -308,6 +332,8 @@ def _holds(text: str, start: Start, where: str) -> bool:
             remedy=f"Write NAME < NUMBER or NAME == BERG, with a name of {', '.join(columns)}",
         )  # fmt: skip
     other: Any = columns.get(found[3], found[3])
+    if found[1] == "berg" and found[3] not in bergs:
+        raise InputError(f"no berg {found[3]!r} starts", where=where, remedy=f"Bergs are {', '.join(sorted(bergs))}")
     if isinstance(other, str) and found[1] != "berg":
         try:
             other = float(other)

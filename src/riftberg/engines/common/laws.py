@@ -234,11 +234,11 @@ def drag_values(law: ElementLaw, elements: Elements, time: float, medium: str) -
 
 def law_values(
     law: ElementLaw, elements: Elements, time: float, kind: str, names: tuple[str, ...], least: float = -math.inf,
-    optional: tuple[str, ...] = (),
+    optional: tuple[str, ...] = (), may_leave: bool = False,
 ) -> Floats:  # fmt: skip
     """Return what a law gives for each of some names, shape (names, elements).
 
-    NaN where it gives None, 0 for ``optional`` names that it leaves out.
+    0 for ``optional`` names that it leaves out, NaN where it gives None: it ``may_leave`` that to the built-in law.
     """
     where = f"Laws, {kind}: {name_of(law)}"
     with to_read(elements, "elements", where):
@@ -248,12 +248,15 @@ def law_values(
         raise RunError(f"{where} returns {value_shown(given)} instead of {len(names)} arrays ({', '.join(names)})")
     out = np.zeros((len(all_names), elements.size))
     for row, name, values in zip(out, all_names, given, strict=False):
+        wanted = f"Return a number{'' if least < 0.0 else ' of 0 or more'}, or an array of one for each of the elements"
         try:
             row[:] = np.nan if values is None else values
         except (TypeError, ValueError) as error:
-            raise RunError(f"{where}, {name}: {error}; there are {elements.size} elements") from error
+            raise RunError(
+                f"{where}, {name}: {value_shown(values)} is no number and no array of {elements.size}. {wanted}"
+            ) from error
         bad = ~(np.isfinite(row) & (row >= least))
-        if values is not None and bad.any():
+        if bad.any() and not (values is None and may_leave):
             e = int(np.flatnonzero(bad)[0])
-            raise RunError(f"{where}, {name}: {row[e]:g} for element {int(elements.body.id[e])}")
+            raise RunError(f"{where}, {name}: {row[e]:g} for element {int(elements.body.id[e])}. {wanted}")
     return out
