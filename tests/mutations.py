@@ -2,7 +2,7 @@
 
     python tests/mutations.py results.jsonl --count 100 --seed 26    # 100 changes; goes on where it was stopped
     python tests/mutations.py results.jsonl --for 450                # a piece: stops after so many seconds
-    python tests/mutations.py results.jsonl --folders physics,life   # those of two folders
+    python tests/mutations.py results.jsonl --folders physics,stepping/contact   # drawn from these alone
     python tests/mutations.py results.jsonl --again --tests tests/ocean/test_grid.py   # those not noticed, by these tests
     python tests/mutations.py results.jsonl --again --compiled       # those not noticed, once more with compilation
     python tests/mutations.py results.jsonl --report                 # shares by folder, and what nobody noticed
@@ -50,15 +50,21 @@ FOLDERS = tuple(sorted(p.parent.name for p in SOURCE.glob("*/__init__.py")))
 
 OTHERS = {
     "physics": ("stepping",),
-    "diagnostics": ("viz", "cli"),
+    "coupling": ("kid/test_driver.py", "kid/test_driver_corners.py", "kid/test_hours.py", "kid/test_run.py",
+                 "kid/test_mixed_options.py", "parity/test_coupling.py", "stepping/test_population_step.py"),
+    "diagnostics": ("viz", "cli", "verify"),
+    "ensembles": ("verify",),
     "runs": ("cli",),
     "cli": ("ensembles", "verify"),
-    "verification": ("verify",),
     "config": ("test_usual.py", "test_values.py", "test_units.py", "test_arguments.py", "experiments"),
     "system": ("test_bad_input.py", "test_values.py", "test_units.py", "experiments"),
     "compiled": ("test_machine_code.py", "test_threads.py"),
-}
+    "stepping/contact": ("physics/test_contact.py", "test_several_bergs.py", "test_births.py"),
+}  # fmt: skip
 """Folders and files of tests that also hold a folder of the source to its word."""
+
+INSTEAD = {"verification": "verify"}
+"""Folders of the source whose tests have another name; tests of that name compare the model with theory."""
 
 PLAIN = ("physics", "stepping", "life", "ocean")
 """Folders made of kernels, whose tests run without compilation first: no probe is seen in machine code."""
@@ -161,11 +167,11 @@ def _is_text(node: ast.BinOp) -> bool:
     )
 
 
-def sample(source: Path, count: int, seed: int) -> list[Change]:
-    """Return changes at random: as many from each folder as it has of all, no two in one line."""
+def sample(source: Path, folders: list[str], count: int, seed: int) -> list[Change]:
+    """Return changes at random: as many from each folder as it has of all that are named, no two in one line."""
     random_ = random.Random(seed)
     every = [
-        c for folder in FOLDERS for path in sorted((source / folder).rglob("*.py")) for c in changes_of(path, source)
+        c for folder in folders for path in sorted((source / folder).rglob("*.py")) for c in changes_of(path, source)
     ]
     random_.shuffle(every)
     taken: dict[tuple[str, int], Change] = {}
@@ -176,8 +182,9 @@ def sample(source: Path, count: int, seed: int) -> list[Change]:
 
 def folder_of_tests(folder: str, *, compiled: bool) -> list[str]:
     """Return the files of tests for a folder of the source."""
-    others = (*OTHERS.get(folder, ()), *(COMPILED_OTHERS.get(folder, ()) if compiled else ()))
-    places = [TESTS / name for name in (folder, *others)]
+    top = folder.partition("/")[0]
+    others = (*OTHERS.get(folder, ()), *(COMPILED_OTHERS.get(top, ()) if compiled else ()))
+    places = [TESTS / name for name in (INSTEAD.get(top, top), *others)]
     files = [p for place in places for p in ([place] if place.is_file() else sorted(place.rglob("test_*.py")))]
     return [str(p.relative_to(ROOT)) for p in files]
 
@@ -245,7 +252,7 @@ class Tree:
 
         It is kept beside the results, a line for each test, so that a second call goes on.
         """
-        path = self.results.with_suffix(f".{folder}.jsonl")
+        path = self.results.with_suffix(f".{folder.replace('/', '-')}.jsonl")
         rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
         if rows[-1:] != ["all"]:
             by_path: dict[str, list[tuple[int, int]]] = {}
@@ -467,10 +474,11 @@ def main() -> None:
     known = {}
     if options.results.exists():
         known = {f"{r['path']}:{r['start']}": r for r in map(json.loads, options.results.read_text().splitlines())}
-    changes = sample(tree.pinned / "riftberg", options.count, options.seed)
-    for folder in options.folders.split(","):
+    folders = options.folders.split(",")
+    changes = sample(tree.pinned / "riftberg", folders, options.count, options.seed)
+    for folder in folders:
         ours = [c for c in changes if c.path.startswith(folder + "/")]
-        compiled = options.compiled if options.again else folder not in PLAIN
+        compiled = options.compiled if options.again else folder.partition("/")[0] not in PLAIN
         for change in ours:
             before = known.get(key(change))
             if options.again != bool(before) or (
