@@ -113,6 +113,18 @@ def test_a_seam_closes_to_a_metre_and_leaves_no_slit(digits: int) -> None:
     assert shape.area == pytest.approx(whole.area, rel=1e-4)
 
 
+@pytest.mark.parametrize("metres", [2.0, 5.0, 500.0])
+def test_parts_that_overlap_a_little_are_one_shape(metres: float, tmp_path: Path) -> None:
+    """Parts cut with a margin were two observations, or a berg whose elements overlap at any radius."""
+    whole, (west, east) = cut(180.2, 180.0)
+    parts = shapely.MultiPolygon([west, translate(east, -metres * METRE / np.cos(np.radians(65.0)))])
+    path = geojson(tmp_path / "o.geojson", feature(parts, date="2020-12-05"))
+    (seen,) = read_observed(path).outlines
+    assert np.ptp(seen.ring[:, 0]) == pytest.approx(1.28, abs=0.02)
+    assert (Iceberg.from_outline(path, thickness=200.0, radius=2000.0).elements.berg == 1).all()
+    assert len(read_features(geojson(path, *(feature(p, date="2020-12-05", name="A") for p in parts.geoms)))) == 2
+
+
 def test_three_tiles_and_a_hole_on_the_cut_are_one_shape_with_its_hole() -> None:
     whole = shapely.box(179.0, -66.0, 181.0, -65.0).difference(shapely.box(179.8, -65.6, 180.3, -65.4))
     tiles = [
@@ -288,3 +300,13 @@ def test_geojson_and_kml_with_a_mark_of_their_encoding_are_read(encoding: str, t
         archive.writestr("__MACOSX/._doc.kml", b"\x00\x05\x16\x07")
         archive.writestr("doc.kml", text.encode(encoding))
     assert read_features(tmp_path / "o.kmz")[0].name == "C1 2020-12-05"
+
+
+def test_a_vertex_that_is_not_a_number_is_told_so(tmp_path: Path) -> None:
+    """It was 'Add the .prj file with its coordinate system', after a warning of shapely."""
+    box = [[-39.0, -56.0], [-38.0, float("nan")], [-38.0, -55.5], [-39.0, -56.0]]
+    ring = {"type": "Polygon", "coordinates": [box]}
+    path = geojson(tmp_path / "o.geojson", {"type": "Feature", "properties": {"date": "2020-12-05"}, "geometry": ring})
+    for taking in (read_observed, lambda p: Iceberg.from_outline(p, thickness=200.0, radius=3000.0)):
+        with pytest.raises((InputError, BergError), match="vertices that are not numbers"):
+            taking(path)

@@ -150,7 +150,8 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
         try:
             # Tools of mapping write features without a geometry for rows that were never drawn; these are skipped.
             if _holds_anything(feature.get("geometry")):
-                found.append(Feature(shape(feature["geometry"]), dict(feature.get("properties") or {})))
+                with np.errstate(invalid="ignore"):  # a vertex that is no number is told where the outline is taken
+                    found.append(Feature(shape(feature["geometry"]), dict(feature.get("properties") or {})))
         except (KeyError, TypeError, AttributeError) as error:  # their texts speak of Python
             raise BergError(
                 "not a GeoJSON geometry: members or numbers are missing", where=place, remedy=_RFC

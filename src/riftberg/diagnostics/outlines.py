@@ -72,8 +72,10 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
         ring = np.asarray(points, np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError("vertices that are no numbers", where=where, remedy=remedy) from error
-    if ring.ndim != 2 or ring.shape[1] < 2 or not np.isfinite(ring[:, :2]).all():
+    if ring.ndim != 2 or ring.shape[1] < 2:
         raise InputError("an outline needs pairs of longitude and latitude", where=where, remedy=remedy)
+    if not np.isfinite(ring[:, :2]).all():
+        raise InputError("an outline with vertices that are not numbers", where=where, remedy="Leave these out")
     ring = ring[:, :2]
     if len(ring) > 1 and (ring[0] == ring[-1]).all():
         ring = ring[:-1]
