@@ -116,7 +116,7 @@ def test_a_seam_closes_to_a_metre_and_leaves_no_slit(digits: int) -> None:
 @pytest.mark.parametrize("metres", [2.0, 5.0, 500.0])
 def test_parts_that_overlap_a_little_are_one_shape(metres: float, tmp_path: Path) -> None:
     """Parts cut with a margin were two observations, or a berg whose elements overlap at any radius."""
-    whole, (west, east) = cut(180.2, 180.0)
+    _, (west, east) = cut(180.2, 180.0)
     parts = shapely.MultiPolygon([west, translate(east, -metres * METRE / np.cos(np.radians(65.0)))])
     path = geojson(tmp_path / "o.geojson", feature(parts, date="2020-12-05"))
     (seen,) = read_observed(path).outlines
