@@ -310,3 +310,37 @@ def test_a_vertex_that_is_not_a_number_is_told_so(tmp_path: Path) -> None:
     for taking in (read_observed, lambda p: Iceberg.from_outline(p, thickness=200.0, radius=3000.0)):
         with pytest.raises((InputError, BergError), match="vertices that are not numbers"):
             taking(path)
+
+
+def test_geojson_in_latin_letters_is_read(tmp_path: Path) -> None:
+    """It was 'not JSON', though tables in Latin-1 are read."""
+    path = tmp_path / "o.geojson"
+    drawn = feature(shapely.box(-39.0, -56.0, -38.0, -55.5), date="2020-12-05", name="Grønland")
+    path.write_bytes(
+        json.dumps({"type": "FeatureCollection", "features": [drawn]}, ensure_ascii=False).encode("cp1252")
+    )
+    assert read_features(path)[0].name == "Grønland"
+
+
+def test_of_several_kml_files_in_an_archive_none_is_guessed(tmp_path: Path) -> None:
+    """The first was taken in silence."""
+    _, (west, east) = cut(180.2, 180.0)
+    files = {name: kml(tmp_path / name, [part]) for name, part in (("one.kml", west), ("doc.kml", east))}
+    for inside in (["one.kml", "doc.kml"], ["one.kml", "two.kml"], ["map/one.kml"]):
+        with zipfile.ZipFile(tmp_path / "o.kmz", "w") as archive:
+            for name in inside:
+                archive.write(files.get(name, files["one.kml"]), name)
+        if "two.kml" in inside:
+            with pytest.raises(BergError, match=r"an archive of 2 KML files; it holds one.kml, two.kml"):
+                read_features(tmp_path / "o.kmz")
+        else:
+            (read,) = read_features(tmp_path / "o.kmz")
+            assert read.geometry.area == pytest.approx((east if "doc.kml" in inside else west).area, rel=1e-6)
+
+
+def test_a_projection_with_a_mark_of_its_encoding_is_read(tmp_path: Path) -> None:
+    _, parts = cut(180.2, 180.0)
+    path = shapefile(tmp_path / "o.shp", parts)
+    pyproj = pytest.importorskip("pyproj")
+    path.with_suffix(".prj").write_text(pyproj.CRS.from_epsg(4326).to_wkt("WKT1_ESRI"), encoding="utf-8-sig")
+    assert len(read_features(path)) == 1

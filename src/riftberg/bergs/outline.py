@@ -189,8 +189,12 @@ def _holds_anything(geometry: Any) -> bool:
 
 
 def _from_geojson_file(path: Path) -> tuple[list[Feature], str | None]:
+    content = path.read_bytes()
     try:
-        data = json.loads(path.read_bytes())  # with or without a mark of its encoding
+        try:
+            data = json.loads(content)  # with or without a mark of its encoding
+        except UnicodeDecodeError:  # an 8-bit set, as in tables
+            data = json.loads(content.decode("latin-1"))
     except (ValueError, RecursionError) as error:
         raise BergError(f"not JSON{line_of_fault(error)}", where=str(path), remedy=_RFC) from error
     if not isinstance(data, dict):
@@ -211,7 +215,7 @@ def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
             for drawn, row in zip(reader.iterShapes(), rows, strict=False)
             if drawn.shapeType != 0
         ]
-    crs = files[".prj"].decode(errors="replace") if ".prj" in files else None
+    crs = files[".prj"].decode("utf-8-sig", errors="replace") if ".prj" in files else None
     geographic = crs is not None and crs.lstrip().upper().startswith(("GEOGCS", "GEOGCRS"))
     return features, None if geographic else crs
 
@@ -551,14 +555,14 @@ def features_of_kml(path: Path) -> list[Feature]:
     try:
         if path.suffix.lower() == ".kmz":
             names = check_archive(path, MOST_TEXT, remedy="Export the outline again as KML", kind=BergError)
-            inside = next((n for n in names if n.lower().endswith(".kml")), None)
-            if inside is None:
-                raise BergError(
-                    f"an archive without KML; it holds {', '.join(names[:5])}", where=str(path),
-                    remedy="Export the outline again as KML",
-                )  # fmt: skip
+            held = [n for n in names if n.lower().endswith(".kml")]
+            inside = [n for n in held if n.lower() == "doc.kml"] or held
+            if len(inside) != 1:
+                what = f"an archive of {len(held)} KML files" if held else "an archive without KML"
+                remedy = "Unzip it and name one of them" if held else "Export the outline again as KML"
+                raise BergError(f"{what}; it holds {', '.join((held or names)[:5])}", where=str(path), remedy=remedy)
             with zipfile.ZipFile(path) as archive:
-                text = archive.read(inside)
+                text = archive.read(inside[0])
         else:
             text = path.read_bytes()
         if b"<!ENTITY" in text or b"<!DOCTYPE" in text:
