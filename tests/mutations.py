@@ -17,7 +17,8 @@ which statements it reaches. A change is then tried on the tests that reach it, 
 their files. Tests that fail, or take over ten seconds, on the unchanged source are left out. A test that no longer ends has
 noticed.
 
-`SAME` lists changes that mean the same; where they go unnoticed they do not count. Look at each that it takes out.
+`SAME` lists changes that mean the same, by file, words of the line where there are any, and kind; where they go unnoticed
+they do not count. Look at each that it takes out.
 """
 
 from __future__ import annotations
@@ -280,6 +281,10 @@ class Tree:
                     forget(self.folder / "src" / "riftberg" / name)
             if code == -1:
                 return None
+            if (
+                code == 3
+            ):  # a limit of time that strikes where a frame has no line ends pytest; without that test once more
+                return self.reach(folder, changes, compiled=compiled, seconds=seconds)
             if code not in (0, 1, 5):
                 raise SystemExit(text)
             with path.open("a") as file:
@@ -382,8 +387,9 @@ def pytest_collection_modifyitems(items: list[Any]) -> None:
 
 
 def pytest_runtest_logstart(nodeid: str) -> None:
-    """Forget what an earlier test has reached."""
+    """Forget what an earlier test has reached; a test that ends pytest is known by its row without an end."""
     reached.clear()
+    _note(nodeid, {"seconds": None, "reached": []})
 
 
 def pytest_runtest_logreport(report: Any) -> None:
@@ -395,9 +401,13 @@ def pytest_runtest_logreport(report: Any) -> None:
 def pytest_runtest_logfinish(nodeid: str) -> None:
     """Write how long a test took and what it has reached."""
     if "keys" in orders:
-        row = {"test": nodeid, "seconds": took.get(nodeid), "reached": [orders["keys"][n] for n in sorted(reached)]}
+        _note(nodeid, {"seconds": took.get(nodeid), "reached": [orders["keys"][n] for n in sorted(reached)]})
+
+
+def _note(nodeid: str, row: dict[str, Any]) -> None:
+    if "to" in orders:
         with Path(orders["to"]).open("a") as file:
-            file.write(json.dumps(row) + "\n")
+            file.write(json.dumps({"test": nodeid, **row}) + "\n")
 
 
 # --- the loop over the changes -------------------------------------------------------------------------------------------------
@@ -426,11 +436,18 @@ def tests_for(change: Change, reach: dict[str, Any], budget: float) -> tuple[lis
 def report(path: Path) -> None:
     """Print shares by folder, and the changes that nobody noticed."""
     rows = [line.split(" | ") for line in SAME.read_text("utf-8").splitlines()]
-    reasons = {(name, kind): reason for name, kind, reason in rows}
+    reasons = [(*name.partition(" "), kind, reason) for name, kind, reason in rows]
+
+    def reason_of(r: dict[str, Any]) -> str:
+        of = (
+            why for name, _, code, kind, why in reasons if (name, kind) == (r["path"], r["kind"]) and code in r["text"]
+        )
+        return next(of, "")
+
     last = {(r["path"], r["start"]): r for r in map(json.loads, path.read_text().splitlines())}
     count: Counter[str] = Counter()
     for r in last.values():
-        alike = r["verdict"] != "noticed" and (r["path"], r["kind"]) in reasons
+        alike = r["verdict"] != "noticed" and bool(reason_of(r))
         for folder in (r["path"].split("/")[0], "all"):
             count[folder, "tried"] += 1
             count[folder, "same" if alike else r["verdict"]] += 1
@@ -442,7 +459,7 @@ def report(path: Path) -> None:
         )
     for r in sorted(last.values(), key=lambda r: (r["path"], r["line"])):
         if r["verdict"] != "noticed":
-            reason = reasons.get((r["path"], r["kind"]), "")
+            reason = reason_of(r)
             print(f"  {r['path']}:{r['line']}  {r['kind']}:  {r['text']}{'   SAME: ' if reason else ''}{reason}")
 
 
