@@ -28,11 +28,15 @@ from riftberg.errors import BergError, line_of_fault
 from riftberg.state import Floats
 from riftberg.system.input_files import MOST_TEXT, check_archive, check_file, needed, reading, rows_of_csv, value_shown
 
-DATE_KEYS = (
-    "date", "datetime", "date_time", "when", "timestamp", "begin", "acquired", "acq_date", "acqdate", "img_date",
-    "image_date", "obs_date", "sensing", "time_coverage_start", "time",
-)  # fmt: skip
-"""Attributes that hold the date of an outline, best first; small and capital letters are alike."""
+DATES_BY_BELIEF: Final = (
+    ("acquired", "acq_date", "acqdate", "img_date", "image_date", "obs_date", "sensing"),
+    ("date", "datetime", "date_time", "when", "timestamp", "time"),
+    ("begin", "time_coverage_start"),
+)
+"""Attributes that hold the date of an outline: when a picture was taken, of whatever, and since when it holds."""
+
+DATE_KEYS: Final = tuple(key for keys in DATES_BY_BELIEF for key in keys)
+"""The same, best first; small and capital letters are alike."""
 
 NAMES: Final = ("berg", "iceberg", "name", "variable", "outline", "label", "id")
 """Attributes that name an outline, best first."""
