@@ -337,3 +337,23 @@ def test_a_point_that_goes_with_the_water_takes_the_current_in_the_middle_of_its
         found = advected(factor)(Start("A", FIRST, -40.0, -56.0, {}), dates[1:], sea)
         way = factor * 0.5 * 0.1 * days[1:] ** 2 * 86400.0
         assert found[:, 1] == pytest.approx(-56.0 + METRE * way, abs=1e-6)
+
+
+def test_a_start_at_no_position_is_refused_and_an_earlier_one_there_is_unknown(tmp_path: Path) -> None:
+    """Latitude 0, longitude 0 was where a berg had been the day before: 'constant velocity' came from the equator."""
+    suite = write_suite(tmp_path)
+    path = suite / "made" / "starts.csv"
+    rows = list(csv.reader(path.read_text().splitlines()))
+    column = {name: k for k, name in enumerate(rows[0])}
+    unseen = next(line[0] for line in rows[1:] if line[column["date_before"]])
+    for line in rows[1:]:
+        if line[0] == unseen:
+            line[column["lon_before"]] = line[column["lat_before"]] = "0"
+    write_table(path, rows[0], rows[1:])
+    one = row(table(suite, "staying put", "constant velocity"), 1.0)
+    assert one["bergs"] == 4
+    assert one["entrants"]["constant velocity"]["mean_km"] == pytest.approx(0.0, abs=0.2)
+    rows[2][column["lon"]] = rows[2][column["lat"]] = "0"
+    write_table(path, rows[0], rows[1:])
+    with pytest.raises(InputError, match=r"starts.csv, line 3: latitude 0, longitude 0 are no position"):
+        table(suite, "staying put")

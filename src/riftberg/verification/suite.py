@@ -39,7 +39,7 @@ from riftberg.ocean.series import Series, make_series
 from riftberg.parameters import Parameters
 from riftberg.runs.tracks import main_position
 from riftberg.state import Floats
-from riftberg.system.input_files import in_folder, is_folder, rows_of_csv, value_shown
+from riftberg.system.input_files import in_folder, is_folder, is_seen, rows_of_csv, value_shown
 from riftberg.verification.scores import EARTH_KM, FEWEST, distance
 from riftberg.verification.tracks import (
     BASELINES,
@@ -203,9 +203,14 @@ def _starts(path: Path) -> Iterator[Start]:
                 f"no column {missing!r}" if missing else f"{wrong} is no number", where=where,
                 remedy="Columns are berg, date, lon, lat (degrees), length, width and thickness (m)",
             )  # fmt: skip
+        if not is_seen(values["lon"], values["lat"]):
+            raise InputError(
+                f"latitude {values['lat']:g}, longitude {values['lon']:g} are no position", where=where,
+                remedy="Leave the row out",
+            )  # fmt: skip
         before = {}
-        if texts.get("date_before"):
-            before[parse_date(texts["date_before"], where=where)[0]] = values["lon_before"], values["lat_before"]
+        if texts.get("date_before") and is_seen(*(earlier := (values["lon_before"], values["lat_before"]))):
+            before[parse_date(texts["date_before"], where=where)[0]] = earlier
         date = parse_date(texts["date"], where=where)[0]
         yield Start(texts["berg"], date, values["lon"], values["lat"], before, columns=values)
 
