@@ -344,3 +344,39 @@ def test_a_projection_with_a_mark_of_its_encoding_is_read(tmp_path: Path) -> Non
     pyproj = pytest.importorskip("pyproj")
     path.with_suffix(".prj").write_text(pyproj.CRS.from_epsg(4326).to_wkt("WKT1_ESRI"), encoding="utf-8-sig")
     assert len(read_features(path)) == 1
+
+
+def a_mask() -> xr.DataArray:
+    """A berg of half by a degree on a plain grid."""
+    lon, lat = -40.0 + 0.05 * np.arange(41), -56.0 + 0.05 * np.arange(31)
+    ice = ((lon > -39.5) & (lon < -38.5))[None, :] & ((lat > -55.5) & (lat < -55.0))[:, None]
+    axes = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})}
+    return xr.DataArray(ice.astype(float), coords=axes, dims=("lat", "lon"), name="mask")
+
+
+@pytest.mark.parametrize("way", ["radians", "other sides"])
+def test_axes_of_masks_count_in_their_units(way: str) -> None:
+    """Radians were taken for degrees: the berg lay in the Gulf of Guinea, 60 times too small."""
+    mask = a_mask()
+    plain = Iceberg.from_mask(mask, thickness=200.0, radius=3000.0).elements
+    for name, side in (("lat", "degrees_south"), ("lon", "degrees_west")):
+        values = np.deg2rad(mask[name].values) if way == "radians" else -mask[name].values
+        mask = mask.assign_coords({name: (name, values, {"units": "radians" if way == "radians" else side})})
+    turned = Iceberg.from_mask(mask, thickness=200.0, radius=3000.0).elements
+    np.testing.assert_allclose(turned.lon, plain.lon, atol=1e-6)
+    np.testing.assert_allclose(turned.lat, plain.lat, atol=1e-6)
+
+
+def test_axes_of_masks_on_bent_and_rotated_grids_are_no_positions(tmp_path: Path) -> None:
+    mask = a_mask()
+    bent = mask["lat"] + 0.3 * np.sin(mask["lon"])
+    aside = mask.assign_coords(nav_lat=bent.assign_attrs(units="degrees_north"))
+    rotated = mask.assign_coords(lat=mask["lat"].assign_attrs(standard_name="grid_latitude", units="degrees"))
+    for wrong, words in ((aside, "aside of nav_lat"), (rotated, "is an axis of a rotated grid")):
+        with pytest.raises(BergError, match=words):
+            Iceberg.from_mask(wrong, thickness=200.0, radius=3000.0)
+        wrong.to_netcdf(tmp_path / "m_20201205.nc")
+        with pytest.raises(InputError, match=words):
+            read_observed(tmp_path / "m_20201205.nc")
+    same = mask.assign_coords(nav_lat=(mask["lat"] + 0.0 * mask["lon"]).assign_attrs(units="degrees_north"))
+    Iceberg.from_mask(same, thickness=200.0, radius=3000.0)
