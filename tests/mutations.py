@@ -423,6 +423,7 @@ def tests_for(change: Change, reach: dict[str, Any], budget: float) -> tuple[lis
         for f in {t.split("::")[0] for t in took}
         if module in (ROOT / f).read_text("utf-8") or Path(change.path).stem in f
     }
+    files = files or {test.split("::")[0] for test in took}
     others = sorted((t for t in took if t.split("::")[0] in files and t not in set(direct)), key=took.__getitem__)
     order: list[str] = []
     for test in (*direct, *others):
