@@ -202,3 +202,25 @@ def test_universal_time_goes_before_that_of_a_place(tmp_path: Path, dates: dict[
 
 def test_two_numbered_dates_are_refused(tmp_path: Path) -> None:
     refused(with_dates(tmp_path, {"t0": (-6.0, {}), "t1": (6.0, {})}), "t0 and t1 both hold dates")
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize(
+    ("units", "calendar", "first"),
+    [
+        ("days since -4713-11-24 12:00:00", "", 2459199.5),
+        ("days since -4713-11-24", "proleptic_gregorian", 2459200.0),
+        ("days since -4712-01-01 12:00:00", "julian", 2459199.5),
+        ("days since -4712-1-1T12:00 UTC", "standard", 2459199.5),
+    ],
+)
+def test_julian_days_are_counted_from_their_noon(tmp_path: Path, units: str, calendar: str, first: float) -> None:
+    """The library has no year 0 in one calendar and has it in another: the dates were a year off, with a warning of its own."""
+    told = {"calendar": calendar} if calendar else {}
+    ds = dated(growing(HOURS / 24.0), first + HOURS / 24.0, units, **told)
+    assert taken(written(tmp_path, ds))[0] == 0.0
+
+
+@pytest.mark.parametrize("units", ["days since -0100-01-01", "days since 0000-01-01", "hours since -1-1-1 00:00:00"])
+def test_counts_from_before_the_year_1_are_refused(tmp_path: Path, units: str) -> None:
+    refused(written(tmp_path, dated(growing(HOURS / 24.0), 737000.0 + HOURS, units)), "which begins before the year 1")

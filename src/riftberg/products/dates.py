@@ -17,7 +17,7 @@ from riftberg.products.cf import NAMED, bounds_of, coordinates_of, holds_dates, 
 from riftberg.products.product import noted
 from riftberg.products.quantities import unit_change
 from riftberg.products.records import MEAN_OF, named, usual_interval
-from riftberg.products.repair import CALENDARS, date_in_seconds
+from riftberg.products.repair import CALENDARS, EARLY, date_in_seconds
 
 _ISSUED = re.compile(
     r"\b(ref|ref(erence)?_?(time|date)?|init\w*|issue\w*|creat\w*|production|produced|analys[ie]s|base|base_?(time|date)|run|"
@@ -109,7 +109,7 @@ def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
             ds[other] = (variable.dims, dates + _into_day(ds, variable), variable.attrs)
             stamps.append(other)
         elif variable.ndim == 1 and declared and variable.dims == (other,) and " since " in units_of(variable):
-            early = re.search(r"since\s+(-|0{1,4}-)", units_of(variable))
+            early = EARLY.search(units_of(variable))
             fault = (
                 "which begins before the year 1" if early else "which is no length of time that can be added to a date"
             )
