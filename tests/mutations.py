@@ -2,7 +2,7 @@
 
     python tests/mutations.py results.jsonl --count 100 --seed 26    # 100 changes; goes on where it was stopped
     python tests/mutations.py results.jsonl --for 450                # a piece: stops after so many seconds
-    python tests/mutations.py results.jsonl --folders physics,life   # those of two folders
+    python tests/mutations.py results.jsonl --folders physics,stepping/contact   # drawn from these alone
     python tests/mutations.py results.jsonl --again --tests tests/ocean/test_grid.py   # those not noticed, by these tests
     python tests/mutations.py results.jsonl --again --compiled       # those not noticed, once more with compilation
     python tests/mutations.py results.jsonl --report                 # shares by folder, and what nobody noticed
@@ -17,7 +17,8 @@ which statements it reaches. A change is then tried on the tests that reach it, 
 their files. Tests that fail, or take over ten seconds, on the unchanged source are left out. A test that no longer ends has
 noticed.
 
-`SAME` lists changes that mean the same; where they go unnoticed they do not count. Look at each that it takes out.
+`SAME` lists changes that mean the same, by file, words of the line where there are any, and kind; where they go unnoticed
+they do not count. Look at each that it takes out.
 """
 
 from __future__ import annotations
@@ -50,15 +51,21 @@ FOLDERS = tuple(sorted(p.parent.name for p in SOURCE.glob("*/__init__.py")))
 
 OTHERS = {
     "physics": ("engines",),
-    "diagnostics": ("viz", "cli"),
+    "coupling": ("kid/test_driver.py", "kid/test_driver_corners.py", "kid/test_hours.py", "kid/test_run.py",
+                 "kid/test_mixed_options.py", "parity/test_coupling.py", "engines/test_population_step.py"),
+    "diagnostics": ("viz", "cli", "verify"),
+    "ensembles": ("verify",),
     "runs": ("cli",),
     "cli": ("ensembles", "verify"),
-    "verification": ("verify",),
     "config": ("test_usual.py", "test_values.py", "test_units.py", "test_arguments.py", "experiments"),
     "system": ("test_bad_input.py", "test_values.py", "test_units.py", "experiments"),
     "compiled": ("test_machine_code.py", "test_threads.py"),
-}
+    "engines/quasi_static/contact": ("physics/test_contact.py", "test_several_bergs.py", "test_births.py"),
+}  # fmt: skip
 """Folders and files of tests that also hold a folder of the source to its word."""
+
+INSTEAD = {"verification": "verify"}
+"""Folders of the source whose tests have another name; tests of that name compare the model with theory."""
 
 PLAIN = ("physics", "engines", "life", "ocean")
 """Folders made of kernels, whose tests run without compilation first: no probe is seen in machine code."""
@@ -161,11 +168,11 @@ def _is_text(node: ast.BinOp) -> bool:
     )
 
 
-def sample(source: Path, count: int, seed: int) -> list[Change]:
-    """Return changes at random: as many from each folder as it has of all, no two in one line."""
+def sample(source: Path, folders: list[str], count: int, seed: int) -> list[Change]:
+    """Return changes at random: as many from each folder as it has of all that are named, no two in one line."""
     random_ = random.Random(seed)
     every = [
-        c for folder in FOLDERS for path in sorted((source / folder).rglob("*.py")) for c in changes_of(path, source)
+        c for folder in folders for path in sorted((source / folder).rglob("*.py")) for c in changes_of(path, source)
     ]
     random_.shuffle(every)
     taken: dict[tuple[str, int], Change] = {}
@@ -176,8 +183,9 @@ def sample(source: Path, count: int, seed: int) -> list[Change]:
 
 def folder_of_tests(folder: str, *, compiled: bool) -> list[str]:
     """Return the files of tests for a folder of the source."""
-    others = (*OTHERS.get(folder, ()), *(COMPILED_OTHERS.get(folder, ()) if compiled else ()))
-    places = [TESTS / name for name in (folder, *others)]
+    top = folder.partition("/")[0]
+    others = (*OTHERS.get(folder, ()), *(COMPILED_OTHERS.get(top, ()) if compiled else ()))
+    places = [TESTS / name for name in (INSTEAD.get(top, top), *others)]
     files = [p for place in places for p in ([place] if place.is_file() else sorted(place.rglob("test_*.py")))]
     return [str(p.relative_to(ROOT)) for p in files]
 
@@ -245,7 +253,7 @@ class Tree:
 
         It is kept beside the results, a line for each test, so that a second call goes on.
         """
-        path = self.results.with_suffix(f".{folder}.jsonl")
+        path = self.results.with_suffix(f".{folder.replace('/', '-')}.jsonl")
         rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
         if rows[-1:] != ["all"]:
             by_path: dict[str, list[tuple[int, int]]] = {}
@@ -273,6 +281,10 @@ class Tree:
                     forget(self.folder / "src" / "riftberg" / name)
             if code == -1:
                 return None
+            if (
+                code == 3
+            ):  # a limit of time that strikes where a frame has no line ends pytest; without that test once more
+                return self.reach(folder, changes, compiled=compiled, seconds=seconds)
             if code not in (0, 1, 5):
                 raise SystemExit(text)
             with path.open("a") as file:
@@ -375,8 +387,9 @@ def pytest_collection_modifyitems(items: list[Any]) -> None:
 
 
 def pytest_runtest_logstart(nodeid: str) -> None:
-    """Forget what an earlier test has reached."""
+    """Forget what an earlier test has reached; a test that ends pytest is known by its row without an end."""
     reached.clear()
+    _note(nodeid, {"seconds": None, "reached": []})
 
 
 def pytest_runtest_logreport(report: Any) -> None:
@@ -388,9 +401,13 @@ def pytest_runtest_logreport(report: Any) -> None:
 def pytest_runtest_logfinish(nodeid: str) -> None:
     """Write how long a test took and what it has reached."""
     if "keys" in orders:
-        row = {"test": nodeid, "seconds": took.get(nodeid), "reached": [orders["keys"][n] for n in sorted(reached)]}
+        _note(nodeid, {"seconds": took.get(nodeid), "reached": [orders["keys"][n] for n in sorted(reached)]})
+
+
+def _note(nodeid: str, row: dict[str, Any]) -> None:
+    if "to" in orders:
         with Path(orders["to"]).open("a") as file:
-            file.write(json.dumps(row) + "\n")
+            file.write(json.dumps({"test": nodeid, **row}) + "\n")
 
 
 # --- the loop over the changes -------------------------------------------------------------------------------------------------
@@ -406,6 +423,7 @@ def tests_for(change: Change, reach: dict[str, Any], budget: float) -> tuple[lis
         for f in {t.split("::")[0] for t in took}
         if module in (ROOT / f).read_text("utf-8") or Path(change.path).stem in f
     }
+    files = files or {test.split("::")[0] for test in took}
     others = sorted((t for t in took if t.split("::")[0] in files and t not in set(direct)), key=took.__getitem__)
     order: list[str] = []
     for test in (*direct, *others):
@@ -419,11 +437,18 @@ def tests_for(change: Change, reach: dict[str, Any], budget: float) -> tuple[lis
 def report(path: Path) -> None:
     """Print shares by folder, and the changes that nobody noticed."""
     rows = [line.split(" | ") for line in SAME.read_text("utf-8").splitlines()]
-    reasons = {(name, kind): reason for name, kind, reason in rows}
+    reasons = [(*name.partition(" "), kind, reason) for name, kind, reason in rows]
+
+    def reason_of(r: dict[str, Any]) -> str:
+        of = (
+            why for name, _, code, kind, why in reasons if (name, kind) == (r["path"], r["kind"]) and code in r["text"]
+        )
+        return next(of, "")
+
     last = {(r["path"], r["start"]): r for r in map(json.loads, path.read_text().splitlines())}
     count: Counter[str] = Counter()
     for r in last.values():
-        alike = r["verdict"] != "noticed" and (r["path"], r["kind"]) in reasons
+        alike = r["verdict"] != "noticed" and bool(reason_of(r))
         for folder in (r["path"].split("/")[0], "all"):
             count[folder, "tried"] += 1
             count[folder, "same" if alike else r["verdict"]] += 1
@@ -435,7 +460,7 @@ def report(path: Path) -> None:
         )
     for r in sorted(last.values(), key=lambda r: (r["path"], r["line"])):
         if r["verdict"] != "noticed":
-            reason = reasons.get((r["path"], r["kind"]), "")
+            reason = reason_of(r)
             print(f"  {r['path']}:{r['line']}  {r['kind']}:  {r['text']}{'   SAME: ' if reason else ''}{reason}")
 
 
@@ -467,10 +492,11 @@ def main() -> None:
     known = {}
     if options.results.exists():
         known = {f"{r['path']}:{r['start']}": r for r in map(json.loads, options.results.read_text().splitlines())}
-    changes = sample(tree.pinned / "riftberg", options.count, options.seed)
-    for folder in options.folders.split(","):
+    folders = options.folders.split(",")
+    changes = sample(tree.pinned / "riftberg", folders, options.count, options.seed)
+    for folder in folders:
         ours = [c for c in changes if c.path.startswith(folder + "/")]
-        compiled = options.compiled if options.again else folder not in PLAIN
+        compiled = options.compiled if options.again else folder.partition("/")[0] not in PLAIN
         for change in ours:
             before = known.get(key(change))
             if options.again != bool(before) or (

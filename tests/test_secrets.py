@@ -30,6 +30,11 @@ ADDRESSES = {
     f"https://host/x.zarr?{SECRET}": "https://host/x.zarr?***",
     f"https://host/x.zarr#{SECRET}": "https://host/x.zarr#***",
     f"https://host/x.zarr#token={SECRET}": "https://host/x.zarr#token=***",
+    f"https://host/x.zarr;jsessionid={SECRET}?v=1": "https://host/x.zarr;jsessionid=***?v=***",
+    f"https://user:a/{SECRET}@host/x.zarr": "https://***@host/x.zarr",
+    f"https://user:a'{SECRET}@host:80/x.zarr": "https://***@host:80/x.zarr",
+    f"https:/user:{SECRET}@host/x.zarr": "https:/***@host/x.zarr",
+    f"http:///user:{SECRET}@[::1]/x.zarr": "http:///***@[::1]/x.zarr",
 }
 
 
@@ -49,7 +54,8 @@ def test_what_is_secret_is_cut_from_an_address_wherever_it_stands(address: str, 
 @pytest.mark.parametrize(
     "text",
     ["https://host/a/b.nc#mode=bytes", "https://doi.org/10.1126/sciadv.abq6974", "C: the token is missing", "run.nc#3",
-     "Check user name and password at https://urs.earthdata.nasa.gov; tokens expire", "a@b.c", "data/*?.nc"],
+     "Check user name and password at https://urs.earthdata.nasa.gov; tokens expire", "a@b.c", "data/*?.nc",
+     "https://host:8443/a@b.nc", "C:/data/a@b.nc", "see https://host/a; token a@b.c", "https://host/a.nc and me@host.org"],
 )  # fmt: skip
 def test_what_is_no_secret_stays(text: str) -> None:
     assert without_secrets(text) == text

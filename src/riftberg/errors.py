@@ -15,8 +15,9 @@ _LONG: Final = re.compile(r"\S{400,}")
 CUT: Final = "***"
 """What stands in addresses in the place of what nobody else is to know."""
 
-_USER: Final = re.compile(r"(://)[^\s/'\"<>]*@")
-_QUERY: Final = re.compile(r"(\w://[^\s?#'\"<>]*)([?#][^\s'\"<>]*[^\s'\"<>\])},.:;])")
+_USER: Final = re.compile(r"(://|\w\w:/+)(?:[^\s/:'\"<>]+:(?!\d+/)[^\s<>]*|[^\s/'\"<>]*)@(?=[\w\[])")
+"""A password may hold a slash or a quotation mark, and an address too few or too many slashes."""
+_QUERY: Final = re.compile(r"(\w://[^\s?#;'\"<>]*)([?#;][^\s'\"<>]*[^\s'\"<>\])},.:;])")
 _HARMLESS: Final = re.compile(r"#mode=[\w,]+")
 _SECRET: Final = re.compile(
     r"((?:authorization|passw(?:or)?d|secret|(?:access|api|account)[_-]?key|token|signature|credentials?)\w*[\"']?\s*[:=]\s*"

@@ -113,6 +113,18 @@ def test_a_seam_closes_to_a_metre_and_leaves_no_slit(digits: int) -> None:
     assert shape.area == pytest.approx(whole.area, rel=1e-4)
 
 
+@pytest.mark.parametrize("metres", [2.0, 5.0, 500.0])
+def test_parts_that_overlap_a_little_are_one_shape(metres: float, tmp_path: Path) -> None:
+    """Parts cut with a margin were two observations, or a berg whose elements overlap at any radius."""
+    _, (west, east) = cut(180.2, 180.0)
+    parts = shapely.MultiPolygon([west, translate(east, -metres * METRE / np.cos(np.radians(65.0)))])
+    path = geojson(tmp_path / "o.geojson", feature(parts, date="2020-12-05"))
+    (seen,) = read_observed(path).outlines
+    assert np.ptp(seen.ring[:, 0]) == pytest.approx(1.28, abs=0.02)
+    assert (Iceberg.from_outline(path, thickness=200.0, radius=2000.0).elements.berg == 1).all()
+    assert len(read_features(geojson(path, *(feature(p, date="2020-12-05", name="A") for p in parts.geoms)))) == 2
+
+
 def test_three_tiles_and_a_hole_on_the_cut_are_one_shape_with_its_hole() -> None:
     whole = shapely.box(179.0, -66.0, 181.0, -65.0).difference(shapely.box(179.8, -65.6, 180.3, -65.4))
     tiles = [
@@ -288,3 +300,83 @@ def test_geojson_and_kml_with_a_mark_of_their_encoding_are_read(encoding: str, t
         archive.writestr("__MACOSX/._doc.kml", b"\x00\x05\x16\x07")
         archive.writestr("doc.kml", text.encode(encoding))
     assert read_features(tmp_path / "o.kmz")[0].name == "C1 2020-12-05"
+
+
+def test_a_vertex_that_is_not_a_number_is_told_so(tmp_path: Path) -> None:
+    """It was 'Add the .prj file with its coordinate system', after a warning of shapely."""
+    box = [[-39.0, -56.0], [-38.0, float("nan")], [-38.0, -55.5], [-39.0, -56.0]]
+    ring = {"type": "Polygon", "coordinates": [box]}
+    path = geojson(tmp_path / "o.geojson", {"type": "Feature", "properties": {"date": "2020-12-05"}, "geometry": ring})
+    for taking in (read_observed, lambda p: Iceberg.from_outline(p, thickness=200.0, radius=3000.0)):
+        with pytest.raises((InputError, BergError), match="vertices that are not numbers"):
+            taking(path)
+
+
+def test_geojson_in_latin_letters_is_read(tmp_path: Path) -> None:
+    """It was 'not JSON', though tables in Latin-1 are read."""
+    path = tmp_path / "o.geojson"
+    drawn = feature(shapely.box(-39.0, -56.0, -38.0, -55.5), date="2020-12-05", name="Grønland")
+    path.write_bytes(
+        json.dumps({"type": "FeatureCollection", "features": [drawn]}, ensure_ascii=False).encode("cp1252")
+    )
+    assert read_features(path)[0].name == "Grønland"
+
+
+def test_of_several_kml_files_in_an_archive_none_is_guessed(tmp_path: Path) -> None:
+    """The first was taken in silence."""
+    _, (west, east) = cut(180.2, 180.0)
+    files = {name: kml(tmp_path / name, [part]) for name, part in (("one.kml", west), ("doc.kml", east))}
+    for inside in (["one.kml", "doc.kml"], ["one.kml", "two.kml"], ["map/one.kml"]):
+        with zipfile.ZipFile(tmp_path / "o.kmz", "w") as archive:
+            for name in inside:
+                archive.write(files.get(name, files["one.kml"]), name)
+        if "two.kml" in inside:
+            with pytest.raises(BergError, match=r"an archive of 2 KML files; it holds one.kml, two.kml"):
+                read_features(tmp_path / "o.kmz")
+        else:
+            (read,) = read_features(tmp_path / "o.kmz")
+            assert read.geometry.area == pytest.approx((east if "doc.kml" in inside else west).area, rel=1e-6)
+
+
+def test_a_projection_with_a_mark_of_its_encoding_is_read(tmp_path: Path) -> None:
+    _, parts = cut(180.2, 180.0)
+    path = shapefile(tmp_path / "o.shp", parts)
+    pyproj = pytest.importorskip("pyproj")
+    path.with_suffix(".prj").write_text(pyproj.CRS.from_epsg(4326).to_wkt("WKT1_ESRI"), encoding="utf-8-sig")
+    assert len(read_features(path)) == 1
+
+
+def a_mask() -> xr.DataArray:
+    """A berg of half by a degree on a plain grid."""
+    lon, lat = -40.0 + 0.05 * np.arange(41), -56.0 + 0.05 * np.arange(31)
+    ice = ((lon > -39.5) & (lon < -38.5))[None, :] & ((lat > -55.5) & (lat < -55.0))[:, None]
+    axes = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})}
+    return xr.DataArray(ice.astype(float), coords=axes, dims=("lat", "lon"), name="mask")
+
+
+@pytest.mark.parametrize("way", ["radians", "other sides"])
+def test_axes_of_masks_count_in_their_units(way: str) -> None:
+    """Radians were taken for degrees: the berg lay in the Gulf of Guinea, 60 times too small."""
+    mask = a_mask()
+    plain = Iceberg.from_mask(mask, thickness=200.0, radius=3000.0).elements
+    for name, side in (("lat", "degrees_south"), ("lon", "degrees_west")):
+        values = np.deg2rad(mask[name].values) if way == "radians" else -mask[name].values
+        mask = mask.assign_coords({name: (name, values, {"units": "radians" if way == "radians" else side})})
+    turned = Iceberg.from_mask(mask, thickness=200.0, radius=3000.0).elements
+    np.testing.assert_allclose(turned.lon, plain.lon, atol=1e-6)
+    np.testing.assert_allclose(turned.lat, plain.lat, atol=1e-6)
+
+
+def test_axes_of_masks_on_bent_and_rotated_grids_are_no_positions(tmp_path: Path) -> None:
+    mask = a_mask()
+    bent = mask["lat"] + 0.3 * np.sin(mask["lon"])
+    aside = mask.assign_coords(nav_lat=bent.assign_attrs(units="degrees_north"))
+    rotated = mask.assign_coords(lat=mask["lat"].assign_attrs(standard_name="grid_latitude", units="degrees"))
+    for wrong, words in ((aside, "aside of nav_lat"), (rotated, "is an axis of a rotated grid")):
+        with pytest.raises(BergError, match=words):
+            Iceberg.from_mask(wrong, thickness=200.0, radius=3000.0)
+        wrong.to_netcdf(tmp_path / "m_20201205.nc")
+        with pytest.raises(InputError, match=words):
+            read_observed(tmp_path / "m_20201205.nc")
+    same = mask.assign_coords(nav_lat=(mask["lat"] + 0.0 * mask["lon"]).assign_attrs(units="degrees_north"))
+    Iceberg.from_mask(same, thickness=200.0, radius=3000.0)

@@ -14,6 +14,7 @@ from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.melt import scaled_mass
+from riftberg.ocean.gridded import FieldRules
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 
@@ -258,12 +259,16 @@ def test_a_run_that_stopped_goes_on_bit_for_bit(tmp_path: Path) -> None:
     assert second.balance() == whole.balance()
 
 
-@pytest.mark.parametrize("shift", [(0.5, 0.0), (0.0, -0.5)])
-def test_a_restart_on_a_grid_of_as_many_cells_elsewhere_is_refused(shift: tuple[float, float], tmp_path: Path) -> None:
+@pytest.mark.parametrize(("shift", "wider"), [((0.5, 0.0), 0.0), ((0.0, -0.5), 0.0), ((0.0, 0.0), 0.1)])
+def test_a_restart_on_a_grid_of_as_many_cells_elsewhere_is_refused(
+    shift: tuple[float, float], wider: float, tmp_path: Path
+) -> None:
     """Its stores of ice, and what a coupler is still to get, would lie in other cells."""
     exchange().model.save(tmp_path / "r.nc")
     west, south = -40.0 + shift[0], -58.0 + shift[1]
-    moved = ocean_grid(*np.meshgrid(np.linspace(west, west + 4.0, NI + 1), np.linspace(south, south + 3.0, NJ + 1)))
+    lon, lat = np.linspace(west, west + 4.0, NI + 1), np.linspace(south, south + 3.0, NJ + 1)
+    lat[-1] += wider
+    moved = ocean_grid(*np.meshgrid(lon, lat))
     with pytest.raises(InputError, match="the grid of the exchange reached from"):
         Exchange(Model.resume(tmp_path / "r.nc", OceanForcing(moved, moved.fields(depth=500.0))))
 
@@ -350,6 +355,16 @@ def test_the_sea_floor_at_the_start_has_no_gaps_over_water() -> None:
     g = grid()
     with pytest.raises(ForcingError, match=r"depth is NaN over water in cell \(6, 5\)"):
         OceanForcing(g, g.fields(depth=depth))
+
+
+def test_gaps_that_the_rules_let_through_are_those_of_the_sea_level() -> None:
+    gaps = np.zeros((NJ, NI))
+    gaps[4, 5] = np.nan
+    rules = FieldRules(depth_rule="zone", zone=(-38.0, -56.0), sea_level_gaps=True)
+    g = grid()
+    OceanForcing(g, g.fields(ssh=gaps), rules=rules)
+    with pytest.raises(ForcingError, match="sst is NaN over water"):
+        OceanForcing(g, g.fields(sst=gaps), rules=rules)
 
 
 @pytest.mark.parametrize("turn", [0.5, 0.5 * np.pi])

@@ -73,6 +73,16 @@ def test_each_cell_is_the_sum_over_bergs_that_run_alone(tmp_path) -> None:
     assert (whole[0] > 0).sum() > 6  # several cells each
 
 
+@pytest.mark.parametrize("width", [1.0, 7.5])
+def test_cells_go_round_the_earth_from_the_date_line_to_near_the_poles(width: float) -> None:
+    g = cells_of(width).arrays
+    first = g.halo - 1
+    last = first + g.nj, first + g.ni
+    most = width * np.floor(88.0 / width)
+    assert (g.lon[first, first], g.lat[first, first]) == (-180.0, -most)
+    assert (g.lon[last], g.lat[last]) == (180.0, most)
+
+
 def test_months_end_where_the_calendar_says(tmp_path) -> None:
     m, _ = run(tmp_path)
     with xr.open_dataset(tmp_path / "f-monthly.nc") as monthly:

@@ -327,3 +327,66 @@ def test_starts_and_forecasts_at_no_position_are_refused(tmp_path: Path) -> None
         (tmp_path / "f.csv").write_text(f"berg,start,lead_days,lon,lat\nA,2020-12-09,1,{lon},{lat}\n")
         with pytest.raises(InputError, match=r"line 2: .* are no position"):
             read_forecasts(tmp_path / "f.csv")
+
+
+# Several dates of one observation.
+
+DATES: list[tuple[dict[str, str], str]] = [
+    ({"date": "2020-12-08", "acquired": "2020-12-05"}, "2020-12-05T00:00"),
+    ({"timestamp": "2021-01-01T00:00", "img_date": "2020-12-05"}, "2020-12-05T00:00"),
+    ({"date": "2020-12-05", "datetime": "2020-12-05T06:00"}, "2020-12-05T06:00"),
+    ({"date": "2020-12-05", "time": "06:30"}, "2020-12-05T06:30"),
+    ({"date": "2020-12-05", "time": "06:30:12.5Z"}, "2020-12-05T06:30:12"),
+    ({"acq_date": "2020-12-05", "acq_time": "0630"}, "2020-12-05T06:30"),
+    ({"begin": "2020-12-01", "date": "2020-12-05"}, "2020-12-05T00:00"),
+    ({"acquired": "Sentinel-1", "date": "2020-12-05"}, "2020-12-05T00:00"),
+]
+
+
+def observed_at(folder: Path, kind: str, dates: dict[str, str]) -> datetime:
+    """Write one observation with these dates as a table of positions, of corners, or as a drawing; return when it was read."""
+    ring = [(-39.0, -56.0), (-38.0, -56.0), (-38.0, -55.5)]
+    path = folder / f"o.{'geojson' if kind == 'drawing' else 'csv'}"
+    if kind == "drawing":
+        geometry = {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
+        path.write_text(json.dumps({"type": "Feature", "properties": dates, "geometry": geometry}))
+    else:
+        corners = kind == "corners"
+        rows = [[*dates.values(), str(x), str(y), *([str(k)] if corners else [])] for k, (x, y) in enumerate(ring)]
+        names = [*dates, "lon", "lat", *(["vertex"] if corners else [])]
+        path.write_text("\n".join(map(",".join, [names, *rows[: None if corners else 1]])) + "\n")
+    seen = read_observed(path)
+    return [*seen.outlines, *seen.fixes][0].when
+
+
+@pytest.mark.quick(8)
+@pytest.mark.parametrize("kind", ["drawing", "positions", "corners"])
+@pytest.mark.parametrize(("dates", "when"), DATES)
+def test_the_date_of_the_picture_counts_with_its_time_of_day(
+    tmp_path: Path, kind: str, dates: dict[str, str], when: str
+) -> None:
+    """Of several dates the first of a list was taken, and a column of times beside the date was not read."""
+    assert observed_at(tmp_path, kind, dates) == datetime.fromisoformat(when)
+
+
+@pytest.mark.parametrize("kind", ["drawing", "positions"])
+@pytest.mark.parametrize(
+    "dates",
+    [
+        {"date": "2020-12-08", "datetime": "2020-12-05T06:00"},
+        {"obs_date": "2020-12-05", "img_date": "2020-12-06"},
+    ],
+)
+def test_dates_of_which_none_can_be_chosen_are_refused_with_both_named(
+    tmp_path: Path, kind: str, dates: dict[str, str]
+) -> None:
+    with pytest.raises(InputError) as told:
+        observed_at(tmp_path, kind, dates)
+    for name, text in dates.items():
+        assert f"{name} says {text[:10]}" in str(told.value)
+
+
+@pytest.mark.parametrize("text", ["6:30 PM", "25:00", "morning"])
+def test_a_time_of_day_that_cannot_be_read_is_told(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputError, match="is no time of day"):
+        observed_at(tmp_path, "positions", {"date": "2020-12-05", "time": text})

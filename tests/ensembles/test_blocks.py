@@ -132,3 +132,11 @@ if __name__ == "__main__":
     began = time.process_time()
     store.write()
     print(time.process_time() - began, "s", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
+
+
+def test_every_block_has_room_for_the_pieces_of_all_members(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whole bergs come before one that breaks, and after it."""
+    monkeypatch.setattr(module, "BLOCK", 1)
+    filled(tmp_path / "few", 5).write()
+    found = open_sweep(tmp_path / "few")
+    assert np.isfinite(found["lon"].values[:, :, -1]).sum(axis=1).tolist() == [2, 1, 1, 0, 1]

@@ -340,3 +340,11 @@ def test_parts_of_different_sweeps_are_not_joined(tmp_path: Path) -> None:
     said = CliRunner().invoke(app, ["sweep", "--join", str(tmp_path)])
     assert "parts of different sweeps" in " ".join(said.output.split())
     assert not (tmp_path / "sweep.json").exists()
+
+
+def test_shares_and_quantiles_are_inverse_also_of_what_is_cut_off() -> None:
+    share = np.array([0.02, 0.3, 0.7, 0.98])
+    for text in ("normal(5 kPa, 5 kPa)", "uniform(10, 20 kPa)"):
+        (v,) = varied_of({STRENGTH: f"~{text}"})
+        assert v.distribution is not None
+        assert v.distribution.shares_below(np.array(v.distribution.quantiles(share))) == pytest.approx(share)

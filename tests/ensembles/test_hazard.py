@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from riftberg.cli.ensembles import _distance
 from riftberg.cli.main import app
-from riftberg.ensembles.hazard import approach, geojson, ice_limits, positions, smallest_line
+from riftberg.ensembles.hazard import approach, area_km2, geojson, ice_limits, positions, smallest_line
 from riftberg.ensembles.probability import told, wilson
 from riftberg.ensembles.result import write_sweep
 
@@ -428,3 +428,10 @@ def test_what_unfinished_members_did_counts_and_the_rest_is_not_known() -> None:
     assert far.probability.tolist() == [0.0] * 4
     assert far.high == pytest.approx([wilson(0.0, 10)[1]] * 2 + [wilson(0.5, 10)[1]] * 2)
     assert far.low.tolist() == [0.0] * 4
+
+
+@pytest.mark.parametrize("lat", [0.0, -60.0])
+def test_the_area_inside_of_a_line_is_that_of_its_parallels(lat: float) -> None:
+    half = 0.05
+    line = np.array([[10.0, lat - half], [10.2, lat - half], [10.2, lat + half], [10.0, lat + half]])
+    assert area_km2(line) == pytest.approx(0.2 * np.cos(np.radians(lat)) * 0.1 * DEGREE**2, rel=5e-3)

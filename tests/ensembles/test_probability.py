@@ -411,3 +411,10 @@ def test_the_command_forecasts(tmp_path: Path) -> None:
     more = CliRunner().invoke(app, ["forecast", "--resume", str(out), "--members", "3", "--no-map", "--workers", "0"])
     assert more.exit_code == 0, more.output
     assert open_sweep(out).sizes["member"] == 3
+
+
+@pytest.mark.parametrize("bergs", [1, 3])
+def test_of_several_bergs_the_position_is_called_that_of_the_first(bergs: int) -> None:
+    said = "\n".join(told(forecast_of([still(k) for k in range(12)], 4).isel(fragment=[0] * bergs)))
+    assert ("of the first of 3 bergs" in said) == (bergs == 3)
+    assert "position" in said

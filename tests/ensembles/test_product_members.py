@@ -119,3 +119,12 @@ def test_members_read_no_file_again_and_come_to_the_same(file: Path, monkeypatch
     monkeypatch.setattr(files_forcing, "MOST_KEPT", 0)
     xr.testing.assert_identical(found.drop_vars("wall_time"), sweep(file, vary, workers=0).drop_vars("wall_time"))
     assert len(read) == 4 + 2 + 12
+
+
+def test_of_two_ensembles_the_larger_one_is_run_through(file: Path) -> None:
+    """The members of the smaller one begin anew."""
+    fields(("ua", "va"), "wind", [1.0, 2.0]).to_netcdf(file.with_name("air.nc"))
+    said = [error for error in default_errors(str(file)) if "members of the products" in str(error)]
+    assert len(said) == 1
+    assert "3 members of the products in turn" in str(said[0])
+    assert "each(0, 1, 2)" in str(said[0])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from products.test_odd_files import CENTRE, START, elements, plain, refused, truth, written
+from products.test_odd_files import CENTRE, FIELDS, START, elements, plain, refused, truth, written
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
@@ -150,3 +150,116 @@ def test_axes_of_rotated_grids_alone_are_refused(tmp_path: Path, names: tuple[st
         for name, kind in zip(names[:2], ("grid_latitude", "grid_longitude"), strict=True):
             ds[name].attrs |= {"standard_name": kind, "units": "degrees"}
     refused(written(tmp_path, ds), "is an axis of a rotated grid: its numbers are no latitudes and longitudes")
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize(
+    ("names", "positions"),
+    [
+        (MOM6, ("geolat", "geolon")),
+        (MOM5, ("geolat_t", "geolon_t")),
+        (("yq", "xq", "", ""), ("geolat_c", "geolon_c")),
+    ],
+)
+@pytest.mark.parametrize("whole", [True, False])
+def test_the_static_grid_file_beside_gives_true_positions(
+    tmp_path: Path, names: tuple[str, ...], positions: tuple[str, str], whole: bool
+) -> None:
+    """MOM writes positions once, into a file of their own; output is often a cut of the grid."""
+    ds = bent(names, positions)
+    ds[list(positions)].drop_vars("time", errors="ignore").to_netcdf(tmp_path / "19001201.ocean_static.nc")
+    (tmp_path / "other_static.nc").write_bytes(b"no netCDF file")
+    ds = ds.drop_vars(positions)
+    path = written(tmp_path, ds if whole else ds.isel({names[0]: slice(1, None), names[1]: slice(2, -1)}))
+    wrong, said = felt(path)
+    assert wrong < 2e-3
+    assert "true positions are those of the grid file 19001201.ocean_static.nc, by its axes" in said
+
+
+def test_a_static_grid_file_of_another_grid_is_left_alone(tmp_path: Path) -> None:
+    ds = bent(MOM6, ("geolat", "geolon"))
+    moved = ds[["geolat", "geolon"]].assign_coords(yh=ds["yh"] + 0.1)
+    moved.drop_vars("time", errors="ignore").to_netcdf(tmp_path / "ocean_static.nc")
+    assert "yh and xh are nominal axes" in felt(written(tmp_path, ds.drop_vars(["geolat", "geolon"])))[1]
+
+
+# Positions of several points of a cell stand on the same rows and columns, half a cell apart.
+
+
+def on_two_points(names: tuple[str, str, str, str], listed: str | None = None) -> xr.Dataset:
+    """Currents on the corners and a temperature in the middle of bent cells, with the positions of both."""
+    j, i = np.meshgrid(np.arange(25.0), np.arange(33.0), indexing="ij")
+
+    def at(half: float) -> tuple[Any, Any]:
+        y = -59.0 + 0.3 * (j + half) + 0.1 * np.sin(0.2 * (i + half))
+        return CENTRE - 5.0 + 0.3 * (i + half) + 0.1 * np.cos(0.2 * (j + half)), y
+
+    ds = xr.Dataset(coords={"time": np.datetime64("2020-12-16", "ns") + np.arange(4) * np.timedelta64(12, "h")})
+    for name, values in zip(names, (*at(0.0), *at(0.5)), strict=True):
+        east = "lon" in name.lower() or "lam" in name
+        ds[name] = ("nlat", "nlon"), values, {"units": "degrees_east" if east else "degrees_north"}
+    for name, half in (("uo", 0.5), ("vo", 0.5), ("sst", 0.0)):
+        told = {"standard_name": FIELDS[name][0], "units": FIELDS[name][1]}
+        ds[name] = ("time", "nlat", "nlon"), np.stack([truth(name, *at(half))] * 4), told
+        ds[name].encoding["coordinates"] = listed
+    return ds.set_coords(list(names))
+
+
+def all_right(path: Path) -> str:
+    """Check currents and temperature at the elements; return what the run says."""
+    box = {"longitude": (CENTRE - 2.0, CENTRE + 2.0), "latitude": (-57.5, -53.5), "hold": 24.0}
+    e = elements()
+    forcing = forcing_from_files(
+        FileForcing(kind="files", files=[path.name], **box), path.parent, Run.of(START, 0.1, e.thickness, 850.0)
+    )
+    forcing.sample(e, 3600.0)
+    for name in ("uo", "vo", "sst"):
+        np.testing.assert_allclose(getattr(e, name), truth(name, e.lon, e.lat), atol=2e-3, err_msg=name)
+    return "\n".join(forcing.notices)
+
+
+POP = ("TLONG", "TLAT", "ULONG", "ULAT")
+
+
+@pytest.mark.quick(3)
+@pytest.mark.parametrize(
+    ("names", "listed"),
+    [
+        (POP, None),
+        (POP, "TLAT TLONG ULAT ULONG"),
+        (("glamt", "gphit", "glamu", "gphiu"), None),
+        (("XLONG", "XLAT", "XLONG_U", "XLAT_U"), None),
+        (("lont", "latt", "lonu", "latu"), None),
+        (("nav_lon", "nav_lat", "geolon_c", "geolat_c"), None),
+    ],
+)
+def test_a_field_lies_on_its_own_points_of_the_cells(
+    tmp_path: Path, names: tuple[str, str, str, str], listed: str | None
+) -> None:
+    """Currents of POP were taken on the centres: those came first in the alphabet."""
+    said = all_right(written(tmp_path, on_two_points(names, listed)))
+    assert f"positions of uo are those of {names[3]} and {names[2]}, not of {names[1]} and {names[0]}" in said
+    assert f"positions of sst are those of {names[1]} and {names[0]}, not of {names[3]} and {names[2]}" in said
+
+
+def test_points_that_the_field_names_count_first(tmp_path: Path) -> None:
+    ds = on_two_points(POP)
+    for name in ("uo", "vo"):
+        ds[name].encoding["coordinates"] = "ULONG ULAT"
+    assert "positions of uo" not in all_right(written(tmp_path, ds))
+
+
+@pytest.mark.parametrize("names", [("lon_a", "lat_a", "lon_b", "lat_b"), ("glamt", "gphit", "glamf", "gphif")])
+def test_points_that_nothing_tells_apart_are_refused_with_both_named(
+    tmp_path: Path, names: tuple[str, str, str, str]
+) -> None:
+    both = [f"{lat}, {lon}" for lon, lat in sorted([names[:2], names[2:]])]
+    path = written(tmp_path, on_two_points(names)[["uo", "vo"]])
+    refused(path, f"{both[0]} and {both[1]} both hold positions of uo", remedy="names: {lat: ")
+    assert "both hold positions" not in felt(path, names={"lat": names[3], "lon": names[2]})[1]
+
+
+def test_positions_given_twice_need_no_choice(tmp_path: Path) -> None:
+    ds = on_two_points(POP)[["uo", "vo"]]
+    ds["ULAT"], ds["ULONG"] = (ds[name].copy(data=ds[other]) for name, other in (("ULAT", "TLAT"), ("ULONG", "TLONG")))
+    assert "positions of uo" not in felt(written(tmp_path, ds))[1]

@@ -10,6 +10,7 @@ import pytest
 
 from products.test_dates_and_neighbours import dated, day, growing
 from products.test_odd_files import CENTRE, elements, refused, truth, written
+from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 
@@ -154,3 +155,75 @@ def test_bounds_in_either_order(tmp_path: Path, ends: str) -> None:
     edges = np.stack([HOURS - 6.0, HOURS + 6.0], axis=1)
     ds["time_bnds"] = ("time", "nv"), edges[:, ::-1] if ends == "swapped" else edges
     assert taken(written(tmp_path, ds))[0] == 0.0
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize("issue", [{}, REFERENCE])
+@pytest.mark.parametrize("steps", ["one of seven issues", "seven of one issue"])
+def test_a_table_of_valid_dates_by_issue_and_step(tmp_path: Path, issue: dict[str, str], steps: str) -> None:
+    """Forecasts of one lead were dated by their issue, for valid_time(time, step) has two dimensions."""
+    ds = growing(HOURS / 24.0)
+    if steps == "one of seven issues":
+        ds = ds.assign_coords(time=("time", HOURS - 6.0, {**SINCE, **issue})).expand_dims(step=1, axis=1)
+        table = HOURS[:, None]
+    else:
+        ds = ds.rename(time="step").drop_vars("step", errors="ignore").expand_dims(time=1, axis=0)
+        ds = ds.assign_coords(time=("time", [0.0], {**SINCE, **issue}))
+        table = HOURS[None, :]
+    assert taken(written(tmp_path, ds.assign_coords(valid_time=(("time", "step"), table, SINCE))))[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "told", "per_hour"),
+    [("hour", {}, 1.0), ("datesec", {}, 3600.0), ("seconds_of_day", {"units": "s"}, 3600.0), ("UTC_hour", {}, 1.0)],
+)
+def test_the_time_of_day_beside_whole_days_counts(
+    tmp_path: Path, name: str, told: dict[str, str], per_hour: float
+) -> None:
+    """Every second record was left out as one that repeats a date."""
+    ds = growing(HOURS / 24.0).rename(time="record")
+    ds["date"] = "record", np.array([20201216 + int(h // 24.0) for h in HOURS])
+    ds[name] = "record", HOURS % 24.0 * per_hour, told
+    wrong, said = taken(written(tmp_path, ds))
+    assert wrong == 0.0
+    assert "repeat a date" not in said
+
+
+@pytest.mark.parametrize(
+    "dates",
+    [
+        {"time_local": (-3.0, {}), "time_utc": (0.0, {})},
+        {"date": (-3.0, {"long_name": "local date"}), "times": (0.0, {})},
+        {"time": (-3.0, {}), "time_gmt": (0.0, {})},
+    ],
+)
+def test_universal_time_goes_before_that_of_a_place(tmp_path: Path, dates: dict[str, Any]) -> None:
+    assert taken(with_dates(tmp_path, dates))[0] == 0.0
+
+
+def test_two_numbered_dates_are_refused(tmp_path: Path) -> None:
+    refused(with_dates(tmp_path, {"t0": (-6.0, {}), "t1": (6.0, {})}), "t0 and t1 both hold dates")
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize(
+    ("units", "calendar", "first"),
+    [
+        ("days since -4713-11-24 12:00:00", "", 2459199.5),
+        ("days since -4713-11-24", "proleptic_gregorian", 2459200.0),
+        ("days since -4712-01-01 12:00:00", "julian", 2459199.5),
+        ("days since -4712-1-1T12:00 UTC", "standard", 2459199.5),
+    ],
+)
+def test_julian_days_are_counted_from_their_noon(tmp_path: Path, units: str, calendar: str, first: float) -> None:
+    """The library has no year 0 in one calendar and has it in another: the dates were a year off, with a warning of its own."""
+    told = {"calendar": calendar} if calendar else {}
+    ds = dated(growing(HOURS / 24.0), first + HOURS / 24.0, units, **told)
+    assert taken(written(tmp_path, ds))[0] == 0.0
+
+
+@pytest.mark.parametrize("units", ["days since -0100-01-01", "days since 0000-01-01", "hours since -1-1-1 00:00:00"])
+def test_counts_from_before_the_year_1_are_refused(tmp_path: Path, units: str) -> None:
+    path = written(tmp_path, dated(growing(HOURS / 24.0), 737000.0 + HOURS, units))
+    with pytest.raises(ForcingError, match="which begins before the year 1"):
+        taken(path)

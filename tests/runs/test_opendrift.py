@@ -77,6 +77,18 @@ def test_a_trajectory_is_its_valid_records_alone(file: Path) -> None:
     assert first.observed()[datetime(2025, 9, 24, 1, 0, 31)] == pytest.approx((-57.98, 75.001))
 
 
+@pytest.mark.parametrize("nowhere", [(0.0, 0.0), (-999.0, -999.0), (1e20, 75.0)])
+def test_records_at_no_position_are_none(tmp_path: Path, nowhere: tuple[float, float]) -> None:
+    """As in tables of positions: a buoy that was not heard is not in the Gulf of Guinea."""
+    ds = openberg()
+    for name, value in zip(("lon", "lat"), nowhere, strict=True):
+        ds[name][:, 5] = value
+    ds.to_netcdf(tmp_path / "ob.nc")
+    found = [fix for fix in read_observed(tmp_path / "ob.nc").fixes if fix.name.endswith("7")]
+    assert len(found) == HOURS - 4
+    assert all(fix.lon < -50.0 and 74.0 < fix.lat < 76.0 for fix in found)
+
+
 def test_the_size_is_that_of_the_start_and_the_thickness_sail_and_draft(file: Path) -> None:
     first, second = read_opendrift(file)
     assert first.size == (500.0, 300.0, 20.0, 140.0)

@@ -289,3 +289,28 @@ def test_one_that_was_stopped_goes_on_to_the_same_result(tmp_path: Path, monkeyp
         with xr.open_dataset(whole / wave / "sweep.nc") as ds:
             seeds += ds["errors_seed"].values.tolist()
     assert len(set(seeds)) == 12  # each member of each wave has random fields of its own
+
+
+def test_a_wave_in_numbers(tmp_path: Path) -> None:
+    """Errors as given, the side of what was seen, firm ice in place of what broke, correlations of normal scores."""
+    day = START + timedelta(hours=3)
+    seen = Observations("s", fixes=[Fix("a", day, False, -36.98, -56.0)])
+    found = riftberg.calibrate(
+        eddied, seen, {"east": "~uniform(0.05, 0.35)", "start.strength": "~lognormal(0.04, 2)"}, days="3 h", members=8,
+        waves=1, workers=0, broken=day, errors=Errors(position=3.0, model=4.0), output=tmp_path / "c", seed=4,
+    )  # fmt: skip
+    assert found["error"].values[:2].tolist() == [5.0, 5.0]
+    assert found["side"].values.tolist() == [0.0, 0.0, 1.0]
+    broke = ~np.isnat(found["member_first_breakup"].values)
+    assert 0 < broke.sum() < 8
+    assert riftberg.open_sweep(tmp_path / "c" / "wave-1-firm").sizes["member"] == broke.sum()
+    margin = found["member_result"].values[:, -1]
+    assert (margin[broke] >= 0.0).all()
+    assert (margin[~broke] < 0.0).all()
+    from scipy.stats import norm
+
+    score, weight = norm.ppf(np.clip(found["sample_share"].values, 1e-6, 1.0 - 1e-6)), found["sample_weight"].values
+    both = np.cov(score.T, aweights=weight, ddof=0)
+    between = both[0, 1] / np.sqrt(both[0, 0] * both[1, 1])
+    assert found["correlation"].values[0, 1] == pytest.approx(between, abs=1e-6)
+    assert np.abs(weight @ score).max() > 0.1  # far from the middle of the prior, where a wrong mean would not tell

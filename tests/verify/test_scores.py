@@ -197,3 +197,11 @@ def test_twins_of_positions_are_called_what_they_are(factor: float, word: str) -
     found = position_scores(points, 0.0)
     assert verdict(found) == word
     assert set(found) >= {"energy_km_interval", "crps_along_km", "crps_across_km", "ranks_along", "inside_90%"}
+
+
+@pytest.mark.parametrize(("shift", "full"), [(1e3, 0), (-1e3, -1)])
+def test_what_lies_beyond_all_members_has_the_first_or_the_last_rank(shift: float, full: int) -> None:
+    x, y = truth_and_ensemble(1.0, shift=shift)
+    found = position_scores([Point("one", x[:, k], y[k]) for k in range(CASES)], 0.0)
+    for axis in ("along", "across"):
+        assert found[f"ranks_{axis}"][full] == CASES

@@ -338,3 +338,38 @@ def test_giant_bergs_in_a_day_of_altimetry_are_as_far_off_as_measured(observed: 
     for name, errors in measured.items():
         found = [row(result, lead, "B09F")["entrants"][name]["mean_km"] for lead in result["leads_days"]]
         assert found == pytest.approx(errors, abs=0.3)
+
+
+def test_a_point_that_goes_with_the_water_takes_the_current_in_the_middle_of_its_steps() -> None:
+    """In a current that grows evenly the way is half of speed times time, to the digit."""
+    from riftberg.ocean.series import Series
+    from riftberg.verification.suite import advected
+    from riftberg.verification.tracks import Start
+
+    days = np.array([0.0, 1.0, 3.0])
+    dates = [FIRST + timedelta(days=day) for day in days]
+    sea = Series(dates, uo=0.0, vo=0.1 * days)
+    for factor in (1.0, 0.5):
+        found = advected(factor)(Start("A", FIRST, -40.0, -56.0, {}), dates[1:], sea)
+        way = factor * 0.5 * 0.1 * days[1:] ** 2 * 86400.0
+        assert found[:, 1] == pytest.approx(-56.0 + METRE * way, abs=1e-6)
+
+
+def test_a_start_at_no_position_is_refused_and_an_earlier_one_there_is_unknown(tmp_path: Path) -> None:
+    """Latitude 0, longitude 0 was where a berg had been the day before: 'constant velocity' came from the equator."""
+    suite = write_suite(tmp_path)
+    path = suite / "made" / "starts.csv"
+    rows = list(csv.reader(path.read_text().splitlines()))
+    column = {name: k for k, name in enumerate(rows[0])}
+    unseen = next(line[0] for line in rows[1:] if line[column["date_before"]])
+    for line in rows[1:]:
+        if line[0] == unseen:
+            line[column["lon_before"]] = line[column["lat_before"]] = "0"
+    write_table(path, rows[0], rows[1:])
+    one = row(table(suite, "staying put", "constant velocity"), 1.0)
+    assert one["bergs"] == 4
+    assert one["entrants"]["constant velocity"]["mean_km"] == pytest.approx(0.0, abs=0.2)
+    rows[2][column["lon"]] = rows[2][column["lat"]] = "0"
+    write_table(path, rows[0], rows[1:])
+    with pytest.raises(InputError, match=r"starts.csv, line 3: latitude 0, longitude 0 are no position"):
+        table(suite, "staying put")

@@ -268,3 +268,9 @@ def test_a_model_that_returns_nonsense_is_named(tmp_path: Path) -> None:
         tracks.forecast(lambda start, dates: [1.0, 2.0, 3.0], case)
     with pytest.raises(InputError, match="the model returns"):
         tracks.forecast(lambda start, dates: np.full((len(dates), 2), np.nan), case)
+
+
+def test_products_must_cover_a_case_to_its_last_lead(tmp_path: Path) -> None:
+    write_track(tmp_path, "x01", straight(12))
+    case = tracks.read_cases(tmp_path)[0]
+    assert case.dates == (case.start.date, case.start.date + timedelta(days=7))

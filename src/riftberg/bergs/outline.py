@@ -28,11 +28,15 @@ from riftberg.errors import BergError, line_of_fault
 from riftberg.state import Floats
 from riftberg.system.input_files import MOST_TEXT, check_archive, check_file, needed, reading, rows_of_csv, value_shown
 
-DATE_KEYS = (
-    "date", "datetime", "date_time", "when", "timestamp", "begin", "acquired", "acq_date", "acqdate", "img_date",
-    "image_date", "obs_date", "sensing", "time_coverage_start", "time",
-)  # fmt: skip
-"""Attributes that hold the date of an outline, best first; small and capital letters are alike."""
+DATES_BY_BELIEF: Final = (
+    ("acquired", "acq_date", "acqdate", "img_date", "image_date", "obs_date", "sensing"),
+    ("date", "datetime", "date_time", "when", "timestamp", "time"),
+    ("begin", "time_coverage_start"),
+)
+"""Attributes that hold the date of an outline: when a picture was taken, of whatever, and since when it holds."""
+
+DATE_KEYS: Final = tuple(key for keys in DATES_BY_BELIEF for key in keys)
+"""The same, best first; small and capital letters are alike."""
 
 NAMES: Final = ("berg", "iceberg", "name", "variable", "outline", "label", "id")
 """Attributes that name an outline, best first."""
@@ -150,7 +154,8 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
         try:
             # Tools of mapping write features without a geometry for rows that were never drawn; these are skipped.
             if _holds_anything(feature.get("geometry")):
-                found.append(Feature(shape(feature["geometry"]), dict(feature.get("properties") or {})))
+                with np.errstate(invalid="ignore"):  # a vertex that is no number is told where the outline is taken
+                    found.append(Feature(shape(feature["geometry"]), dict(feature.get("properties") or {})))
         except (KeyError, TypeError, AttributeError) as error:  # their texts speak of Python
             raise BergError(
                 "not a GeoJSON geometry: members or numbers are missing", where=place, remedy=_RFC
@@ -188,8 +193,12 @@ def _holds_anything(geometry: Any) -> bool:
 
 
 def _from_geojson_file(path: Path) -> tuple[list[Feature], str | None]:
+    content = path.read_bytes()
     try:
-        data = json.loads(path.read_bytes())  # with or without a mark of its encoding
+        try:
+            data = json.loads(content)  # with or without a mark of its encoding
+        except UnicodeDecodeError:  # an 8-bit set, as in tables
+            data = json.loads(content.decode("latin-1"))
     except (ValueError, RecursionError) as error:
         raise BergError(f"not JSON{line_of_fault(error)}", where=str(path), remedy=_RFC) from error
     if not isinstance(data, dict):
@@ -210,7 +219,7 @@ def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
             for drawn, row in zip(reader.iterShapes(), rows, strict=False)
             if drawn.shapeType != 0
         ]
-    crs = files[".prj"].decode(errors="replace") if ".prj" in files else None
+    crs = files[".prj"].decode("utf-8-sig", errors="replace") if ".prj" in files else None
     geographic = crs is not None and crs.lstrip().upper().startswith(("GEOGCS", "GEOGCRS"))
     return features, None if geographic else crs
 
@@ -550,14 +559,14 @@ def features_of_kml(path: Path) -> list[Feature]:
     try:
         if path.suffix.lower() == ".kmz":
             names = check_archive(path, MOST_TEXT, remedy="Export the outline again as KML", kind=BergError)
-            inside = next((n for n in names if n.lower().endswith(".kml")), None)
-            if inside is None:
-                raise BergError(
-                    f"an archive without KML; it holds {', '.join(names[:5])}", where=str(path),
-                    remedy="Export the outline again as KML",
-                )  # fmt: skip
+            held = [n for n in names if n.lower().endswith(".kml")]
+            inside = [n for n in held if n.lower() == "doc.kml"] or held
+            if len(inside) != 1:
+                what = f"an archive of {len(held)} KML files" if held else "an archive without KML"
+                remedy = "Unzip it and name one of them" if held else "Export the outline again as KML"
+                raise BergError(f"{what}; it holds {', '.join((held or names)[:5])}", where=str(path), remedy=remedy)
             with zipfile.ZipFile(path) as archive:
-                text = archive.read(inside)
+                text = archive.read(inside[0])
         else:
             text = path.read_bytes()
         if b"<!ENTITY" in text or b"<!DOCTYPE" in text:

@@ -6,6 +6,7 @@ GeoTIFFs need the optional packages of the extra ``geotiff`` (rasterio, pyproj),
 from __future__ import annotations
 
 import math
+import re
 import sys
 import warnings
 from collections.abc import Iterator
@@ -235,11 +236,45 @@ def _raster(array: xr.DataArray, where: str, date: str | None) -> Raster:
     if array.ndim != 2 or min(array.shape) < 2:
         raise BergError(f"shape {array.shape}", where=where, remedy="Give a grid of at least 2 by 2 points")
     with reading(where, "not a grid", "Give numbers on longitude and latitude", BergError):
-        array = array.transpose(array[lat].dims[0], array[lon].dims[0]).sortby([lat, lon])
+        array = array.transpose(array[lat].dims[0], array[lon].dims[0])
+        array = array.assign_coords({c: (array[c].dims, _by_units(array[c], where)) for c in (lat, lon)})
+        array = array.sortby([lat, lon])
         values = np.asarray(array.values, dtype=np.float64)
         axes = (np.asarray(array[lon], np.float64), np.asarray(array[lat], np.float64))
     _check_grid(*axes, values, where)
+    _check_true_positions(array, lon, lat, where)
     return Raster(*axes, values, where)
+
+
+def _by_units(axis: xr.DataArray, where: str) -> Floats:
+    """Return an axis in degrees north and east by its units; refuse one of a rotated grid."""
+    values, units = np.asarray(axis.values, np.float64), str(axis.attrs.get("units", "")).strip().lower()
+    if (
+        str(axis.attrs.get("standard_name", "")).startswith("grid_")
+        or "rotat" in str(axis.attrs.get("long_name", "")).lower()
+    ):
+        raise BergError(
+            f"{axis.name} is an axis of a rotated grid: its numbers are no latitudes and longitudes", where=where,
+            remedy="Regrid to a longitude-latitude grid with coordinates lon and lat",
+        )  # fmt: skip
+    if units.startswith("rad"):
+        return np.rad2deg(values)
+    if re.fullmatch(r"deg(ree)?s?_?(s|south|w|west)", units):
+        return -values
+    return values
+
+
+def _check_true_positions(array: xr.DataArray, lon: str, lat: str, where: str) -> None:
+    """Refuse axes that lie aside of latitudes that the grid has for each point, as nominal ones of a bent grid do."""
+    for name, field in array.coords.items():
+        said = {str(field.attrs.get("standard_name", "")), str(field.attrs.get("units", "")).lower()}
+        if field.dims == array.dims and {"latitude", "degrees_north"} & said:
+            off = float(np.abs(field - array[lat]).max())
+            if off > 0.1 * float(np.diff(array[lat]).max()):
+                raise BergError(
+                    f"the axes {lat} and {lon} lie up to {off:.2g} degrees aside of {name}", where=where,
+                    remedy="Regrid to a longitude-latitude grid with coordinates lon and lat",
+                )  # fmt: skip
 
 
 def check_on_globe(raster: Raster) -> None:

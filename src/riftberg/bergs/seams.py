@@ -17,7 +17,7 @@ SHORTEST: Final = 20.0
 
 
 def whole_shapes(polygons: Sequence[Any], *, along_meridian: bool = False) -> list[tuple[list[int], Any]]:
-    """Return the shapes that polygons make up, each with the rows of its polygons: those that share an edge are one.
+    """Return the shapes that polygons make up, each with the rows of its polygons: those that share an edge or ice are one.
 
     Polygons may lie a turn of the globe apart; a shape has the longitudes of its first one.
 
@@ -80,7 +80,9 @@ def _turned(polygon: Any, turns: int) -> Any:
 
 
 def _share_an_edge(one: Any, other: Any, along_meridian: bool) -> bool:
-    """Whether two polygons, on axes of equal scale, run along each other."""
+    """Whether two polygons, on axes of equal scale, run along each other, or lie across each other as badly cut ones do."""
+    if not along_meridian and shapely.overlaps(one, other) and shapely.intersection(one, other).area > METRE**2:
+        return True
     (west, south), (east, north) = (
         np.maximum(one.bounds[:2], other.bounds[:2]),
         np.minimum(one.bounds[2:], other.bounds[2:]),

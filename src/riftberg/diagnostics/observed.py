@@ -22,7 +22,14 @@ from typing import Any, Final
 
 from riftberg.bergs.outline import DATE_KEYS, NAMES, RING_COLUMNS, whole_polygons
 from riftberg.config.values import parse_date
-from riftberg.diagnostics.outlines import NoBergError, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
+from riftberg.diagnostics.outlines import (
+    NoBergError,
+    Outline,
+    checked_ring,
+    date_of,
+    outlines_of_drawing,
+    outlines_of_grid,
+)
 from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
 from riftberg.system.input_files import check_file, is_seen, reading, rows_of_csv, value_shown
@@ -41,6 +48,7 @@ _UPDATED: Final = ("last update", "last_update")
 """Columns of the US National Ice Center, with dates as month/day/year."""
 
 _DATES: Final = (*DATE_KEYS, "day", *_UPDATED)
+_WHEN: Final = {*_DATES, *(key.replace("date", "time") for key in DATE_KEYS)}
 _VERTEX: Final = ("vertex", "vertex_index", "point", "order")
 _SIZES: Final = (("size_1", "size_2"), ("length (nm)", "width (nm)"))
 _PLAIN: Final = (("centroid_lat", "centroid_lon"), *product(("lat", "latitude"), ("lon", "longitude", "long")))
@@ -161,14 +169,16 @@ def _with_outlines(path: Path, outlines: Iterable[Outline | NoBergError]) -> Obs
 def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Outline | NoBergError]:
     lat, lon = _plain_columns(path, rows[0])
     name, vertex, part = (next((n for n in names if n in rows[0]), "") for names in (NAMES, _VERTEX, RING_COLUMNS))
-    groups: dict[tuple[str, str], dict[str, list[Corner]]] = {}
+    groups: dict[tuple[tuple[tuple[str, str], ...], str], dict[str, list[Corner]]] = {}
     for number, row in enumerate(rows):
-        rings = groups.setdefault((row.get(date, ""), row.get(name, "")), {})
+        dates = tuple((column, text) for column, text in row.items() if column in _WHEN)
+        rings = groups.setdefault((dates, row.get(name, "")), {})
         rings.setdefault(row.get(part, ""), []).append(
             (row.get(vertex, ""), _number_of_row(row, lon, path, number), _number_of_row(row, lat, path, number))
         )
-    for (day, berg), rings in groups.items():
-        when, day_only = _date_of_text(day, date, str(path))
+    for (dates, berg), rings in groups.items():
+        when, day_only = _date_of_row(dict(dates), date, str(path))
+        day = dict(dates).get(date, "")
         where = f"{path}, {' '.join(filter(None, [day, berg]))}"
         drawn: list[Any] = [_by_number(corners, where) for corners in rings.values()]
         if len(drawn) > 1:
@@ -199,8 +209,11 @@ def _by_number(corners: list[Corner], where: str) -> list[tuple[float, float]]:
     return [(lon, lat) for _, (_, lon, lat) in sorted(zip(numbers, corners, strict=True))]
 
 
-def _date_of_text(text: str, column: str, where: str) -> tuple[datetime, bool]:
+def _date_of_row(row: Mapping[str, str], column: str, where: str) -> tuple[datetime, bool]:
     """Read a date; only in a column of the US National Ice Center is ``12/10/2020`` known to be the tenth of December."""
+    text = row.get(column, "")
+    if column in DATE_KEYS and text and (found := date_of(row, where=where)) is not None:
+        return found
     if column not in _UPDATED or not re.fullmatch(r"\d\d?/\d\d?/\d{4}", text):
         return parse_date(text, where=where)
     try:
@@ -242,7 +255,7 @@ def _fixes(path: Path, rows: list[dict[str, str]], date: str, unseen: list[str])
     azimuth = min((c for c in rows[0] if "azimuth" in c), key=len, default="")  # not that of its error
     for number, row in enumerate(rows):
         where = f"{path}, line {number + 2}"
-        when, day_only = _date_of_text(row.get(date, ""), date, where)
+        when, day_only = _date_of_row(row, date, where)
         if plain:
             lat, lon = (_number_of_row(row, column, path, number) for column in plain)
             interpolated, sensor = False, "nic" if date in _UPDATED else path.name

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from itertools import product
@@ -23,7 +24,7 @@ from shapely import Polygon, make_valid
 from shapely.affinity import translate
 from shapely.validation import explain_validity
 
-from riftberg.bergs.outline import DATE_KEYS, Feature, polygons_joined, read_features
+from riftberg.bergs.outline import DATE_KEYS, DATES_BY_BELIEF, Feature, polygons_joined, read_features
 from riftberg.bergs.raster import Raster, read_raster, unbroken
 from riftberg.bergs.seams import NO_BERG, fault_of_ring
 from riftberg.config.values import parse_date
@@ -32,7 +33,7 @@ from riftberg.plane import ConformalPlane
 from riftberg.runs.accessor import best_pairs
 from riftberg.runs.tracks import principal_azimuth
 from riftberg.state import Floats
-from riftberg.system.input_files import MOST_VALUES, reading, refuse_large
+from riftberg.system.input_files import MOST_VALUES, reading, refuse_large, value_shown
 from riftberg.system.netcdf_lock import open_lazily
 
 if TYPE_CHECKING:
@@ -72,8 +73,10 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
         ring = np.asarray(points, np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError("vertices that are no numbers", where=where, remedy=remedy) from error
-    if ring.ndim != 2 or ring.shape[1] < 2 or not np.isfinite(ring[:, :2]).all():
+    if ring.ndim != 2 or ring.shape[1] < 2:
         raise InputError("an outline needs pairs of longitude and latitude", where=where, remedy=remedy)
+    if not np.isfinite(ring[:, :2]).all():
+        raise InputError("an outline with vertices that are not numbers", where=where, remedy="Leave these out")
     ring = ring[:, :2]
     if len(ring) > 1 and (ring[0] == ring[-1]).all():
         ring = ring[:-1]
@@ -400,21 +403,62 @@ def _moment(*parts: str | None) -> set[tuple[datetime, bool]]:
         return set()
 
 
+_CLOCK: Final = re.compile(r"(\d\d?):?(\d\d)(?::(\d\d)(?:\.\d*)?)?(?: ?UTC| ?Z)?", re.IGNORECASE)
+
+
+def date_of(values: Mapping[str, str], *, where: str) -> tuple[datetime, bool] | None:
+    """Return the date that attributes or the columns of a row give, with the time of day where one says it; None without any.
+
+    Dates when a picture was taken go before others, and before the beginning of a span. Others must fall on one day.
+    """
+    for keys in DATES_BY_BELIEF:
+        texts = {key: values[key] for key in keys if values.get(key)}
+        # What is called acquired may say by what; another date that cannot be read is a fault.
+        read = [key for key, text in texts.items() if _is_date(text)] or list(texts)[: keys is not DATES_BY_BELIEF[0]]
+        dates = {k: _with_clock(*parse_date(texts[k], where=f"{where}, {k}"), k, values, where) for k in read}
+        days = {when.date(): key for key, (when, _) in reversed(dates.items())}
+        if len(days) > 1:
+            (one, a), (other, b) = sorted(days.items())[:2]
+            raise InputError(
+                f"{a} says {one}, {b} says {other}, and nothing tells when the berg lay there", where=where,
+                remedy=f"Leave one of them out, or call the date of the picture {DATES_BY_BELIEF[0][0]}",
+            )  # fmt: skip
+        if dates:
+            return next((date for date in dates.values() if not date[1]), next(iter(dates.values())))
+    return None
+
+
+def _with_clock(
+    when: datetime, day_only: bool, key: str, values: Mapping[str, str], where: str
+) -> tuple[datetime, bool]:
+    """Return a date with the time of day that stands beside it: acq_time beside acq_date."""
+    name = key.replace("date", "time")
+    text = values.get(name, "") if name != key and day_only else ""
+    if not text or _is_date(text):
+        return when, day_only
+    clock = _CLOCK.fullmatch(text)
+    if clock is None or int(clock[1]) > 23 or int(clock[2]) > 59:
+        raise InputError(
+            f"{value_shown(text)} is no time of day", where=f"{where}, {name}", remedy="Write it like 18:30, in UTC"
+        )
+    hour, minute, second = (int(digits or 0) for digits in clock.groups())
+    return when + timedelta(hours=hour, minutes=minute, seconds=second), False
+
+
+def _is_date(text: str) -> bool:
+    with suppress(InputError):
+        parse_date(text, where="")
+        return True
+    return False
+
+
 def find_date(
     properties: Mapping[str, Any], names: Iterable[str], *, where: str, stated: str | None = None
 ) -> tuple[datetime, bool]:
     """Find the date of an outline: in its attributes, in its names, in the name of its file."""
     small = {str(key).lower(): value for key, value in properties.items()}
-    for key in DATE_KEYS:
-        if small.get(key) not in (None, ""):
-            when, day_only = parse_date(_text_of_value(small[key]), where=f"{where}, {key}")
-            # The time of day may stand beside the date: acq_time beside acq_date.
-            beside = _text_of_value(small.get(key.replace("date", "time"), ""))
-            clock = re.fullmatch(r"(\d\d?):(\d\d)(?::(\d\d))?(?: ?UTC| ?Z)?", beside, re.IGNORECASE)
-            if not (day_only and clock):
-                return when, day_only
-            hour, minute, second = (int(part or 0) for part in clock.groups())
-            return when + timedelta(hours=hour, minutes=minute, seconds=second), False
+    if (held := date_of({key: _text_of_value(value) for key, value in small.items()}, where=where)) is not None:
+        return held
     for text in (*(str(small[key]) for key in NAME_KEYS if small.get(key)), *names):
         dated = date_in_text(text)
         if dated is not None:
@@ -431,7 +475,9 @@ def find_date(
 
 
 def _text_of_value(value: Any) -> str:
-    """Return a value of a table as text; numbers without the point that tables give them."""
+    """Return a value of a table as text, empty for none; numbers without the point that tables give them."""
+    if value is None or value != value:
+        return ""
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     return str(value).strip()

@@ -17,18 +17,21 @@ from riftberg.products.cf import NAMED, bounds_of, coordinates_of, holds_dates, 
 from riftberg.products.product import noted
 from riftberg.products.quantities import unit_change
 from riftberg.products.records import MEAN_OF, named, usual_interval
-from riftberg.products.repair import CALENDARS, date_in_seconds
+from riftberg.products.repair import CALENDARS, EARLY, date_in_seconds
 
 _ISSUED = re.compile(
     r"\b(ref|ref(erence)?_?(time|date)?|init\w*|issue\w*|creat\w*|production|produced|analys[ie]s|base|base_?(time|date)|run|"
     r"run_?(time|date)|cycle|processing|processed|origin|launch|publi\w*|updated?|generat\w*|received|written)\b"
 )
 """Words of dates at which something was made rather than holds."""
-_VALID = re.compile(r"\b(valid\w*|val|valtime|verif\w*)\b")
-_START = re.compile(r"\b(start\w*|begin\w*|first|lower|from|t1)\b")
+_VALID = re.compile(r"\b(valid\w*|val|valtime|verif\w*|utc|gmt)\b")
+_LOCAL = re.compile(r"\b(local|lst|lmt)\b")
+_START = re.compile(r"\b(start\w*|begin\w*|first|lower|from|t0|t1)\b")
 _END = re.compile(r"\b(end\w*|stop\w*|last|upper|to|until|t2)\b")
 _LEAD = re.compile(r"^(step|tau|lead|lead_?times?|forecast_?(period|hours?|lead|lead_?time|time\d*)|fhour)$")
 """Names of the time by which a forecast runs ahead of its date of issue."""
+_IN_DAY = re.compile(r"^(date_?)?(sec|seconds?|hours?|hh|utc_?hours?)(_of_day)?$")
+"""Names of the time of day beside dates without one, such as datesec of CESM."""
 _COVERAGE = (
     ("time_coverage_start", "time_coverage_end"), ("start_date", "stop_date"), ("start_time", "stop_time"),
     ("StartTime", "StopTime"), ("RangeBeginningDate", "RangeEndingDate"), ("first_date", "last_date"),
@@ -41,6 +44,8 @@ _MEAN = re.compile(r"\b(\w*time\w*|t)\s*:\s*(\w+\s*:\s*)*mean\b", re.I)
 
 def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> tuple[xr.DataArray, str]:
     """Return a field with its dates on the dimension ``time``, or without any if the file tells none, and a remark."""
+    for dim in _spare(ds, name):
+        ds = ds.isel({dim: 0})
     field = ds[name]
     stamps = _stamps(ds, name, where)
     stamped = [c for c in stamps if ds[c].ndim == 1]
@@ -83,6 +88,13 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> tuple[xr.Dat
     return _with_dates(bare.expand_dims("time"), xr.DataArray([covered], dims="time")), ""
 
 
+def _spare(ds: xr.Dataset, name: str) -> list[str]:
+    """Return dimensions of one entry of dates that a file gives by issue and lead: valid_time(time, step)."""
+    tables = [c for c, role, _ in coordinates_of(ds, name) if role == "time" and ds[c].ndim == 2 and holds_dates(ds[c])]
+    single = [[str(dim) for dim in ds[c].dims if ds.sizes[dim] == 1] for c in tables]
+    return next((dims[-1:] for dims in single if dims), [])
+
+
 def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
     """Return the coordinates of a field that hold dates; numbers like 20201216 are turned into dates in place."""
     stamps: list[str] = []
@@ -94,10 +106,10 @@ def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
         if holds_dates(variable):
             stamps.append(other)
         elif (dates := _counted(variable)) is not None:
-            ds[other] = (variable.dims, dates, variable.attrs)
+            ds[other] = (variable.dims, dates + _into_day(ds, variable), variable.attrs)
             stamps.append(other)
         elif variable.ndim == 1 and declared and variable.dims == (other,) and " since " in units_of(variable):
-            early = re.search(r"since\s+(-|0{1,4}-)", units_of(variable))
+            early = EARLY.search(units_of(variable))
             fault = (
                 "which begins before the year 1" if early else "which is no length of time that can be added to a date"
             )
@@ -117,6 +129,19 @@ def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
         if not any(ds[stamp].dims == (other,) for stamp in stamps):
             raise ForcingError(what, where=where, remedy=remedy)
     return stamps
+
+
+def _into_day(ds: xr.Dataset, dates: xr.DataArray) -> Any:
+    """Return the time of day that stands in a variable of its own beside dates like 20201216, where there is one."""
+    if np.any(dates.values % 1) or np.any(dates.values > 99999999):
+        return np.timedelta64(0, "ns")
+    for name, variable in ds.variables.items():
+        if variable.dims == dates.dims and variable.dtype.kind in "iuf" and (said := _IN_DAY.match(str(name).lower())):
+            seconds = _seconds_in(units_of(variable)) or (1.0 if said[2].startswith("s") else 3600.0)
+            values = np.nan_to_num(np.asarray(variable.values, float)) * seconds
+            if values.min(initial=0.0) >= 0.0 and values.max(initial=0.0) < SECONDS_PER_DAY:
+                return np.round(1e3 * values).astype("timedelta64[ms]")
+    return np.timedelta64(0, "ns")
 
 
 def _counted(variable: xr.DataArray) -> Any:
@@ -157,7 +182,7 @@ def _valid(ds: xr.Dataset, names: list[str], field: str, where: str) -> tuple[xr
         issued = name in ahead or said == "forecast_reference_time" or bool(_ISSUED.search(words))
         axis = name in ds.dims or ds[name].attrs.get("axis") == "T"
         return (
-            NAMED not in ds[name].attrs, issued, bool(_START.search(words) or _END.search(words)),
+            NAMED not in ds[name].attrs, issued, any(kind.search(words) for kind in (_START, _END, _LOCAL)),
             not _VALID.search(words), said != "time", not axis, name != "time",
         )  # fmt: skip
 
@@ -415,7 +440,7 @@ def _standing_for(ds: xr.Dataset, seconds: NDArray[np.float64], dates: Any) -> x
     return ds.assign_attrs(averaging_seconds=float(np.median(seconds)))
 
 
-def settled(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
+def means_at_middle(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
     """Put means without bounds where they hold, and say so, once all records of all files are known.
 
     Months stamped on their first or last day are put in mid-month, days stamped 00:00 at noon of the day that begins there:

@@ -17,7 +17,7 @@ record without time means a field constant in time.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,9 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.products.cf import USUAL_NAMES, role_of
 from riftberg.products.oceans import depth_from_elevation
+from riftberg.products.place import is_nominal_name
 from riftberg.products.product import Evidence, Heading, Product, Source, noted, without_single
+from riftberg.state import Ints
 from riftberg.system.input_files import is_address
 from riftberg.system.netcdf_lock import open_lazily
 
@@ -500,6 +502,41 @@ def grid_of(
         raise ForcingError(f"{len(fitting)} different grids beside it fit: {names}", where=where, remedy=remedy)
     by = "named in the file" if stated else "of the same sea floor or mask" if proven else "of the same size"
     return first.assign_attrs(told=f"positions are those of the grid file {next(iter(fitting))}, {by}")
+
+
+def with_static_grid(ds: xr.Dataset) -> xr.Dataset:
+    """Give output of MOM on nominal axes alone the true positions, by the static file in the same folder.
+
+    The rows and columns are known by the nominal axes of both files, so that a part of the grid finds its own.
+    """
+    where = str(ds.encoding.get("source", ""))
+    axes = [dim for dim in ds.dims if dim in ds.variables and is_nominal_name(str(dim))]
+    if len(axes) < 2 or not where or is_address(where) or any("geolon" in str(name) for name in ds.variables):
+        return ds
+    beside = Path(where).parent
+    for path in sorted(
+        {path for pattern in ("*static*", "*grid*", "*geometry*") for path in beside.glob(f"{pattern}.nc*")}
+    ):
+        try:
+            with open_lazily(path, decode_times=False) as opened:
+                names = [name for name in opened.variables if re.match(r"geol(at|on)", str(name))]
+                held = opened[names].load().reset_coords()
+        except Exception:  # a neighbour that cannot be read is no grid of this file
+            continue
+        rows = {dim: _rows_of(held, ds, dim) for dim in axes if dim in held.dims and dim in held.variables}
+        chosen = held.isel({dim: index for dim, index in rows.items() if index is not None})
+        fitting = [n for n in names if all(rows.get(dim) is not None for dim in held[n].dims)]
+        if fitting:
+            ds = ds.assign({n: (chosen[n].dims, chosen[n].values, chosen[n].attrs) for n in fitting})
+            return noted(ds, told=f"true positions are those of the grid file {path.name}, by its axes")
+    return ds
+
+
+def _rows_of(grid: xr.Dataset, ds: xr.Dataset, dim: Hashable) -> Ints | None:
+    """Return at which rows of a grid the values of an axis stand; None if one stands at none."""
+    apart = np.abs(np.subtract.outer(ds[dim].values.astype(float), grid[dim].values.astype(float)))
+    rows = np.argmin(apart, axis=1)
+    return rows if apart.min(axis=1).max(initial=0.0) < 1e-4 else None
 
 
 def _alike(a: xr.DataArray, b: xr.DataArray) -> bool:

@@ -45,18 +45,29 @@ _NO_POSITIONS = f"{{}} and {{}} are nominal axes: north of {SEAM:g} N, where tri
 
 _ROTATED = re.compile(r"rotat|^r_?l(at|on)|grid_l(at|ong)itude")
 
+_STEM = re.compile(r"longitude|latitude|long?|lat|glam|gphi")
+
+_STAGGERED = re.compile(r"(?:^|_)(t|rho|u|v|c|q|f|psi)$")
+"""What is left of names such as TLAT, gphiu, XLONG_V, geolat_c or lat_rho says on which points of a cell they lie."""
+
+_POINTS = {"t": ("t", "rho", "", "u", "c"), "u": ("u", "c", "q", "v"), "v": ("v", "u", "c", "q")}
+"""Points on which models have a field of a cell, and the components along its rows and columns, in the order of belief."""
+
 STRAIGHT = 1e-5
 """Two-dimensional positions that differ by less (degrees) along a row or column make ordinary axes."""
 
 
-def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) -> xr.DataArray:
-    """Return a field on ``lat`` and ``lon``, on ``y`` and ``x`` with positions, or on ``node``."""
+def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str, point: str = "t") -> xr.DataArray:
+    """Return a field on ``lat`` and ``lon``, on ``y`` and ``x`` with positions, or on ``node``.
+
+    The point of a cell ("t", "u" or "v") decides where a file has positions of several and the field names none.
+    """
     field, rest = _without_singles(ds, name, field, where)
     coordinates = list(coordinates_of(ds, name))
     projected = _projected(ds, name, field, rest, coordinates)
     if projected is not None:
         return projected
-    lat, lon, aside = _pair(ds, coordinates, rest, name, where)
+    lat, lon, aside = _pair(ds, coordinates, rest, name, point, where)
     north, east = (_checked_degrees(ds[c], where) for c in (lat, lon))
     low, high = float(north.min()), float(north.max())
     if low < -90.001 or high > 90.001:
@@ -127,7 +138,7 @@ def _without_singles(ds: xr.Dataset, name: str, field: xr.DataArray, where: str)
 
 
 def _pair(
-    ds: xr.Dataset, coordinates: list[tuple[str, Any, bool]], rest: list[str], name: str, where: str
+    ds: xr.Dataset, coordinates: list[tuple[str, Any, bool]], rest: list[str], name: str, point: str, where: str
 ) -> tuple[str, str, str]:
     """Return the names of the latitude and the longitude that belong to a field, together on all dims of place, and a remark.
 
@@ -136,9 +147,17 @@ def _pair(
     lats = [(declared, c) for c, role, declared in coordinates if role == "lat" and ds[c].ndim in (1, 2)]
     lons = [(declared, c) for c, role, declared in coordinates if role == "lon" and ds[c].ndim in (1, 2)]
     listed = str(ds[name].encoding.get("coordinates", "")).split()
+    believed = _POINTS[point]
+
+    def doubt(lat: str, lon: str) -> int:
+        stems = [_STEM.sub("", c.lower(), count=1) for c in (lat, lon)]
+        on = _STAGGERED.search(stems[0].strip("_"))
+        at = on[1] if on else ""
+        return len(believed) + 1 if stems[0] != stems[1] else believed.index(at) if at in believed else len(believed)
+
     fitting = [
         (any(NAMED not in ds[c].attrs for c in (lat, lon)), not (lat in listed and lon in listed), not (d1 and d2),
-         ds[lat].ndim, lat, lon)
+         ds[lat].ndim, doubt(lat, lon), lat, lon)
         for d1, lat in lats for d2, lon in lons
         if {*map(str, ds[lat].dims), *map(str, ds[lon].dims)} == set(rest) and ds[lat].ndim == ds[lon].ndim
         and ds[lat].size > 0
@@ -146,11 +165,12 @@ def _pair(
     if fitting:
         # First pairs that the variable names itself, then those declared as coordinates, then axes before
         # two-dimensional positions.
-        lat, lon = min(fitting)[4:]
+        best = min(fitting)
+        lat, lon = best[5:]
         if ds[lat].ndim == 2 or ds[lat].dims == ds[lon].dims:
-            return lat, lon, ""
+            return lat, lon, _choice(ds, name, best, fitting, len(believed), where)
         # Those that the user or the variable names are meant, unless they are called nominal, or rotated.
-        true = [pair[4:] for pair in sorted(fitting) if pair[3] == 2]
+        true = [pair[5:] for pair in sorted(fitting) if pair[3] == 2]
         strange = _is_nominal(ds, lat, lon) or any(_ROTATED.search(_said(ds, c)) for c in (lat, lon))
         if NAMED in ds[lat].attrs or (lat in listed and lon in listed and not strange):
             return lat, lon, ""
@@ -186,8 +206,36 @@ def _pair(
     )  # fmt: skip
 
 
+def _choice(
+    ds: xr.Dataset, name: str, best: tuple[Any, ...], fitting: list[tuple[Any, ...]], undecided: int, where: str
+) -> str:
+    """Return a remark where positions of other points of the cells lie beside those taken; refuse what nothing decides."""
+    lat, lon = best[5:]
+    positions = [_checked_degrees(ds[c], where) for c in (lat, lon)]
+    for other in sorted(fitting)[1:]:
+        if other[:4] != best[:4] or {lat, lon} & {*other[5:]}:
+            continue
+        off = [np.abs(a - _checked_degrees(ds[c], where)) for a, c in zip(positions, other[5:], strict=True)]
+        if float(off[0].max()) <= STRAIGHT and float(np.minimum(off[1], np.abs(off[1] - 360.0)).max()) <= STRAIGHT:
+            continue
+        if best[4] == other[4] or best[4] >= undecided:
+            raise ForcingError(
+                f"{lat}, {lon} and {other[5]}, {other[6]} both hold positions of {name}, and nothing says on which it lies",
+                where=where,
+                remedy=f"Name them: names: {{lat: {lat}, lon: {lon}}}, or --names lat={lat},lon={lon}, or in its attribute "
+                "'coordinates'",
+            )  # fmt: skip
+        return f"positions of {name} are those of {lat} and {lon}, not of {other[5]} and {other[6]}"
+    return ""
+
+
 def _said(ds: xr.Dataset, axis: str) -> str:
     return f"{axis.lower()} {standard_name(ds[axis])} {str(ds[axis].attrs.get('long_name', '')).lower()}"
+
+
+def is_nominal_name(name: str) -> bool:
+    """Tell whether axes of that name are nominal ones."""
+    return bool(_NOMINAL.search(name.lower()))
 
 
 def _is_nominal(ds: xr.Dataset, lat: str, lon: str) -> bool:
@@ -201,7 +249,9 @@ def _is_nominal(ds: xr.Dataset, lat: str, lon: str) -> bool:
 def _south_of_seam(field: xr.DataArray, said: str, where: str) -> xr.DataArray:
     """Return a field on nominal axes where these are positions, with a remark; refuse one that lies beyond."""
     rows = np.flatnonzero(field["lat"].values <= SEAM)
-    remedy = "Add the latitudes and longitudes of all points from the grid file of the model (geolat, geolon)"
+    remedy = (
+        "Put the grid file of the model with those of all points (geolat, geolon: *static*.nc) into the same folder"
+    )
     if rows.size < min(2, field.sizes["lat"]):
         raise ForcingError(said, where=where, remedy=remedy)
     cut = " and nothing is read" if rows.size < field.sizes["lat"] else ""

@@ -31,10 +31,11 @@ from riftberg.products.cf import (
 )
 from riftberg.products.dates import dated, declared_mean, stated_interval, told_kind
 from riftberg.products.levels import LEVEL, judged, on_depths
+from riftberg.products.models import with_static_grid
 from riftberg.products.place import positioned, tidy_axes
 from riftberg.products.product import Product, noted
 from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
-from riftberg.products.records import MEAN_OF, REMARKS
+from riftberg.products.records import MEAN_OF, REMARKS, VECTORS
 from riftberg.products.repair import (
     REPAIRS,
     VALID,
@@ -232,6 +233,7 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
         decoded = decoded.isel(one, drop=True)
     ds = product.reshape(within_valid_range(decoded))
     ds.encoding["source"] = path
+    ds = with_static_grid(ds)
     # The undecoded heading says these: decoding takes units and bounds out of the attributes.
     stated, kind = stated_interval(raw, path), told_kind(raw, path) if product.kind_matters else ""
     parts = []
@@ -427,10 +429,13 @@ def _canonical(
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
     one = _one_member(ds, name, field, where)
     field, remarks = judged(ds, name, field, quantity, where=where)
-    field = positioned(ds, name, field, where=where)
+    point = "t" if quantity not in COMPONENTS else "u" if quantity in dict(VECTORS) else "v"
+    field = positioned(ds, name, field, where=where, point=point)
 
     def place(other: str) -> xr.DataArray:
-        return positioned(ds, other, dated(ds, other, where=where, moves=False)[0], where=where)
+        # ANGLET, gcost and cos_rot stand in the middle of the cells, ANGLE where the components stand.
+        there = "t" if other.lower().endswith("t") else point
+        return positioned(ds, other, dated(ds, other, where=where, moves=False)[0], where=where, point=there)
 
     wkt, placed = field.attrs.get("crs_wkt", ""), str(field.attrs.pop("placed", ""))
     field = field.assign_attrs({**attributes, **({"crs_wkt": wkt} if wkt else {})})

@@ -12,7 +12,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError, nearest
 from riftberg.products import cf, models, oceans
-from riftberg.products.dates import settled
+from riftberg.products.dates import means_at_middle
 from riftberg.products.levels import uppermost
 from riftberg.products.product import Heading, Product, noted
 from riftberg.products.quantities import QUANTITIES
@@ -259,7 +259,7 @@ def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
     """Return joined files with the interval of all their records noted, which a window would no longer show."""
     if "time" not in ds.dims:
         return ds
-    ds = settled(product.settle(ds), known=product.longest_step is not None)
+    ds = means_at_middle(product.settle(ds), known=product.longest_step is not None)
     _, first = np.unique(ds["time"].values, return_index=True)
     if first.size < ds.sizes["time"]:  # days written 00:00 in one file and 12:00 in another
         lost = ds.sizes["time"] - first.size

@@ -233,6 +233,12 @@ def date_in_seconds(text: str) -> float | None:
     return float(date.astype(np.int64)) + float(f"0.{fraction or 0}") - ahead
 
 
+_JULIAN_DAY = re.compile(r"days? since -471(?:3-11-24|2-0?1-0?1)(?:[ T](0?0|12)(?::00)*(?:\.0*)?(?: ?(?:Z|UTC))?)?$")
+"""Units of Julian days, by the proleptic Gregorian and the Julian calendar."""
+
+EARLY = re.compile(r"since\s+(-|0{1,4}-)")
+
+
 def with_plain_time_units(ds: xr.Dataset, where: str) -> xr.Dataset:
     """Return a dataset whose units of time read ``hours since DATE`` in a calendar of CF, however they were written."""
     for name, variable in ds.variables.items():
@@ -246,6 +252,15 @@ def with_plain_time_units(ds: xr.Dataset, where: str) -> xr.Dataset:
                     remedy=f"Write it in numbers, such as -05:00: ncatted -a units,{name},o,c,'hours since DATE -05:00' FILE",
                 )  # fmt: skip
             plain = f"{match[1].lower()} since {match[2]}"
+            if (day := _JULIAN_DAY.match(plain)) is not None and variable.dtype.kind in "iuf":
+                first = 2400000.5 + (12 - int(day[1] or 0)) / 24.0
+                told = {key: value for key, value in variable.attrs.items() if key != "calendar"}
+                ds = ds.assign(
+                    {name: (variable.dims, variable.values - first, {**told, "units": "days since 1858-11-17"})}
+                )
+                continue
+            if EARLY.search(plain):  # years before 1 are counted in two ways, and libraries take one of them
+                plain += " BC"
             if plain != units:
                 variable.attrs["units"] = plain
             # "Gregorian", "gregorian_proleptic" and "365 days" name calendars of CF too.

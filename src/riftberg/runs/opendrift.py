@@ -27,7 +27,7 @@ from riftberg.physics.floating import draft_of
 from riftberg.runs.accessor import Course
 from riftberg.runs.layout import parameters_of
 from riftberg.state import Floats, Ints
-from riftberg.system.input_files import check_file, reading
+from riftberg.system.input_files import check_file, is_seen, reading
 from riftberg.system.netcdf_lock import open_lazily, write_dataset
 
 VARIABLES: Final = {
@@ -276,7 +276,7 @@ def _trajectory(ds: xr.Dataset, layout: _Layout, k: int, source: str) -> Traject
     lon, lat = (np.asarray(column(*names), float) for names in (("lon", "longitude"), ("lat", "latitude")))
     times = layout.time if layout.rows is None and layout.time.ndim == 1 else column("time")
     assert times is not None
-    valid = np.isfinite(lon) & np.isfinite(lat) & ~np.isnat(times)
+    valid = np.fromiter(map(is_seen, lon, lat), bool, lon.size) & ~np.isnat(times)
     if not valid.any():
         return None
 

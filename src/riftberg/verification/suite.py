@@ -39,7 +39,7 @@ from riftberg.ocean.series import Series, make_series
 from riftberg.parameters import Parameters
 from riftberg.runs.tracks import main_position
 from riftberg.state import Floats
-from riftberg.system.input_files import in_folder, is_folder, rows_of_csv, value_shown
+from riftberg.system.input_files import in_folder, is_folder, is_seen, rows_of_csv, value_shown
 from riftberg.verification.scores import EARTH_KM, FEWEST, distance
 from riftberg.verification.tracks import (
     BASELINES,
@@ -214,12 +214,15 @@ def _starts(path: Path) -> Iterator[Start]:
                 f"no column {missing!r}" if missing else f"{wrong} = {value_shown(texts[wrong])} is not possible", where=where,
                 remedy="Columns are berg, date, lon, lat (degrees), length, width and thickness (m)",
             )  # fmt: skip
+        if not is_seen(values["lon"], values["lat"]):
+            raise InputError(
+                f"latitude {values['lat']:g}, longitude {values['lon']:g} are no position", where=where,
+                remedy="Leave the row out",
+            )  # fmt: skip
         date, before = parse_date(texts["date"], where=where)[0], {}
-        if texts.get("date_before"):
-            earlier, place = (
-                parse_date(texts["date_before"], where=where)[0],
-                (values.get("lon_before", np.nan), values.get("lat_before", np.nan)),
-            )
+        place = values.get("lon_before", np.nan), values.get("lat_before", np.nan)
+        if texts.get("date_before") and (np.isnan(place).any() or is_seen(*place)):
+            earlier = parse_date(texts["date_before"], where=where)[0]
             if not earlier < date or np.isnan(place).any():
                 raise InputError(
                     f"{earlier} and {place} are no earlier date and position", where=where,
