@@ -194,7 +194,7 @@ class _Calving:
         if footloose.modulus == "constant" or self.when.growth is None:
             return np.full(el.size, v.youngs)
         edge = edge_lengths(el)
-        number, berg = numbered(np.where(el.berg == 0, -1 - np.arange(el.size), el.berg))
+        _, berg = numbered(np.where(el.berg == 0, -1 - np.arange(el.size), el.berg))
         of_berg = np.bincount(berg, self.when.growth * edge) / np.maximum(np.bincount(berg, edge), 1.0)
         return np.array([
             relaxed_modulus(thickness, of_berg[k], v.strength, v.rho_ice, footloose.viscosity)
