@@ -150,8 +150,7 @@ class Circumstances(NamedTuple):
     draws: CalvingDraws  # Random places on the rim
     # Processes of the reference along x and y whose results are followed; 1, 1 in runs of Riftberg's own
     ranks: tuple[int, int] = (1, 1)
-    # Mean rate (m s-1) at which the feet of the elements grow; None where edges do not relax
-    growth: Floats | None = None
+    growth: Floats | None = None  # `growth_of` the elements; None where edges do not relax
     # Gives the identifier of a child from the cell (column, row) of its parent; None where the population numbers them
     names: Callable[[int, int], int] | None = None
 
@@ -162,7 +161,7 @@ class _Calving:
     def __init__(self, model: Living, p: Parameters, values: LifeValues, when: Circumstances) -> None:
         self.model, self.p, self.values, self.when = model, p, values, when
         self.el = model.elements
-        self.youngs = self._moduli()
+        self.youngs = edge_moduli(self.el, p, when.growth)
         self.reference = p.footloose.footloose_sets_density
         self.born: list[tuple[Elements, int]] = []
         self.gained = 0.0
@@ -187,19 +186,6 @@ class _Calving:
         for child, parent in self.born:
             self._add(child, parent)
         return self.gained
-
-    def _moduli(self) -> Floats:
-        """Young's modulus (Pa) by which the edge of each element breaks."""
-        footloose, el, v = self.p.footloose, self.el, self.values
-        if footloose.modulus == "constant" or self.when.growth is None:
-            return np.full(el.size, v.youngs)
-        edge = edge_lengths(el)
-        _, berg = numbered(np.where(el.berg == 0, -1 - np.arange(el.size), el.berg))
-        of_berg = np.bincount(berg, self.when.growth * edge) / np.maximum(np.bincount(berg, edge), 1.0)
-        return np.array([
-            relaxed_modulus(thickness, of_berg[k], v.strength, v.rho_ice, footloose.viscosity)
-            for thickness, k in zip(el.thickness.tolist(), berg.tolist(), strict=True)
-        ])  # fmt: skip
 
     # ------------------------------------------------------------------------------------------------- who calves
 
@@ -517,6 +503,20 @@ def calve_footloose(model: Living, p: Parameters, values: LifeValues, when: Circ
 def edge_lengths(el: Elements) -> Floats:
     """Length (m) of the edge along which the foot of each element grows."""
     return np.where(el.life.front >= 0.0, el.life.front, 2.0 * (el.length + el.width))
+
+
+def edge_moduli(el: Elements, p: Parameters, growth: Floats | None) -> Floats:
+    """Young's modulus (Pa) by which the edge of each element breaks; ``growth`` of its foot, m s-1, where edges relax."""
+    footloose = p.footloose
+    if footloose.modulus == "constant" or growth is None:
+        return np.full(el.size, footloose.youngs)
+    edge = edge_lengths(el)
+    _, berg = numbered(np.where(el.berg == 0, -1 - np.arange(el.size), el.berg))  # without a number each is alone
+    of_berg = np.bincount(berg, growth * edge) / np.maximum(np.bincount(berg, edge), 1.0)
+    return np.array([
+        relaxed_modulus(thickness, rate, footloose.strength, p.ice.density, footloose.viscosity)
+        for thickness, rate in zip(el.thickness.tolist(), of_berg[berg].tolist(), strict=True)
+    ])  # fmt: skip
 
 
 def follow_growth(el: Elements, grown: Floats, dt: float, remembered: MutableMapping[str, Floats]) -> None:
