@@ -109,7 +109,10 @@ def strips() -> str:
     length = flexural_length(INSTANT_MODULUS, 200.0)
     wide, _ = foot_moment(1e-3, 200.0, 850.0, length)
     found = [foot_moment(1e-3, 200.0, 850.0, length, width * length)[0] / wide for width in STRIPS]
-    rows = [("asked", *(f"{asked:.2f}" for asked in STRIPS.values())), ("reached", *(f"{value:.2f}" for value in found))]
+    rows = [
+        ("asked", *(f"{asked:.2f}" for asked in STRIPS.values())),
+        ("reached", *(f"{value:.2f}" for value in found)),
+    ]
     return table(("width over λ", *(f"{width:g}" for width in STRIPS)), rows)
 
 

@@ -1,7 +1,7 @@
 """A68a told by what is measured: 170 m of ice, drag of the textbook, a rift at the neck of the finger, on twenty lattices.
 
-The ocean of the built-in story was fitted with 17.8 times the drag of the water; here its shoal and its eddy are moved once more. The
-fit goes by `FITTED` lattices; the others only report.
+The ocean of the built-in story was fitted with 17.8 times the drag of the water; here its shoal and its eddy are moved once
+more. The fit goes by `FITTED` lattices; the others only report.
 
 python benchmarks/weak_neck.py                    the five lattices of the fit, for the numbers of `FIT`
 python benchmarks/weak_neck.py --all --write      all twenty, and elements of 2 and 1.5 km, into docs/evidence/a68a.md
@@ -47,7 +47,10 @@ HALF_NECK = [(-38.665, -55.122), (-38.665, -55.0145)]
 class Fit(NamedTuple):
     """What is fitted, and what is given."""
 
-    shoal: tuple[float, float] = (0.0, 0.0)  # How far the shoal is moved from that of the built-in ocean, km east and north
+    shoal: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # How far the shoal is moved from that of the built-in ocean, km east and north
     rise: float = 0.0  # By how much its summit and floor are higher, m
     eddy: float = 1.0  # Factor on the spin of the eddy
     tip: float = 90.0  # Strength at the tips of crevasses, kPa
@@ -105,7 +108,9 @@ def told(model: Model) -> Told:
     fingers = [e for e in events if 19 <= e[0] <= 22 and 450.0 <= e[1] <= 900.0 and not e[2]]
     others = [e for e in events if e[1] >= 100.0 and e not in (*tips[:1], *fingers[:1])]
     pieces = ", ".join(
-        f"{area:.0f} km² {day}. {hour} {'aground' if held else 'afloat'}" for day, area, held, hour in events if area >= 50.0
+        f"{area:.0f} km² {day}. {hour} {'aground' if held else 'afloat'}"
+        for day, area, held, hour in events
+        if area >= 50.0
     )
     return Told(pieces or "nothing", bool(tips), bool(fingers), not others)
 
@@ -129,7 +134,9 @@ def main() -> None:
         result = told(model_of(fit, packing, 1500.0, **lattice))
         count += result[1:]
         use = "fit" if k in FITTED else "report"
-        rows.append((packing, f"{angle:g}°", "3 km", use, result.pieces, *("yes" if good else "no" for good in result[1:])))
+        rows.append(
+            (packing, f"{angle:g}°", "3 km", use, result.pieces, *("yes" if good else "no" for good in result[1:]))
+        )
         print(*rows[-1], sep=" | ", flush=True)
     print(dict(zip(("tip", "finger", "nothing else"), count.tolist(), strict=True)), "of", len(rows), flush=True)
     for radius in (1000.0, 750.0) if asked.all else ():

@@ -36,7 +36,7 @@ from riftberg.stepping.explicit.stability import (
 )
 from riftberg.stepping.forces.media import OWN
 from riftberg.stepping.fracture.reserves import reserve_lines
-from riftberg.stepping.fracture.rift_tips import RiftTip, rift_notice, standing_tips
+from riftberg.stepping.fracture.rift_tips import RiftTip, rift_notices, standing_tips
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.grounding_log import GroundingLog
@@ -671,10 +671,10 @@ class BareModel(RunState):
         """What should be known of a run with these parameters, a sentence each."""
         rings = resonance_warning(self.elements, self.bonds, self.parameters)
         stiff = narrow_warning(self.elements, self.parameters)
-        rift = rift_notice(self.bonds, self.parameters)
         of_floor = floor_notices(self.forcing, self.elements, self.parameters, placed=self.step_number == 0)
         return (
-            *(text for text in (self.sea_level_notice, rings, stiff, rift) if text),
+            *(text for text in (self.sea_level_notice, rings, stiff) if text),
+            *rift_notices(self.elements, self.bonds, self.parameters),
             *of_floor,
             *self.unusual.values(),
         )
