@@ -5,7 +5,7 @@ more. The fit goes by `FITTED` lattices; the others only report.
 
 python benchmarks/weak_neck.py                    the five lattices of the fit, for the numbers of `FIT`
 python benchmarks/weak_neck.py --all --write      all twenty, and elements of 2 and 1.5 km, into docs/evidence/a68a.md
-python benchmarks/weak_neck.py --shoal 2.9 0 --eddy 1.0 --neck 7.5     other numbers
+python benchmarks/weak_neck.py --shoal -10 -3 --rise 25 --open 0.67     other numbers
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ THICKNESS = 170.0
 NECK = [(-38.665, -55.15), (-38.665, -54.88)]
 """Line across the neck of the finger on 9 December, degrees."""
 
-HALF_NECK = [(-38.665, -55.122), (-38.665, -55.0145)]
-"""The southern half of it, from the outline on."""
+SOUTH, NORTH = -55.102, -54.927
+"""Edges of the ice there, degrees."""
 
 
 class Fit(NamedTuple):
@@ -54,7 +54,8 @@ class Fit(NamedTuple):
     rise: float = 0.0  # By how much its summit and floor are higher, m
     eddy: float = 1.0  # Factor on the spin of the eddy
     tip: float = 90.0  # Strength at the tips of crevasses, kPa
-    neck: float = 7.5  # Strength of the weakened line across the neck, kPa; 0: an open rift over its southern half
+    open: float = 0.5  # Part of the neck that an open rift cuts, from the south; 0: a weakened line across it instead
+    neck: float = 7.5  # Strength of that line, kPa
     toughness: float = 0.3  # Of the ice where the rift is open, MPa m1/2
 
 
@@ -73,7 +74,7 @@ class Told(NamedTuple):
 def ice(fit: Fit) -> Parameters:
     """Return the parameters: the drag of the textbook, and the strengths."""
     fracture: dict[str, Any] = {"crevasse_strength": 1e3 * fit.tip, "shear_strength": 100e3}
-    if fit.neck == 0.0:
+    if fit.open > 0.0:
         fracture |= {"criterion": "toughness", "toughness": 1e6 * fit.toughness}
     return Parameters(
         sea_ice={"capture": "none"}, bonds={"constant_size": True}, fracture=fracture, stepping={"time_step": 1800.0}
@@ -84,11 +85,12 @@ def model_of(fit: Fit, packing: Any, radius: float, **lattice: Any) -> Model:
     """Return the model on one lattice."""
     p = ice(fit)
     berg = a68a_berg(radius, packing, thickness=THICKNESS, density=p.ice.density, **lattice)
-    if fit.neck > 0.0:
+    if fit.open == 0.0:
         whole = reserve(1e3 * fit.tip, prestress(THICKNESS, p.ice.density))
         berg = berg.with_rifts(np.array(NECK), strength=min(1.0, 1e3 * fit.neck / whole))
     else:
-        berg = berg.with_rifts(np.array(HALF_NECK), broken=True)
+        line = [(NECK[0][0], SOUTH - 0.02), (NECK[0][0], SOUTH + fit.open * (NORTH - SOUTH))]
+        berg = berg.with_rifts(np.array(line), broken=True)
     turn_rigidly(berg.elements, math.radians(TURN) / SECONDS_PER_DAY, Metric(True, berg.earth_radius))
     lon, lat, length, height, floor = OWN.shoal
     degree = 1e-3 * DEGREE * EARTH_RADIUS_A68
@@ -119,12 +121,12 @@ def main() -> None:
     """Run the lattices, print what they tell, write it where that is asked for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--shoal", type=float, nargs=2, default=FIT.shoal, help="km east and north")
-    for name in ("rise", "eddy", "tip", "neck", "toughness"):
+    for name in ("rise", "eddy", "tip", "open", "neck", "toughness"):
         parser.add_argument(f"--{name}", type=float, default=getattr(FIT, name))
     parser.add_argument("--all", action="store_true", help="all twenty lattices, and elements of 2 and 1.5 km")
     parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
     asked = parser.parse_args()
-    fit = Fit(tuple(asked.shoal), asked.rise, asked.eddy, asked.tip, asked.neck, asked.toughness)
+    fit = Fit(tuple(asked.shoal), asked.rise, asked.eddy, asked.tip, asked.open, asked.neck, asked.toughness)
     print(fit, flush=True)
     rows, count = [], np.zeros(3, int)
     for k, (packing, angle, shift) in enumerate(LATTICES):
