@@ -108,7 +108,7 @@ def edge_bending(ice: EdgeIce, parameters: Parameters, feet: Feet | None = None)
     step, side = (min(STEP * spacing, NARROW * width), max(bends, LONG_SIDES * spacing)) if x.size > 1 else (0.0, bends)
     found = _corners(outline, step, side)
     thickest = int(thickness.argmax())
-    edges = [(float(thickness[thickest]), at[thickest], None)]
+    edges: list[tuple[float, Floats, float | None]] = [(float(thickness[thickest]), at[thickest], None)]
     edges += [(float(thickness[np.hypot(*(at - p).T).argmin()]), p, angle) for p, angle in found]
 
     def largest(stresses: list[tuple[float, float]]) -> BentEdge:

@@ -247,7 +247,8 @@ class Scene:
 
     def thickness(self, record: int) -> Floats:
         """Return the thickness (m) of the elements at a record."""
-        return self._thickness[min(record, len(self._thickness) - 1)]
+        thickness: Floats = self._thickness[min(record, len(self._thickness) - 1)]
+        return thickness
 
     def prestress(self, record: int) -> Floats:
         """Return the pre-stress (Pa) of the elements at a record."""
