@@ -11,6 +11,7 @@ import pytest
 
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.diagnostics import why
+from riftberg.diagnostics.edges import EdgeIce, edge_bending
 from riftberg.diagnostics.summary import summarize
 from riftberg.physics.edge_bending import bending_stress, flexural_length, foot_moment, front_moment
 from riftberg.plane import ConformalPlane
@@ -75,6 +76,15 @@ def test_the_front_of_thick_ice_bends_most() -> None:
     assert front["corner"] is None
     assert abs(front["lon"]) < 2e3
     assert front["lat"] > 8e3
+
+
+def test_elements_that_have_melted_at_their_sides_are_still_one_berg() -> None:
+    """They lie as they did, and are half as wide."""
+    e = Iceberg.rectangle(24e3, 12e3, thickness=200.0, radius=1000.0, placement=(0.0, 0.0), latlon=False).elements
+    ice = EdgeIce(e.lon, e.lat, 0.5 * e.length, 0.5 * e.width, e.thickness)
+    front = edge_bending(ice, Parameters(earth={"latlon": False})).front
+    assert front.corner == pytest.approx(90.0, abs=4.0)
+    assert (abs(front.lon), abs(front.lat)) == pytest.approx((12e3, 6e3), abs=1.5e3)
 
 
 def test_a_lone_berg_bends_as_the_strip_that_it_is() -> None:

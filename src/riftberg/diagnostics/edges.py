@@ -92,7 +92,7 @@ def edge_bending(ice: EdgeIce, parameters: Parameters, feet: Feet | None = None)
     earth, density = parameters.earth, parameters.ice.density
     plane = ConformalPlane(float(ice.lon[0]), float(ice.lat[0]), earth.radius, earth.latlon)
     x, y = plane.forward(ice.lon, ice.lat)
-    spacing = float(np.sqrt(ice.area.mean()))
+    spacing = _spacing(np.column_stack([x, y]), ice.area)
     if x.size == 1:
         half = 0.5 * float(ice.length[0]), 0.5 * float(ice.width[0])
         outline = shapely.box(-half[0], -half[1], *half)
@@ -132,6 +132,16 @@ def edge_bending(ice: EdgeIce, parameters: Parameters, feet: Feet | None = None)
         at_most = max(strip, wide * at_corner(FOOT_AT_CORNER, angle)) if angle else strip
         stresses.append((bending_stress(at_most, h), inland))
     return EdgeBending(front, largest(stresses))
+
+
+def _spacing(centres: Floats, area: Floats) -> float:
+    """Return the distance of the elements of a berg, m; elements that have melted at their sides lie farther apart than wide."""
+    side = float(np.sqrt(area.mean()))
+    if len(centres) == 1:
+        return side
+    from scipy.spatial import KDTree
+
+    return max(side, float(np.median(KDTree(centres).query(centres, 2)[0][:, 1])))
 
 
 def _corners(outline: Any, step: float, side: float) -> list[tuple[Floats, float]]:
