@@ -38,7 +38,7 @@ STEP: Final = 1.05
 NARROW: Final = 0.4
 """Part of the width of a berg that is not straightened away."""
 
-LONG_SIDES: Final = 1.5
+LONG_SIDES: Final = 2.0
 """Sides of a corner are at least as long, in distances of the elements."""
 
 
