@@ -20,9 +20,9 @@ import numpy as np
 import xarray as xr
 
 from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg.engines.quasi_static.lattice.sides import FragmentSides
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
-from riftberg.engines.quasi_static.lattice.sides import FragmentSides
 
 TURNS = 24
 """Pairs that are timed, after one that is not: a step of the days of one run, and of the other, and so on."""

@@ -248,9 +248,7 @@ def main() -> None:
     home = Path(__file__).resolve().parents[1] / "src" / PACKAGE
     parser.add_argument("folder", nargs="?", type=Path, default=home, help="folder of the package")
     parser.add_argument("--list", action="store_true", help="print every finding")
-    parser.add_argument(
-        "--write", action="store_true", help="update the tables of the docs"
-    )
+    parser.add_argument("--write", action="store_true", help="update the tables of the docs")
     options = parser.parse_args()
     if options.write:
         for page in PAGES:

@@ -5,6 +5,7 @@ python benchmarks/lattices.py                      print the table
 The strength is that of the ice, whatever the lattice.
 
 python benchmarks/lattices.py --strength 10 12     for other strengths (kPa)
+python benchmarks/lattices.py --tips 90            for strengths at the tips of crevasses (kPa), with a table of their own
 python benchmarks/lattices.py --write              also put it into docs/evidence/a68a.md
 """
 
@@ -50,12 +51,12 @@ class Outcome(NamedTuple):
         return next((p for p in self.pieces if begin <= p[0] < end and p[1] >= LEAST[name]), None)
 
 
-def outcome(packing: Any, angle: float, shift: tuple[float, float] | None, strength: float) -> Outcome:
-    """Run one lattice with a strength (Pa) of the ice."""
+def outcome(packing: Any, angle: float, shift: tuple[float, float] | None, fracture: dict[str, float]) -> Outcome:
+    """Run one lattice with a strength (Pa) of the ice, or one at the tips of its crevasses."""
     lattice: dict[str, Any] = {"lattice_angle": angle}
     if shift is not None:
         lattice["offset"] = shift
-    changes = {"berg": lattice, "fracture": {"normal_strength": strength}}
+    changes = {"berg": lattice, "fracture": fracture}
     model = story_model(Options(changes), packing=packing)
     try:
         model.advance(DAYS)
@@ -84,13 +85,17 @@ def main() -> None:
     """Run all, print the table, write it where that is asked for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--strength", type=float, nargs="+", default=[STRENGTH], help="strengths, kPa")
+    parser.add_argument(
+        "--tips", type=float, nargs="+", default=[], help="strengths at the tips of crevasses instead, kPa"
+    )
     parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
     asked = parser.parse_args()
     rows = []
-    for strength in asked.strength:
+    key, mark = ("crevasse_strength", "crevasses") if asked.tips else ("normal_strength", "lattices")
+    for strength in asked.tips or asked.strength:
         found = []
         for packing, angle, shift in LATTICES:
-            found.append(outcome(packing, angle, shift, 1e3 * strength))
+            found.append(outcome(packing, angle, shift, {key: 1e3 * strength}))
             pieces = ", ".join(f"{area:.0f} km² {when:%d. %H:%M}" for when, area in found[-1].pieces)
             print(strength, packing, angle, pieces or "nothing", file=sys.stderr, flush=True)
         of = f"{strength:g} kPa"
@@ -99,7 +104,7 @@ def main() -> None:
     text = table(head, rows)
     print(text)
     if asked.write:
-        PAGE.write_text(put(PAGE.read_text("utf-8"), "lattices", text), "utf-8")
+        PAGE.write_text(put(PAGE.read_text("utf-8"), mark, text), "utf-8")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
     python tests/mutations.py results.jsonl --count 100 --seed 26    # 100 changes; goes on where it was stopped
     python tests/mutations.py results.jsonl --for 450                # a piece: stops after so many seconds
-    python tests/mutations.py results.jsonl --folders physics,stepping/contact   # drawn from these alone
+    python tests/mutations.py results.jsonl --folders physics,engines/common   # drawn from these alone
     python tests/mutations.py results.jsonl --again --tests tests/ocean/test_grid.py   # those not noticed, by these tests
     python tests/mutations.py results.jsonl --again --compiled       # those not noticed, once more with compilation
     python tests/mutations.py results.jsonl --report                 # shares by folder, and what nobody noticed

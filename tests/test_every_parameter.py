@@ -348,6 +348,8 @@ TRIALS: Final[dict[str, Trial]] = {
     "footloose.enabled": Trial(base=FOOT, more=CUT),
     "footloose.youngs": Trial(base=FOOT, more=CUT),
     "footloose.strength": Trial(base=FOOT, more=CUT),
+    "footloose.modulus": Trial(base=FOOT, more=CUT),
+    "footloose.viscosity": Trial(base=with_(FOOT, footloose={"modulus": "relaxed"}), more=CUT),
     "footloose.style": Trial(base=FOOT, more=CUT),
     "footloose.displace": Trial(base=FOOT, more=CUT),
     "footloose.one_draw": Trial(base=BITS, more={**CUT, "steps": 6}),

@@ -26,7 +26,7 @@ from riftberg.engines.common.fragments.grounding_log import GroundingLog
 from riftberg.engines.common.fragments.tree import Fragment, FragmentTree, measure_outlines
 from riftberg.engines.common.laws import OWN_VARIABLES, Laws, WithOwnForces
 from riftberg.engines.common.reserves import reserve_lines
-from riftberg.engines.common.rift_tips import RiftTip, rift_notice, standing_tips
+from riftberg.engines.common.rift_tips import RiftTip, rift_notices, standing_tips
 from riftberg.engines.common.run_state import RunState
 from riftberg.engines.common.slenderness import narrow_warning
 from riftberg.engines.common.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
@@ -665,10 +665,10 @@ class BareModel(RunState):
         """What should be known of a run with these parameters, a sentence each."""
         rings = resonance_warning(self.elements, self.bonds, self.parameters)
         stiff = narrow_warning(self.elements, self.parameters)
-        rift = rift_notice(self.bonds, self.parameters)
         of_floor = floor_notices(self.forcing, self.elements, self.parameters, placed=self.step_number == 0)
         return (
-            *(text for text in (self.sea_level_notice, rings, stiff, rift) if text),
+            *(text for text in (self.sea_level_notice, rings, stiff) if text),
+            *rift_notices(self.elements, self.bonds, self.parameters),
             *of_floor,
             *self.unusual.values(),
         )

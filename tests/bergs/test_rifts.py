@@ -246,3 +246,67 @@ def test_a_rift_mask_may_be_a_file(tmp_path):
     one, other = (berg.with_rifts(source, strength=0.2) for source in (mask, tmp_path / "rift.nc"))
     np.testing.assert_array_equal(one.bonds.strength, other.bonds.strength)
     assert (one.bonds.strength == 0.2).sum() >= 4
+
+
+UPWARD = np.array([(4.0, -1.0), (4.0, 5.0)])  # from one element below the ice
+MASK = xr.DataArray(
+    np.zeros((41, 41)), {"lat": np.linspace(-20.0, 20.0, 41), "lon": np.linspace(-20.0, 20.0, 41)}, ("lat", "lon")
+)
+
+
+def covering(east: slice, north: slice) -> xr.DataArray:
+    """A mask with a rift in a box."""
+    mask = MASK.copy()
+    mask.loc[{"lon": east, "lat": north}] = 1.0
+    return mask
+
+
+@pytest.mark.parametrize(
+    ("rift", "how", "outside"),
+    [
+        (UPWARD, {"broken": True}, 0.0),
+        (UPWARD, {"strength": 0.3}, 0.0),
+        ([UPWARD[0] - [0.0, 19.0], UPWARD[1]], {"broken": True}, 0.74),
+        ([UPWARD[0] - [0.0, 19.0], UPWARD[1]], {"strength": 0.3}, 0.74),
+        ([UPWARD[0] - [0.0, 19.0], UPWARD[1]], {"depth": 0.9, "crevasse_strength": 9e4}, 0.74),
+        ([(-20.0, 4.0), (6.0, 4.0), (6.0, -20.0)], {"broken": True}, 0.74),
+        ([UPWARD, np.add(UPWARD, [40.0, 0.0])], {"broken": True}, 0.5),
+        ([UPWARD, np.add(UPWARD, [3.0, 0.0])], {"broken": True}, 0.0),
+        (covering(slice(3.9, 4.1), slice(1.0, 5.0)), {"broken": True}, 0.0),
+        (covering(slice(3.9, 4.1), slice(-16.0, 5.0)), {"strength": 0.5}, 0.71),
+    ],
+)  # fmt: skip
+def test_what_of_a_rift_lies_outside_of_the_ice_is_told(block, rift, how, outside):
+    """Lines and masks, broken, weakened and cut to a depth; not the end that crosses the outline."""
+    cut = block.with_rifts(rift, **how)
+    assert cut.report["rifts"][0]["outside"] == pytest.approx(outside, abs=0.04)
+    assert ("of it lies outside of the ice" in cut.describe()) is (outside > 0.0)
+
+
+def test_a_rift_in_a_map_projection_is_held_against_the_ice_where_it_lies():
+    from riftberg.bergs.raster import Raster, projection
+
+    berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, radius=500.0, placement=(-38.0, -70.0))
+    x, y = projection("EPSG:3031").transform(-38.0, -70.0)
+    values = np.zeros((61, 61))
+    values[30, 10:51] = 1.0  # 40 km along x, as the grid of the projection lies there
+    mask = Raster(x + 1e3 * np.arange(-30.0, 31.0), y + 1e3 * np.arange(-30.0, 31.0), values, "rift", "EPSG:3031")
+    share = berg.with_rifts(mask, broken=True).report["rifts"][0]["outside"]
+    assert 0.45 < share < 0.8
+
+
+@pytest.mark.parametrize("broken", ["no", "false", False])
+def test_words_for_no_do_not_break_a_rift(block, broken):
+    assert (block.with_rifts(UPWARD, broken=broken, strength=0.5).bonds.status == 0).all()
+
+
+@pytest.mark.parametrize("broken", ["perhaps", 2, None])
+def test_what_is_neither_true_nor_false_is_refused(block, broken):
+    with pytest.raises(BergError, match=r"broken.*neither true nor false"):
+        block.with_rifts(UPWARD, broken=broken)
+
+
+def test_a_rift_where_all_is_broken_already_is_refused_as_that(block):
+    cut = block.with_rifts(UPWARD, broken=True)
+    with pytest.raises(BergError, match="crosses only bonds that are broken already"):
+        cut.with_rifts(UPWARD, strength=0.5)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.diagnostics import why
@@ -104,6 +105,42 @@ def test_a_rift_without_a_toughness_is_told() -> None:
         cracked(INSIDE, enabled=False), cracked(INSIDE, broken=False, **ice), cracked(None, **ice),
     )]  # fmt: skip
     assert told == [True, True, False, False, False, False]
+
+
+@pytest.mark.parametrize("way", ["mask", "mask file", "no strength", "by hand", "two lines"])
+def test_rifts_however_given_are_told_without_a_toughness(way: str, tmp_path: Path) -> None:
+    """And, where they have no line and so no tips, with one too; a cut from edge to edge has no tip."""
+    berg = Iceberg.rectangle(40e3, 24e3, thickness=200.0, radius=1000.0, placement=(0.0, 0.0), latlon=False)
+    x, y = np.arange(-21e3, 21.5e3, 500.0), np.arange(-13e3, 13.5e3, 500.0)
+    mask = xr.DataArray(
+        ((np.abs(y)[:, None] < 4e3) & (np.abs(x - 250.0) < 600.0)[None, :]).astype(float), {"lat": y, "lon": x},
+        ("lat", "lon"),
+    )  # fmt: skip
+    line = 1e3 * np.array(INSIDE)
+    if way == "mask":
+        cut = berg.with_rifts(mask, broken=True)
+    elif way == "mask file":
+        mask.to_dataset(name="rift").to_netcdf(tmp_path / "rift.nc")
+        cut = berg.with_rifts(tmp_path / "rift.nc", broken=True)
+    elif way == "no strength":
+        cut = berg.with_rifts(line)
+    elif way == "by hand":
+        cut = berg.with_rifts(line, broken=True)
+        cut.bonds.crack[:] = 0
+    else:
+        cut = berg.with_rifts([line, np.add(line, [5e3, 0.0])], broken=True)
+    through = berg.with_rifts(4.0 * line, broken=True)
+    for fracture, tipless in (({}, False), ({"criterion": "toughness", "toughness": TOUGHNESS}, True)):
+        said, nothing = (
+            " ".join(Model(b, Steady(), Parameters(earth={"latlon": False}, fracture=fracture)).notices)
+            for b in (cut, through)
+        )
+        assert ("strength alone" in said) is not tipless
+        assert ("has no tips" in said) is (tipless and way != "two lines")
+        assert "rift" not in nothing
+    assert ("2 rifts are broken" in " ".join(Model(cut, Steady(), Parameters(earth={"latlon": False})).notices)) is (
+        way == "two lines"
+    )
 
 
 def test_pressed_faces_are_said_to_be() -> None:

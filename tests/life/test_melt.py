@@ -17,6 +17,7 @@ from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, open_run
+from twins import footloose as twin
 
 SIDE = 3000.0
 PLANE = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
@@ -151,11 +152,11 @@ def lively() -> Parameters:
     )  # fmt: skip
 
 
-def lively_model() -> Model:
+def lively_model(modulus: str = "constant") -> Model:
     thin = block(3, 2)
     thin.elements.body.thickness[2] = 6e-4
     thin.elements.body.mass[2] *= 3e-6
-    return Model(thin, sea(temperature=12.0), lively())
+    return Model(thin, sea(temperature=12.0), lively().changed(footloose={"modulus": modulus}))
 
 
 def bits(model: Model) -> dict[str, bytes]:
@@ -164,8 +165,9 @@ def bits(model: Model) -> dict[str, bytes]:
     return {**named, "ledger": model.remembered["life_ledger"].tobytes(), "tree": repr(model.fragments.rows).encode()}
 
 
-def test_a_run_that_melts_goes_on_bit_for_bit(tmp_path: Path) -> None:
-    whole, files = lively_model(), []
+@pytest.mark.parametrize("modulus", ["constant", "relaxed"])
+def test_a_run_that_melts_goes_on_bit_for_bit(modulus: str, tmp_path: Path) -> None:
+    whole, files = lively_model(modulus), []
     whole.advance(steps=1)
     seen = set()
     for step in range(8):
@@ -192,6 +194,27 @@ def test_footloose_of_bonded_bergs_conserves() -> None:
     balance = model.life.balance(model)  # type: ignore[union-attr]
     assert balance.water["footloose_bits"] > 0.0
     assert not any(balance.gained.values())
+
+
+@pytest.mark.parametrize("columns", [1, 3])
+def test_an_edge_that_relaxes_breaks_at_the_foot_of_its_twin(columns: int) -> None:
+    """Of one element and of nine: the first piece comes when the foot has the area that breaks one of that growth."""
+    p = DEM.changed(
+        stepping={"time_step": 10800.0}, footloose={"enabled": True, "modulus": "relaxed", "viscosity": 4e14}
+    )
+    lone = Iceberg.from_points([0.0], [0.0], length=9e3, width=9e3, thickness=200.0, latlon=False)
+    model = Model(block(columns, columns) if columns > 1 else lone, sea(wind=(9.0, 3.0), temperature=0.0), p)
+    feet: list[float] = []
+    while not model.elements.life.mass_of_fl_bits.any():
+        feet.append(float(model.elements.life.fl_k.sum()))
+        model.step()
+        assert len(feet) < 200
+    growth = float(model.remembered["foot_growth"][:, 1].max())
+    edge = float(np.maximum(model.elements.life.front, 0.0).sum()) or 36e3
+    assert growth * edge * 10800.0 == pytest.approx(np.diff(feet).mean(), rel=0.05)
+    _, foot, wide = twin.relaxed(200.0, growth, 250e3, 850.0, 4e14, couple=False)
+    assert feet[-2] < 1.02 * foot * 3.0 * wide
+    assert feet[-1] > 0.98 * foot * 3.0 * wide
 
 
 def test_pieces_as_bergs_conserve_too() -> None:

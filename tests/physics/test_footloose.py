@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -86,3 +88,32 @@ def test_places_lie_on_the_rim(half_west):
 def test_corners_of_the_rim():
     places = [calving.rim_place(d, 2.0, 4.0, False) for d in (0.0, 0.25, 0.5, 0.75, 1.0)]
     assert places == [(-2.0, 1.0), (2.0, -1.0), (-2.0, -1.0), (-2.0, -1.0), (-2.0, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("a_day", "viscosity", "strength", "foot", "width"),
+    [
+        (0.1, 1e14, 250e3, 78, 83), (0.3, 1e14, 250e3, 67, 126), (1.0, 1e14, 250e3, 54, 196), (1.0, 1e14, 150e3, 31, 239),
+        (0.1, 3e13, 250e3, None, 51), (0.1, 4e14, 250e3, None, 140), (1.0, 3e13, 250e3, None, 126), (1.0, 4e14, 250e3, None, 320),
+    ],
+)  # fmt: skip
+def test_an_edge_that_relaxes_breaks_as_the_twin_does(a_day, viscosity, strength, foot, width):
+    """The twin with the couple of the foot has the figures of the specification; the law, as KID's, leaves the couple out."""
+    growth = a_day / 86400.0
+    _, longest, wide = twin.relaxed(200.0, growth, strength, 850.0, viscosity, couple=True)
+    assert wide == pytest.approx(width, rel=0.02)
+    assert foot is None or longest == pytest.approx(foot, abs=0.6)
+    youngs, longest, wide = twin.relaxed(200.0, growth, strength, 850.0, viscosity, couple=False)
+    reached = calving.relaxed_modulus(200.0, growth, strength, 850.0, viscosity)
+    assert reached == pytest.approx(youngs, rel=3e-3)
+    assert calving.foot_length(200.0, reached, strength, 850.0) == pytest.approx(longest, rel=3e-3)
+    assert calving.piece_width(200.0, reached) == pytest.approx(wide, rel=3e-3)
+
+
+def test_an_edge_is_the_softer_the_slower_its_foot_grows():
+    """A foot that hardly grows is ten years old; one that grows at once breaks ice of 9 GPa."""
+    rates = [-1e-6, 0.0, 1e-6, 1e-5, 1e-4, 1.0]
+    moduli = [calving.relaxed_modulus(200.0, rate, 250e3, 850.0, 1e14) for rate in rates]
+    assert moduli[0] == moduli[1] == pytest.approx(1e14 / calving.LONGEST_LOAD, rel=1e-3)
+    assert all(a < b for a, b in itertools.pairwise(moduli[1:]))
+    assert moduli[-1] == pytest.approx(9e9, rel=1e-2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import brentq
 
 G, RHO_W = 9.8, 1025.0
 
@@ -35,3 +36,20 @@ def sides(count, thickness, width, length, youngs, rho=850.0):
     if narrow < least:
         return least, (length - cut) * narrow / least
     return narrow, length - cut
+
+
+def relaxed(thickness, growth, strength, rho, viscosity, *, couple):
+    """Young's modulus, foot and width of a piece (m) of an edge that breaks after it has relaxed since its foot began to grow.
+
+    A beam on water, bent by the buoyancy of the foot at its end, with its couple or without (strength and bending, 5 and 7).
+    """
+    y = np.linspace(0.0, 4.0, 40001)
+
+    def bent(age):
+        youngs, foot = 9e9 / (1.0 + age * 9e9 / viscosity), growth * age
+        length = np.sqrt(2.0) * lengths(thickness, youngs, strength, rho)[0]
+        shear = (RHO_W - rho) * G * rho / RHO_W * thickness * foot
+        arm = length * np.exp(-y) * np.sin(y) + couple * 0.5 * foot * np.exp(-y) * (np.cos(y) + np.sin(y))
+        return 6.0 * shear * arm.max() / thickness**2, youngs, foot, length * y[arm.argmax()]
+
+    return bent(brentq(lambda age: bent(age)[0] - strength, 1.0, 1e10))[1:]

@@ -286,7 +286,7 @@ berg:
 forcing: {{kind: constant, current: [0.1, 0.0]}}
 parameters: {{fracture: {{{fracture}}}}}
 """
-ACROSS = "points: [[-38.0, -56.2], [-38.0, -55.8]]"
+ACROSS = "points: [[-38.0, -56.05], [-38.0, -55.95]]"
 
 
 def test_a_file_gives_the_depth_and_is_told_where_it_changes_nothing(tmp_path: Path) -> None:
@@ -302,6 +302,16 @@ def test_a_file_gives_the_depth_and_is_told_where_it_changes_nothing(tmp_path: P
     # Another strength, as a sweep sets it, means another factor.
     other, _ = build(str(path), Options({"fracture": {"crevasse_strength": 90e3}}))
     assert other.bonds.strength.min() == pytest.approx(rift_factor(0.95, 90e3, prestress(200.0, 850.0)))
+
+
+@pytest.mark.parametrize("how", ["broken: true", "strength: 0.5", "depth: 0.95"])
+def test_a_file_whose_rift_lies_beside_the_ice_in_part_is_told(tmp_path: Path, how: str) -> None:
+    path = tmp_path / "rifted.yaml"
+    rifts = f"[{{{ACROSS}, {how}}}, {{points: [[-38.05, -57.0], [-38.05, -56.0]], {how}}}]"
+    path.write_text(FILE.format(rifts=rifts, fracture="crevasse_strength: 202 kPa"))
+    (notice,) = build(str(path))[1].notices
+    assert "berg.rifts.1: 9" in notice
+    assert "% of it lies outside of the ice" in notice
 
 
 @pytest.mark.parametrize(

@@ -21,12 +21,13 @@ from riftberg.bergs.bonding import (
     refuse_overlap,
     scatter,
     separations,
+    share_outside,
     weaken,
 )
 from riftberg.bergs.lattice import Booleans
 from riftberg.bergs.raster import is_map
 from riftberg.config.units import count_text, place_text
-from riftberg.config.values import native, number
+from riftberg.config.values import flag, native, number
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
@@ -45,6 +46,14 @@ def seed_of(seed: Any) -> int:
     if isinstance(plain, int) and not isinstance(plain, bool) and plain >= 0:
         return plain
     raise BergError(f"{value_shown(seed)} is no seed", where="seed", remedy="Give a whole number, 0 or more")
+
+
+def outside_text(share: float) -> str:
+    """Return that a part of a rift lies outside of the ice."""
+    return (
+        f"{max(share, 0.01):.0%} of it lies outside of the ice, where it does nothing: a rift is taken where the berg lies at "
+        "the start, in longitude and latitude"
+    )
 
 
 def check_name(name: Any) -> None:
@@ -118,6 +127,11 @@ class BondedBerg:
         )
         gone, weak = int((b.status != 0).sum()), int(((b.strength < 1) & (b.status == 0)).sum())
         lines.append(f"  bonds: {len(b.first) - gone} ({gone} removed, {weak} weaker than nominal)")
+        lines += [
+            f"  rift {k}: {count_text(made['crossed'], 'bond')} crossed; {outside_text(made['outside'])}"
+            for k, made in enumerate(self.report.get("rifts", ()), 1)
+            if made["outside"] > 0.0
+        ]
         count = int(e.berg.max())
         drawn = self.report.get("outline_pieces", count)
         drawn_text = f" (the outline has {drawn})" if drawn != count else ""
@@ -208,9 +222,11 @@ class BondedBerg:
         Raises
         ------
         BergError
-            If no bond is crossed, or what is done to them is not said once.
+            If no bond is crossed, or what is done to them is not said once. What lies outside of the ice is in ``report`` and
+            `describe`.
         """
-        if (strength is not None) + bool(broken) + (depth is not None) > 1:
+        broken = flag(broken, where="broken", kind=BergError)
+        if (strength is not None) + broken + (depth is not None) > 1:
             raise BergError("a rift has one of strength, broken and depth", where="rift", remedy="Give one of them")
         threshold = number(threshold, "1", where="threshold", kind=BergError)
         share = number(0.0 if strength is None else strength, "1", where="strength", kind=BergError)
@@ -222,7 +238,8 @@ class BondedBerg:
 
             lines = line_strings(rift, crs)
         crossed = crossed_by(elements, bonds, rift, lines, latlon=self.latlon, threshold=threshold)
-        made: dict[str, Any] = {"crossed": int(crossed.sum()), "broken": broken}
+        outside = share_outside(elements, rift, lines, latlon=self.latlon, threshold=threshold)
+        made: dict[str, Any] = {"crossed": int(crossed.sum()), "broken": broken, "outside": outside}
         if depth is not None:
             factor, crevassed = self._cut_to(crossed, depth, crevasse_strength)
             made |= {"depth": depth, "crevassed": crevassed, "unchanged": int((factor == 1.0).sum())}

@@ -11,17 +11,17 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 
 from riftberg.bergs.keys import BergOptions
 from riftberg.bergs.lattice import Booleans, element_area
-from riftberg.bergs.raster import Raster, is_gridded, read_raster
-from riftberg.constants import DEGREE, RHO_SEAWATER
+from riftberg.bergs.raster import Raster, is_gridded, projection, read_raster
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68, RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
-from riftberg.plane import near
+from riftberg.plane import ConformalPlane, near
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
 from riftberg.state.variables import GONE, THICKEST
@@ -359,14 +359,60 @@ def crossed_by(
         crossed = crossed_by_mask(elements, bonds, mask, threshold)
     else:
         crossed = crossings(elements, bonds, lines, latlon)[0] >= 0
+    on_bonds = bool(crossed.any())
     crossed &= bonds.status == 0
-    if not crossed.any():
+    if on_bonds and not crossed.any():
+        raise BergError(
+            "the rift crosses only bonds that are broken already",
+            where="rift",
+            remedy="Leave it out, or give it elsewhere",
+        )
+    if not on_bonds:
         raise BergError(
             "the rift crosses no bond",
             where="rift",
             remedy="Check that it lies on the berg, in longitude and latitude",
         )
     return crossed
+
+
+BEYOND: Final = 1.25
+"""Distance from the next element, in distances of elements, from which a rift is outside of the ice."""
+
+
+def share_outside(
+    elements: Elements, rift: Any, lines: list[Any] | None, *, latlon: bool, threshold: float = 0.5
+) -> float:
+    """Return which part of a rift lies outside of the ice: of the length of its ``lines``, or of the cells of a mask.
+
+    0 where it reaches no farther beyond the ice than one element: lines are drawn across an outline to cut it.
+    """
+    from scipy.spatial import KDTree  # half a second
+
+    plane = ConformalPlane(float(elements.lon[0]), float(elements.lat[0]), EARTH_RADIUS_A68, latlon)
+    spacing = float(np.sqrt((elements.length * elements.width).mean()))
+    steps = np.zeros(0)
+    if lines is None:
+        mask = rift if isinstance(rift, Raster) else read_raster(rift)
+        row, column = np.nonzero(np.nan_to_num(mask.values) > threshold)
+        places = mask.lon[column], mask.lat[row]
+        if mask.crs is not None:
+            places = projection(mask.crs).transform(*places, direction="INVERSE")
+        points = np.column_stack(plane.forward(*places))
+    else:
+        drawn = []
+        for line in lines:
+            ends = np.column_stack(plane.forward(line[:, 0], line[:, 1]))
+            way = np.concatenate([[0.0], np.hypot(*np.diff(ends, axis=0).T).cumsum()])
+            at = np.linspace(0.0, way[-1], 1 + min(int(4.0 * way[-1] / spacing) + 1, 10_000))
+            drawn.append(np.column_stack([np.interp(at, way, side) for side in ends.T]))
+            steps = np.append(steps, np.full(at.size, way[-1] / at.size))
+        points = np.concatenate(drawn)
+    centres = np.column_stack(plane.forward(elements.lon, elements.lat))
+    outside = KDTree(centres).query(points)[0] > BEYOND * spacing
+    if lines is None:
+        return float(outside.mean())
+    return float(steps[outside].sum() / steps.sum()) if steps[outside].sum() >= spacing else 0.0
 
 
 def weaken(elements: Elements, bonds: Bonds, chosen: Booleans, *, strength: Floats, broken: bool) -> None:

@@ -24,6 +24,7 @@ MeltMode = Literal["exposed", "berg", "shelf", "mixed"]
 BaseLaw = Literal["turbulent", "two_equation", "three_equation"]
 RollingScheme = Literal["updated", "weeks_mellor", "legacy"]
 FootlooseStyle = Literal["bits", "bergs"]
+FootlooseModulus = Literal["constant", "relaxed"]
 
 
 def quantity(default: Any, unit: str, meaning: str, source: str, **options: Any) -> Any:
@@ -401,6 +402,14 @@ class Footloose(Group):
     strength: float = quantity(
         250e3, "Pa", "yield stress of the edge", "files 2.1 fl_strength", gt=0,
         usual=Usual(1e4, 2e6, "250 kPa in KID, 1 MPa in laboratories"), trial=1e4,
+    )  # fmt: skip
+    modulus: FootlooseModulus = quantity(
+        "constant", "", "pieces break by youngs, or relaxed: by that of ice as old as the foot, youngs shapes bits alone",
+        "Riftberg", trial="relaxed",
+    )  # fmt: skip
+    viscosity: float = quantity(
+        1e14, "Pa s", "with relaxed: viscosity by which the edge relaxes from 9 GPa", "Glen's law at 100 kPa", gt=0,
+        usual=Usual(1e13, 1e15, "3e13 to 4e14 by the stress of the ice"), trial=1e12,
     )  # fmt: skip
     style: FootlooseStyle = quantity(
         "bits", "", "pieces are kept as bits of the parent, or become bergs at once", "files 2.3 fl_style", trial="bits"

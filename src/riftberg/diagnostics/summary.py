@@ -16,7 +16,10 @@ bergs : list, one entry per berg of the start, and per one added later: number, 
     piece), largest_weight (N), melted_kg, and drift_east_km, drift_north_km (of the largest from where the berg began; round a
     periodic domain all of the way), lon, lat (of the largest), and of the ice of the largest (Pa): prestress (mean by area),
     largest_prestress, reserve (tension that it bears beside it), crevasse_strength (at the tips of its crevasses: given, or what
-    fracture.normal_strength means); all null where it is gone, the last two where the strength is none of the ice
+    fracture.normal_strength means), front and foot (largest bending at its edges, by closed forms: stress (Pa, of the top at
+    fronts, of the base at feet), inland (m from the edge), lon, lat, corner (angle of the ice, degrees; null along a straight
+    edge); foot is null without footloose calving); all null where it is gone, reserve and crevasse_strength where the strength
+    is none of the ice
 crevasses : how far strengths at the tips of crevasses, pre-stress and reserve can be trusted
 rifts : list, one entry per standing tip of a rift that was there from the start: crack (its number), lon, lat, length (m),
     spacing (of the elements beside it, m), opening and shearing (K_I and K_II, Pa m1/2), largest (largest hoop intensity since it
@@ -70,6 +73,7 @@ from riftberg.config.values import finding_text
 from riftberg.engines.common.fragments.tree import centroid
 from riftberg.engines.common.reserves import CAVEAT, Reserve, berg_reserve
 from riftberg.errors import InputError
+from riftberg.life.footloose import edge_moduli, growth_of
 from riftberg.life.process import PROCESSES, melt_of
 from riftberg.runs.groundings import summarize_ground
 from riftberg.runs.layout import called, read_start
@@ -195,8 +199,11 @@ def breakups(model: BareModel) -> list[dict[str, Any]]:
 
 def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per berg of the start, and per one that was added later."""
+    from riftberg.diagnostics.edges import berg_edges  # with shapely, half a second
+
     rows = {row.number: row for row in model.fragments.rows}
-    e = model.elements
+    e, p = model.elements, model.parameters
+    youngs = edge_moduli(e, p, growth_of(e, model.remembered)[0]) if p.footloose.enabled else None
     area, earth, origin = e.length * e.width, model.parameters.earth, model.fragments.origin
     way = e.lon + earth.period * model.turns if earth.period > 0.0 else e.lon
 
@@ -218,7 +225,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
             "number": number, "name": row.name, "area_km2": row.area / 1e6,
             "fragments": len(mine), "largest_km2": mine[0][0] if mine else 0.0, "areas_km2": [size for size, _ in mine[:NAMED]],
             "melted_kg": melted.get(number, 0.0), "largest": mine[0][1] if mine else 0, "largest_weight": 0.0,
-            **dict.fromkeys(("drift_east_km", "drift_north_km", "lon", "lat", *Reserve._fields)),
+            **dict.fromkeys(("drift_east_km", "drift_north_km", "lon", "lat", *Reserve._fields, "front", "foot")),
         }  # fmt: skip
         if mine:
             inside = e.berg == mine[0][1]
@@ -234,6 +241,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
                 "lon": lon,
                 "lat": lat,
                 **berg_reserve(e.thickness[inside], area[inside], model.parameters).as_dict(),
+                **berg_edges(e, inside, p, youngs).as_dict(),
             }
         entries.append(entry)
     return entries

@@ -14,6 +14,7 @@ import numpy as np
 
 from riftberg.config.units import area_text, count_text, minute_text, place_text
 from riftberg.diagnostics.cut import GEOSTROPHIC, Breakup, Collision, Cut, FirstBond, iso, members_at_birth
+from riftberg.diagnostics.edges import edge_lines
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.diagnostics.whole import WholeBerg, whole_berg, whole_lines
 from riftberg.engines.common.rift_tips import tip_lines
@@ -110,7 +111,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         breakups=breakups,
         small=small,
         strength=scene.strength if scene.parameters.fracture.enabled else None,
-        reserves=scene.reserves(),
+        reserves=[*edge_lines(scene), *scene.reserves()],
         rifts=tip_lines(scene.rift_tips, scene.parameters),
         melt=melt_lines(run),
         whole=None if breakups else whole_berg(scene),

@@ -19,7 +19,7 @@ import yaml
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from riftberg.bergs.bonded import lost_in_lattice
+from riftberg.bergs.bonded import lost_in_lattice, outside_text
 from riftberg.bergs.keys import CloudOfBergs, FieldOfBergs
 from riftberg.config.values import Place, extra_of, findings, sections_in
 from riftberg.errors import BergError, InputError, nearest, together
@@ -449,13 +449,15 @@ def _one_berg(
 
 
 def _without_effect(rift: dict[str, Any]) -> list[str]:
-    """Return that a rift lies in crevasses which reach deeper by themselves, if so."""
+    """Return that a rift lies outside of the ice, or in crevasses which reach deeper by themselves, if so."""
+    notices = [outside_text(rift["outside"])] if rift["outside"] > 0.0 else []
     if not rift.get("unchanged"):
-        return []
+        return notices
     share = "" if rift["unchanged"] == rift["crossed"] else f" at {rift['unchanged']} of its {rift['crossed']} bonds"
     return [
+        *notices,
         f"its depth of {rift['depth']:g} changes nothing{share}: with fracture.crevasse_strength the ice is crevassed down to "
-        f"{rift['crevassed']:.2g} of its thickness before it parts"
+        f"{rift['crevassed']:.2g} of its thickness before it parts",
     ]
 
 

@@ -9,7 +9,7 @@ as in the reference, or from draws that depend on berg and step alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.compiled.kernels import kernel
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.engines.common.broad_phase import NEWBORN_CHILD, contact_cells, within_cells
 from riftberg.engines.common.forces.sizes import radius_of
 from riftberg.engines.common.fragments.tree import FragmentTree
@@ -25,12 +26,21 @@ from riftberg.life.melt import LifeValues, bit_shape
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
-from riftberg.physics.calving import ASPECT, foot_length, piece_width, pieces_ready, rim_place, sides_without
+from riftberg.physics.calving import (
+    ASPECT,
+    foot_length,
+    mean_weights,
+    piece_width,
+    pieces_ready,
+    relaxed_modulus,
+    rim_place,
+    sides_without,
+)
 from riftberg.physics.floating import roll
 from riftberg.physics.geometry import move, separation, wrap_around
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
-from riftberg.state.population import listed
+from riftberg.state.population import listed, numbered, rows_of
 
 _LARGEST: Final = 2.0**32 - 1.0
 
@@ -101,6 +111,13 @@ FARTHEST: Final = 3.0
 """How far from the rim of its parent a child is put at most, in distances at which both touch; else it waits."""
 
 
+FOOT_GROWTH: Final = "foot_growth"
+"""Name under which a restart keeps the mean rate (m s-1) at which feet grow, by identifier."""
+
+MEMORY: Final = 30.0 * SECONDS_PER_DAY
+"""Time (s) over which that mean is taken: feet grow in storms, and are months old when they break an edge."""
+
+
 class Living(Protocol):
     """A model, as far as births and deaths go."""
 
@@ -133,6 +150,7 @@ class Circumstances(NamedTuple):
     draws: CalvingDraws  # Random places on the rim
     # Processes of the reference along x and y whose results are followed; 1, 1 in runs of Riftberg's own
     ranks: tuple[int, int] = (1, 1)
+    growth: Floats | None = None  # `growth_of` the elements; None where edges do not relax
     # Gives the identifier of a child from the cell (column, row) of its parent; None where the population numbers them
     names: Callable[[int, int], int] | None = None
 
@@ -143,6 +161,7 @@ class _Calving:
     def __init__(self, model: Living, p: Parameters, values: LifeValues, when: Circumstances) -> None:
         self.model, self.p, self.values, self.when = model, p, values, when
         self.el = model.elements
+        self.youngs = edge_moduli(self.el, p, when.growth)
         self.reference = p.footloose.footloose_sets_density
         self.born: list[tuple[Elements, int]] = []
         self.gained = 0.0
@@ -155,7 +174,7 @@ class _Calving:
         body, foot = self.el.body, self.el.life.fl_k
         able = alone & self._eligible() & (foot > 0.0)
         # All pieces of a step are counted before the first breaks: what one berg loses cannot set another free.
-        ready = _ready(foot, able, body.thickness, body.width, body.length, self.values)
+        ready = _ready(foot, able, body.thickness, body.width, body.length, self.youngs, self.values)
         for e in self._order(np.flatnonzero(alone & ((ready > 0.0) | self._may_spawn()))):
             if ready[e] > 0.0:
                 self._calve_one(int(e), float(ready[e]))
@@ -223,10 +242,11 @@ class _Calving:
         """Take pieces from a berg of one element (files, 2.3)."""
         body, life, v = self.el.body, self.el.life, self.values
         thickness, width, length = body.thickness[e], body.width[e], body.length[e]
-        wide = piece_width(thickness, v.youngs)
-        life.fl_k[e] -= pieces * (foot_length(thickness, v.youngs, v.strength, v.rho_ice) * (ASPECT * wide))
+        youngs = float(self.youngs[e])
+        wide = piece_width(thickness, youngs)
+        life.fl_k[e] -= pieces * (foot_length(thickness, youngs, v.strength, v.rho_ice) * (ASPECT * wide))
         # The foot of the pieces goes before the sides are cut: their width follows from the thickness alone.
-        narrow, short = sides_without(pieces, thickness, width, length, v.youngs)
+        narrow, short = sides_without(pieces, thickness, width, length, youngs)
         if narrow <= 0.0 or short <= 0.0:
             raise RunError(f"footloose calving leaves nothing of element {int(body.id[e])}")
         area = length * width - short * narrow
@@ -276,9 +296,9 @@ class _Calving:
         area = body.length[rows] * body.width[rows]
         if feet.sum() > 0.0:
             # Pieces break where the feet are, so their thickness is weighted by these and not by area.
-            thickness = float((feet * body.thickness[rows]).sum() / feet.sum())
-            wide = piece_width(thickness, v.youngs)
-            each = foot_length(thickness, v.youngs, v.strength, v.rho_ice) * (ASPECT * wide)
+            thickness, youngs = (float(feet @ values[rows] / feet.sum()) for values in (body.thickness, self.youngs))
+            wide = piece_width(thickness, youngs)
+            each = foot_length(thickness, youngs, v.strength, v.rho_ice) * (ASPECT * wide)
             pieces = float(np.floor(feet.sum() / each))
             # A berg no longer than a piece is itself one, as in `pieces_ready`.
             if pieces > 0.0 and np.sqrt(area.sum()) > ASPECT * wide:
@@ -451,13 +471,19 @@ class _Calving:
 
 @kernel
 def _ready(
-    foot: Floats, able: NDArray[np.bool_], thickness: Floats, width: Floats, length: Floats, v: LifeValues
+    foot: Floats,
+    able: NDArray[np.bool_],
+    thickness: Floats,
+    width: Floats,
+    length: Floats,
+    youngs: Floats,
+    v: LifeValues,
 ) -> Floats:
     """Pieces that are ready to break from each of the elements that are able to calve by themselves."""
     ready = np.zeros(foot.size)
     for e in range(foot.size):
         if able[e]:
-            ready[e] = pieces_ready(foot[e], thickness[e], width[e], length[e], v.youngs, v.strength, v.rho_ice)
+            ready[e] = pieces_ready(foot[e], thickness[e], width[e], length[e], youngs[e], v.strength, v.rho_ice)
     return ready
 
 
@@ -472,6 +498,43 @@ def calve_footloose(model: Living, p: Parameters, values: LifeValues, when: Circ
     Returns the mass (kg) that parents gained by being given the density of the parameters (quirk T45); 0 in own runs.
     """
     return _Calving(model, p, values, when).run()
+
+
+def edge_lengths(el: Elements) -> Floats:
+    """Length (m) of the edge along which the foot of each element grows."""
+    return np.where(el.life.front >= 0.0, el.life.front, 2.0 * (el.length + el.width))
+
+
+def edge_moduli(el: Elements, p: Parameters, growth: Floats | None) -> Floats:
+    """Young's modulus (Pa) by which the edge of each element breaks; ``growth`` of its foot, m s-1, where edges relax."""
+    footloose = p.footloose
+    if footloose.modulus == "constant" or growth is None:
+        return np.full(el.size, footloose.youngs)
+    edge = edge_lengths(el)
+    _, berg = numbered(np.where(el.berg == 0, -1 - np.arange(el.size), el.berg))  # without a number each is alone
+    of_berg = np.bincount(berg, growth * edge) / np.maximum(np.bincount(berg, edge), 1.0)
+    return np.array([
+        relaxed_modulus(thickness, rate, footloose.strength, p.ice.density, footloose.viscosity)
+        for thickness, rate in zip(el.thickness.tolist(), of_berg[berg].tolist(), strict=True)
+    ])  # fmt: skip
+
+
+def follow_growth(el: Elements, grown: Floats, dt: float, remembered: MutableMapping[str, Floats]) -> None:
+    """Take the growth of the feet (m2) in a step (s) into the mean rate that is remembered."""
+    edge = edge_lengths(el)
+    rate = np.divide(grown, edge * dt, out=np.zeros(el.size), where=edge > 0.0)
+    mean, known = growth_of(el, remembered)
+    new, old = mean_weights(MEMORY, dt)
+    remembered[FOOT_GROWTH] = np.column_stack([el.body.id, np.where(known, new * rate + old * mean, rate)])
+
+
+def growth_of(el: Elements, remembered: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the mean rate (m s-1) at which the feet of the elements grow, 0 where it is not known, and where it is."""
+    ids, means = np.asarray(remembered.get(FOOT_GROWTH, np.zeros((0, 2)))).T
+    row, known = rows_of(ids.astype(np.int64), el.body.id)
+    mean = np.zeros(el.size)
+    mean[known] = means[row[known]]
+    return mean, known
 
 
 def let_children_go(elements: Elements, p: Parameters, grid: Grid | None) -> None:

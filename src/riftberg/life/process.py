@@ -27,6 +27,8 @@ from riftberg.life.footloose import (
     Living,
     OwnDraws,
     calve_footloose,
+    follow_growth,
+    growth_of,
     let_children_go,
 )
 from riftberg.life.melt import NO_RATES, MeltStep, life_values, melt_step, scaled_mass
@@ -268,6 +270,7 @@ class LifeProcess:
     def __init__(self, parameters: Parameters, law: ElementLaw | None = None) -> None:
         self.parameters, self.values, self.law = parameters, life_values(parameters), law
         own = parameters.footloose
+        self.relaxes = own.enabled and own.modulus == "relaxed"
         self.last: LifeStep | None = None
         self.look_around: Callable[[LifeModel], None] | None = None
         # Depth of the floor of each cell (m), against which ``melt.least_gap`` is held; None for that at the elements.
@@ -285,7 +288,10 @@ class LifeProcess:
         born = self.born(model)
         if self.parameters.footloose.enabled:
             _, heat = stocks(model.elements)
-            when = Circumstances(*born, model.step_number, model.forcing.grid, self.draws, self.ranks, self.names)
+            growth = growth_of(model.elements, model.remembered)[0] if self.relaxes else None
+            when = Circumstances(
+                *born, model.step_number, model.forcing.grid, self.draws, self.ranks, growth, self.names
+            )
             gained = calve_footloose(model, self.parameters, self.values, when)
             warmed = stocks(model.elements)[1] - heat
             let_children_go(model.elements, self.parameters, model.forcing.grid)
@@ -300,7 +306,10 @@ class LifeProcess:
             rates = law_values(self.law, model.elements, model.time, "melt", MELTS, 0.0, may_leave=True)
         place = model.elements.place
         depth = None if self.floor is None else self.floor[place.cell_j, place.cell_i]
+        feet = model.elements.life.fl_k.copy()
         step = melt_step(model.elements, self.values, born, rates, depth)
+        if self.relaxes:
+            follow_growth(model.elements, step.melted.foot - feet, self.values.dt, model.remembered)
         water = water_by_process(step)
         add_melt(model.remembered, fragment, water)
         if step.gone.any():

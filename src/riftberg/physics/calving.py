@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.constants import GRAVITY, PI, RHO_SEAWATER
+from riftberg.constants import GRAVITY, PI, RHO_SEAWATER, SECONDS_PER_DAY
 
 Floats = NDArray[np.float64]
 
@@ -139,6 +139,44 @@ def foot_length(thickness: float, youngs: float, strength: float, rho_ice: float
     """
     weight = 6.0 * rho_ice * GRAVITY * (RHO_SEAWATER - rho_ice)
     return math.exp(PI / 4.0) * RHO_SEAWATER * strength / weight * thickness / buoyancy_length(thickness, youngs)
+
+
+INSTANT_MODULUS: Final = 9e9
+"""Young's modulus (Pa) of ice under loads of seconds to hours."""
+
+LONGEST_LOAD: Final = 10.0 * 365.25 * SECONDS_PER_DAY
+"""Age (s) beyond which a foot is not taken to relax further."""
+
+
+@kernel
+def relaxed_modulus(thickness: float, growth: float, strength: float, rho_ice: float, viscosity: float) -> float:
+    """Young's modulus of an edge whose foot has grown until it breaks it, Pa: ``E / (1 + t E / eta)`` at the age t of the foot.
+
+    The older the foot, the softer the edge and the longer the foot that breaks it (`foot_length`), so that t is found by
+    bisection.
+
+    Parameters
+    ----------
+    thickness : float
+        m.
+    growth : float
+        Rate at which the foot grows, m s-1; where it does not, the age is ten years.
+    strength : float
+        Yield stress of the edge, Pa.
+    rho_ice : float
+        kg m-3.
+    viscosity : float
+        ``eta``, Pa s.
+    """
+    least, most = 0.0, LONGEST_LOAD
+    for _ in range(50):
+        age = 0.5 * (least + most)
+        youngs = INSTANT_MODULUS / (1.0 + age * INSTANT_MODULUS / viscosity)
+        if growth * age < foot_length(thickness, youngs, strength, rho_ice):
+            least = age
+        else:
+            most = age
+    return INSTANT_MODULUS / (1.0 + least * INSTANT_MODULUS / viscosity)
 
 
 @kernel

@@ -336,6 +336,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "motion_ledger": Bound((None, 3)),  # the ledger itself knows how many rows it has
     "motion_on_bed": Bound((None,)),
     "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
+    "foot_growth": Bound((None, 2)),
     "front_shapes": Bound((None,), 0, 255),
     "front_bergs": Bound(("outlines",), 0, "fragments"),
     "front_elements": Bound(("fronts", 2), 0, "next_element - 1"),

@@ -245,16 +245,21 @@ class Scene:
         thickness = filled_forward(self.run["thickness"].transpose("time", "trajectory").values.astype(np.float64))
         return thickness[:1] if (thickness == thickness[:1]).all() else thickness
 
+    def thickness(self, record: int) -> Floats:
+        """Return the thickness (m) of the elements at a record."""
+        thickness: Floats = self._thickness[min(record, len(self._thickness) - 1)]
+        return thickness
+
     def prestress(self, record: int) -> Floats:
         """Return the pre-stress (Pa) of the elements at a record."""
-        return prestress(self._thickness[min(record, len(self._thickness) - 1)], self.parameters.ice.density)
+        return prestress(self.thickness(record), self.parameters.ice.density)
 
     def reserves(self) -> list[str]:
         """Return pre-stress and reserve of the bergs at the start, in sentences."""
         there = self.there[0]
         numbers = self.berg[0][there]
         names = {number: self.name(number) for number in np.unique(numbers).tolist()}
-        return reserve_lines(numbers, self._thickness[0][there], self.area[there], names, self.parameters)
+        return reserve_lines(numbers, self.thickness(0)[there], self.area[there], names, self.parameters)
 
     def lowest_strength(self) -> Floats | None:
         """Lowest normal strength (Pa) that damage has left to a bond at each record, NaN where none holds.

@@ -113,14 +113,36 @@ def tip_label(tip: RiftTip, parameters: Parameters) -> str:
     return f"{tip.hoop / parameters.fracture.toughness:.2g} of toughness"
 
 
-def rift_notice(bonds: Bonds, parameters: Parameters) -> str:
-    """Return that rifts are given but no toughness, if so."""
-    rifts = given_rifts(bonds).size
-    fracture = parameters.fracture
-    if not rifts or not fracture.enabled or parameters.stepping.scheme != "quasi_static" or has_toughness(parameters):
-        return ""
-    return (
-        f"{'a rift is' if rifts == 1 else f'{rifts} rifts are'} broken from the start, but the ice has a strength alone: the "
-        "stress at a tip grows as elements get smaller, so when the rift goes on depends on them; set fracture.criterion = "
-        "'toughness' and fracture.toughness (5e4 to 1.5e5 Pa m1/2 in laboratories)"
-    )
+def rift_notices(el: Elements, bonds: Bonds, parameters: Parameters) -> list[str]:
+    """Return that rifts end in the ice but no toughness is given, or that rifts have no line with tips, if so.
+
+    A rift from edge to edge has no tip.
+    """
+    if not parameters.fracture.enabled or parameters.stepping.scheme != "quasi_static":
+        return []
+    first, second = bonds.first, bonds.second
+    within, size = el.berg[first] == el.berg[second], np.bincount(el.berg)[el.berg]
+    broken = (bonds.status != 0) & np.isnan(bonds.break_time)
+    rifts = np.unique(bonds.crack[broken & within & (bonds.crack > 0)]).size
+    # A mask leaves elements loose within a rift.
+    inside = within | (size[first] == 1) | (size[second] == 1)
+    off_lines = int((broken & inside & (bonds.crack == 0)).sum())
+    without = int((within & (bonds.status == 0) & (bonds.strength == 0.0)).sum())
+    on_line = [f"{'a rift is' if rifts == 1 else f'{rifts} rifts are'} broken from the start"] if rifts else []
+    off_line = []
+    if off_lines:
+        are = "bond is" if off_lines == 1 else "bonds are"
+        off_line.append(f"{off_lines} {are} broken from the start without a line, as by a mask")
+    if without:
+        have = "bond has no strength and parts" if without == 1 else "bonds have no strength and part"
+        off_line.append(f"{without} {have} at the first pull")
+    if has_toughness(parameters):
+        remedy = "such a rift has no tips, so the strength decides when it goes on, not the toughness; give it as a broken line"
+        return [f"{' and '.join(off_line)}: {remedy}"] if off_line else []
+    if not on_line and not off_line:
+        return []
+    return [
+        f"{' and '.join([*on_line, *off_line])}, but the ice has a strength alone: the stress at a tip grows as elements get "
+        "smaller, so when the rift goes on depends on them; set fracture.criterion = 'toughness' and fracture.toughness (5e4 to "
+        "1.5e5 Pa m1/2 in laboratories)"
+    ]
