@@ -6,7 +6,7 @@ import pytest
 
 from scripts import loaded, table_rows
 
-SCRIPT = loaded("benchmarks/strength.py")
+SCRIPT, QUIET = loaded("benchmarks/strength.py"), loaded("benchmarks/quiet_years.py")
 
 
 @pytest.mark.parametrize("name", SCRIPT.TABLES)
@@ -32,3 +32,18 @@ def test_fronts_strips_and_feet_are_what_was_asked() -> None:
     for _, asked, reached, _ in table_rows(SCRIPT.PAGE, "feet"):
         for a, b in zip(asked.replace(" m", "").split(","), reached.replace(" m", "").split(","), strict=True):
             assert float(b) == pytest.approx(float(a), rel=0.015)
+
+
+def test_giants_live_through_five_quiet_years() -> None:
+    """Three bergs in three seas, none of which breaks, though one comes near to what it bears."""
+    rows = table_rows(SCRIPT.PAGE, "quiet years")
+    assert [row[0] for row in rows] == [giant.name for giant in QUIET.GIANTS for _ in QUIET.CASES]
+    shares = [float(largest.split()[0]) / float(bears.split()[0]) for *_, bears, largest, _ in rows]
+    assert {row[-1] for row in rows} == {"nothing"}
+    assert 0.5 < max(shares) < 1.0
+
+
+@pytest.mark.slow
+def test_a_giant_lives_as_the_page_says() -> None:
+    (row,) = [row for row in table_rows(SCRIPT.PAGE, "quiet years") if row[0] == "D28"][:1]
+    assert QUIET.lived(QUIET.GIANTS[1], *QUIET.CASES[0]) == row
