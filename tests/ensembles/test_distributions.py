@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import Iceberg, Model, Parameters, Steady, open_sweep, sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, Steady, open_sweep, sweep
 from riftberg.cli.main import app
+from riftberg.ensembles.member import Job, run_member
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, designed, members_of, read_design, varied_of
 from riftberg.errors import InputError
+from riftberg.experiments.registry import Options
 
 STRENGTH = "fracture.normal_strength"
 
@@ -348,3 +350,22 @@ def test_shares_and_quantiles_are_inverse_also_of_what_is_cut_off() -> None:
         (v,) = varied_of({STRENGTH: f"~{text}"})
         assert v.distribution is not None
         assert v.distribution.shares_below(np.array(v.distribution.quantiles(share))) == pytest.approx(share)
+
+
+def notched() -> Model:
+    """Return a berg in an eddy that breaks where it is weak: across, 8 km east of its middle."""
+    berg = Iceberg.rectangle("30 km", "9 km", thickness=200.0, placement=(-37.0, -56.0))
+    model = Model(berg, Forcing.eddy((-37.1, -56.1), radius=15e3, speed=0.6), Parameters(), start="2020-12-09")
+    e, bonds = model.elements, model.bonds
+    x = (e.lon - e.lon.mean()) * 111.2e3 * np.cos(np.radians(56.0))
+    bonds.strength[(x[bonds.first] - 8e3) * (x[bonds.second] - 8e3) < 0.0] = 1e-4
+    return model
+
+
+@pytest.mark.parametrize("turn", [0.0, 90.0])
+def test_cracks_are_told_where_they_lay_in_the_berg_before_it_was_turned(turn: float, tmp_path: Path) -> None:
+    job = Job(0, {"start.turn": turn}, notched, Options(), 0.1, 3600.0, tmp_path)
+    cracks = np.array(run_member(job).cracks)
+    assert len(cracks) > 0
+    assert cracks[:, 1] == pytest.approx(np.full(len(cracks), 8e3), abs=2e3)
+    assert np.abs(cracks[:, 2]).max() < 5e3
