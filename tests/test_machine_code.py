@@ -141,11 +141,11 @@ FILES = {
         "law = laws.law\n\n@kernel\ndef middle(x):\n    return law(x)\n"
     ),
     "state/pair.py": "from typing import NamedTuple\n\nclass Pair(NamedTuple):\n    first: float\n    second: float\n",
-    "stepping/outer.py": (
+    "engines/outer.py": (
         "from riftberg.compiled.kernels import kernel\nfrom riftberg.physics.middle import middle\n\n"
         "@kernel\ndef outer(pair):\n    return middle(pair.first)\n"
     ),
-    "stepping/other.py": "from riftberg.compiled.kernels import kernel\n\n@kernel\ndef other(x):\n    return x + 1.0\n",
+    "engines/other.py": "from riftberg.compiled.kernels import kernel\n\n@kernel\ndef other(x):\n    return x + 1.0\n",
 }
 """A kernel that calls another, that calls a law with a constant from elsewhere; and one beside them."""
 

@@ -10,7 +10,6 @@ import pytest
 import xarray as xr
 
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Steady
-from riftberg.ocean.forcing import sea_level
 
 BED: dict[str, Any] = {"law": "seabed", "sediment": "sand"}
 
@@ -97,7 +96,7 @@ def test_a_bed_of_sediment_sees_the_sea_level_of_products() -> None:
         {"standard_name": "sea_surface_height_above_geoid", "units": "m"},
     )  # fmt: skip
     sea = Forcing.from_xarray(ds, start="2020-12-09 13:00", max_gap="400 d")
-    assert sea_level(sea, np.array([-38.0]), np.array([-56.0]), 0.0).tolist() == [-3.0]
+    assert sea.sea_level(np.array([-38.0]), np.array([-56.0]), 0.0).tolist() == [-3.0]
     berg = Iceberg.rectangle("6 km", "6 km", thickness="300 m", placement=(-38.0, -56.0))
     model = Model(berg, sea, A68A_2022.changed(grounding={**BED, "start": "refuse"}, fracture={"enabled": False}))
     with pytest.raises(Exception, match="below the sea floor"):

@@ -154,7 +154,7 @@ def test_days_without_an_hour_get_one_and_interpolated_ones_are_left_out() -> No
 
 
 def test_a_folder_without_a_summary_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no summary.json.*riftberg run"):
+    with pytest.raises(InputError, match=r"no such file.*the folder that 'riftberg run' made"):
         read_compared(tmp_path, "x", [])
 
 

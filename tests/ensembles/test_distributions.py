@@ -208,7 +208,7 @@ def test_a_design_of_another_tool_has_one_row_for_each_member(tmp_path: Path) ->
         ("strength\n1\n", "not of the form group.name"),
         ("start.east,start.north, start.east\n1,2,3\n", "two columns are called 'start.east'"),
         (",start.east\n0,1\n1,2\n", "column 1 has no name"),
-        ("start.east;start.north\n1;2;3\n", "line 2: not one value for each of"),
+        ("start.east;start.north\n1;2;3\n", "line 2: '3' has no name: 2 columns are named"),
     ],
 )
 def test_a_bad_design_is_refused(text: str, message: str, tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ from riftberg.diagnostics.summary import fragment_areas
 from riftberg.errors import InputError
 from riftberg.experiments import EXPERIMENTS, Options, build, find, names
 from riftberg.experiments.changes import changed, parse_settings, reference_numerics
-from riftberg.ocean.forcing import sea_level
 from riftberg.parameters import A68A_2022, A68A_2022_KID, PUBLISHED_SPRINGS
 
 
@@ -111,7 +110,7 @@ def test_a_bed_of_sediment_may_lie_under_every_built_in_ocean(name: str) -> None
     """The ocean of A68a once had a sea level of one point alone, and a traceback for ``grounding.law: seabed``."""
     model, _ = build(name)
     lon, lat = model.elements.lon, model.elements.lat
-    level = sea_level(model.forcing, lon, lat, 3600.0)
+    level = model.forcing.sea_level(lon, lat, 3600.0)
     assert level.shape == lon.shape
     assert (level == 0.0).all()  # no tide in any of them
     assert np.shape(model.forcing.depth(lon, lat)) == lon.shape

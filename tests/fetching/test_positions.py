@@ -98,8 +98,8 @@ def test_tables_with_other_columns_are_refused_by_name(name: str, text: str, wor
 @pytest.mark.parametrize(
     ("row", "words"),
     [
-        ("2021400,-60.0,-50.0,1,0,0,0,40,20", "line 3: '2021400': 2021 has no day 400"),
-        ("2021000,-60.0,-50.0,1,0,0,0,40,20", "line 3: '2021000': 2021 has no day 0"),
+        ("2021400,-60.0,-50.0,1,0,0,0,40,20", "line 3, date: '2021400': 2021 has no day 400"),
+        ("2021000,-60.0,-50.0,1,0,0,0,40,20", "line 3, date: '2021000': 2021 has no day 0"),
         ("2021003,-160.0,-50.0,1,0,0,0,40,20", "line 3: latitude -160, longitude -50 are no place on Earth"),
         ("2021003,-60.0,1050.0,1,0,0,0,40,20", "longitude 1050 are no place"),
         (

@@ -185,7 +185,7 @@ def test_births_fill_the_middle_of_their_cell_evenly() -> None:
 
 def test_room_beside_other_ice_is_looked_for_where_ice_meets_ice_and_not_with_the_reference() -> None:
     model: Any = SimpleNamespace(elements=new_elements(1))
-    unused: Any = None
+    unused: Any = SimpleNamespace(growth=None)
     own = parameters("verlet", "bergs")
     others = (
         own.changed(stepping={"interactions": False}),
@@ -216,7 +216,9 @@ def test_the_rim_turns_with_the_berg() -> None:
     for turn in (0.0, 0.5 * np.pi, 2.0):
         model.elements.motion.rotation[:] = turn
         for draw in np.linspace(0.0, 0.99, 12):
-            when = SimpleNamespace(draws=SimpleNamespace(draw=lambda *_, d=draw: d), grid=None, ranks=(1, 1), step=1)
+            when = SimpleNamespace(
+                draws=SimpleNamespace(draw=lambda *_, d=draw: d), grid=None, ranks=(1, 1), step=1, growth=None
+            )
             x, y = _Calving(model, model.parameters, unused, when)._rim(0, 1000.0, 4000.0)  # type: ignore[arg-type]
             along, across = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
             assert max(abs(along) / 2000.0, abs(across) / 500.0) == pytest.approx(1.0)

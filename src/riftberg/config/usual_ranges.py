@@ -210,8 +210,9 @@ LAWS: Final = (
     Law("damage.enabled", lambda p: p.damage.enabled, "damage", ("threshold", "time_scale", "exponent")),
     Law("rolling.enabled", lambda p: p.rolling.enabled, "rolling", ("scheme", "tip")),
     Law("footloose.enabled", lambda p: p.footloose.enabled, "footloose", (
-        "youngs", "strength", "modulus", "viscosity", "style", "displace", "berg_mass", "seed")),
-    Law("footloose.modulus = 'relaxed'", lambda p: p.footloose.modulus == "relaxed", "footloose", ("viscosity",)),
+        "youngs", "strength", "modulus", "style", "displace", "berg_mass", "seed")),
+    Law("footloose.modulus = 'relaxed'", lambda p: p.footloose.enabled and p.footloose.modulus == "relaxed",
+        "footloose", ("viscosity",)),
     Law("melt.enabled", lambda p: p.melt.enabled or p.footloose.enabled or p.rolling.enabled, "melt", (
         "mode", "base", "split", "bits_fraction", "const_gamma", "gamma_t", "friction_drag", "least_friction", "tide",
         "least_gap")),
