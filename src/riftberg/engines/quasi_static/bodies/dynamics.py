@@ -483,7 +483,7 @@ def excess_spin_rate(rate: float, half_dt: float) -> float:
 
 
 @kernel
-def rate_of_medium(row: Floats, u: float, v: float, least: float) -> float:
+def medium_drag_rate(row: Floats, u: float, v: float, least: float) -> float:
     """Drag (s-1) of a medium per velocity through it, at ``least`` m s-1 or more; a hold that yields at the speed as it is."""
     through = math.hypot(u - row[U], v - row[V])
     rate = row[LINEAR] + row[QUADRATIC] * max(through, least)
@@ -493,10 +493,10 @@ def rate_of_medium(row: Floats, u: float, v: float, least: float) -> float:
 
 
 @kernel
-def rate_through(forcing: ElementForcing, e: int, k: int, u: float, v: float, least: float) -> float:
-    """`rate_of_medium` of the ``k``-th medium at an element, with what the water does to the outline."""
+def element_drag_rate(forcing: ElementForcing, e: int, k: int, u: float, v: float, least: float) -> float:
+    """`medium_drag_rate` of the ``k``-th medium at an element, with what the water does to the outline."""
     row = forcing.media[e, k]
-    rate = rate_of_medium(row, u, v, least)
+    rate = medium_drag_rate(row, u, v, least)
     if k == WATER:
         rate += outline_quadratic(forcing, e) * max(math.hypot(u - row[U], v - row[V]), least)
     return float(rate)
@@ -523,7 +523,7 @@ def drag_rates(
     least, rate = math.sqrt(acceleration / quadratic) if quadratic > 0.0 else 0.0, 0.0
     for k in range(len(MEDIA)):
         if forcing.media_act:
-            rate += rate_through(forcing, e, k, u, v, least)
+            rate += element_drag_rate(forcing, e, k, u, v, least)
     return rate, least
 
 
@@ -542,7 +542,7 @@ def accumulate_excess(
         return
     for k in range(len(MEDIA)):
         if forcing.media_act:
-            of_medium = part * excess * rate_through(forcing, e, k, u, v, least) / rate
+            of_medium = part * excess * element_drag_rate(forcing, e, k, u, v, least) / rate
             applied[e, k, 0] -= of_medium * change[0]
             applied[e, k, 1] -= of_medium * change[1]
 

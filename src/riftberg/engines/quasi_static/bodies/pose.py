@@ -45,21 +45,21 @@ def unit_vector(lon: float, lat: float) -> tuple[float, float, float]:
 
 
 @kernel
-def axes_at(r: Floats) -> tuple[float, float, float, float, float]:
+def local_axes(r: Floats) -> tuple[float, float, float, float, float]:
     """East (ex, ey, 0) and north (nx, ny, nz) at a unit vector, as (ex, ey, nx, ny, nz); at the pole those of longitude 0."""
-    return axes_at_point(r[0], r[1], r[2])
+    return local_axes_from_components(r[0], r[1], r[2])
 
 
 @kernel
-def axes_at_point(x: float, y: float, z: float) -> tuple[float, float, float, float, float]:
-    """See `axes_at`."""
+def local_axes_from_components(x: float, y: float, z: float) -> tuple[float, float, float, float, float]:
+    """See `local_axes`."""
     across = math.sqrt(x * x + y * y)
     c, s = (x / across, y / across) if across > 0.0 else (1.0, 0.0)
     return -s, c, -c * z, -s * z, across
 
 
 @kernel
-def _rotated(q: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
+def _rotate_vector(q: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
     """``q (x, y, z)``: a vector of a frame in the axes that the frame is given in."""
     return (
         q[0, 0] * x + q[0, 1] * y + q[0, 2] * z,
@@ -107,10 +107,10 @@ def fill_levers(bodies: Bodies, latlon: bool, radius: float, levers: Floats) -> 
             m[0], m[2], m[4], m[5], m[8], m[9], m[10] = 1.0, -ry, 1.0, rx, 1.0, q[0, 0], q[1, 0]
             continue
         ax, ay, az, _, _, _ = parallel_transport(reference[e])
-        x, y, z = _rotated(q, reference[e, 0], reference[e, 1], reference[e, 2])
-        ux, uy, uz = _rotated(q, ax, ay, az)
-        ex, ey, nx, ny, nz = axes_at_point(x, y, z)
-        cex, cey, cnx, cny, cnz = axes_at(q[:, 2])
+        x, y, z = _rotate_vector(q, reference[e, 0], reference[e, 1], reference[e, 2])
+        ux, uy, uz = _rotate_vector(q, ax, ay, az)
+        ex, ey, nx, ny, nz = local_axes_from_components(x, y, z)
+        cex, cey, cnx, cny, cnz = local_axes(q[:, 2])
         m[0] = cnx * nx + cny * ny + cnz * nz
         m[1] = -(cex * nx + cey * ny)
         m[2] = radius * (q[0, 2] * nx + q[1, 2] * ny + q[2, 2] * nz)
@@ -158,7 +158,7 @@ def _orthonormalise(q: Floats) -> None:
 @kernel
 def _shift(q: Floats, along: Floats, u: float, v: float, dt: float, radius: float) -> None:
     """Move a frame over ``dt`` s along a great circle, with the velocity (m s-1) east and north at the unit vector ``along``."""
-    ex, ey, nx, ny, nz = axes_at(along)
+    ex, ey, nx, ny, nz = local_axes(along)
     u, v = dt * u / radius, dt * v / radius
     _rotate_about(q, u * nx - v * ex, u * ny - v * ey, u * nz)
 
@@ -233,7 +233,7 @@ def place_elements(
 
 
 @kernel
-def _frame_at(x: float, y: float, z: float) -> Floats:
+def _make_frame(x: float, y: float, z: float) -> Floats:
     """Frame whose last axis is (x, y, z), with the first one as near to the first axis of the old frame as can be."""
     q = np.zeros((3, 3))
     q[0, 2], q[1, 2], q[2, 2] = x, y, z
@@ -253,7 +253,7 @@ def split_bodies(bodies: Bodies, body: Ints, mass: Floats, latlon: bool, radius:
 
 
 @kernel
-def _number_of(body: Ints) -> int:
+def _count_fragments(body: Ints) -> int:
     """How many fragments there are: one more than the largest of their numbers."""
     count = 0
     for b in body:
@@ -266,7 +266,7 @@ def _split_bodies(
     bodies: Bodies, body: Ints, mass: Floats, latlon: bool, radius: float
 ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """Return the fields of `Bodies` (no named tuple: see `riftberg.compiled.kernels`)."""
-    count = _number_of(body)
+    count = _count_fragments(body)
     reference, displacement = bodies.reference.copy(), bodies.displacement.copy()
     pose, twist = np.zeros((count, 3, 3)), np.zeros((count, 3))
     total, centre, old = np.zeros(count), np.zeros((count, 3)), np.full(count, -1, np.int64)
@@ -292,15 +292,15 @@ def _split_bodies(
         size = math.sqrt(c[0] ** 2 + c[1] ** 2 + c[2] ** 2)
         for i in range(3):
             centre[b, i] = c[i] / size
-        multiply(q, _frame_at(c[0] / size, c[1] / size, c[2] / size), pose[b])
-        _twist_at(q[:, 2], pose[b, :, 2], r0, twist[b], radius)
+        multiply(q, _make_frame(c[0] / size, c[1] / size, c[2] / size), pose[b])
+        _transfer_twist(q[:, 2], pose[b, :, 2], r0, twist[b], radius)
     for e in range(body.size):
         b = body[e]
         if not latlon:
             for i in range(3):
                 reference[e, i] = bodies.reference[e, i] - centre[b, i]
             continue
-        to = _frame_at(centre[b, 0], centre[b, 1], centre[b, 2])
+        to = _make_frame(centre[b, 0], centre[b, 1], centre[b, 2])
         for i in range(3):
             reference[e, i] = (
                 to[0, i] * bodies.reference[e, 0]
@@ -312,10 +312,10 @@ def _split_bodies(
 
 
 @kernel
-def _twist_at(there: Floats, here: Floats, twist: Floats, new: Floats, radius: float) -> None:
+def _transfer_twist(there: Floats, here: Floats, twist: Floats, new: Floats, radius: float) -> None:
     """Twist of the same rigid motion about another centre: from ``there`` to ``here``."""
-    ex, ey, nx, ny, nz = axes_at(there)
-    fx, fy, mx, my, mz = axes_at(here)
+    ex, ey, nx, ny, nz = local_axes(there)
+    fx, fy, mx, my, mz = local_axes(here)
     u, v = twist[0] / radius, twist[1] / radius
     x = u * nx - v * ex + twist[2] * there[0]
     y = u * ny - v * ey + twist[2] * there[1]
@@ -397,7 +397,7 @@ def _bodies_from_elements(
     lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, radius: float, period: float
 ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """Return the fields of `Bodies` (no named tuple: see `riftberg.compiled.kernels`)."""
-    count = _number_of(body)
+    count = _count_fragments(body)
     reference, pose, total = np.zeros((body.size, 3)), np.zeros((count, 3, 3)), np.zeros(count)
     anchor = np.full(count, -1, np.int64)
     for e in range(body.size):
@@ -418,7 +418,7 @@ def _bodies_from_elements(
             size = math.sqrt(pose[b, 0, 2] ** 2 + pose[b, 1, 2] ** 2 + pose[b, 2, 2] ** 2)
             for i in range(3):
                 pose[b, i, 2] /= size
-            pose[b, 0, 0], pose[b, 1, 0], _, _, _ = axes_at(pose[b, :, 2])
+            pose[b, 0, 0], pose[b, 1, 0], _, _, _ = local_axes(pose[b, :, 2])
             _orthonormalise(pose[b])
         else:
             pose[b, 0, 0] = pose[b, 1, 1] = 1.0

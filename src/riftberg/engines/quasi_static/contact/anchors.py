@@ -42,7 +42,7 @@ MOST_TURNS: Final = 30
 """Turns after which the grip of the last one is taken: friction then lags behind its direction by a sub-step."""
 
 
-def without_floor(elements: int) -> Floats:
+def allocate_anchors(elements: int) -> Floats:
     """Return the anchors of elements afloat."""
     return np.zeros((elements, COLUMNS))
 

@@ -41,8 +41,8 @@ from riftberg.engines.quasi_static.contact.face_forces import (
     allocate_crushing,
     find_faces,
     find_free_motion,
-    find_going,
     find_mobilities,
+    find_path_twists,
     record_peak,
     set_apart,
     sweep_faces,
@@ -52,10 +52,10 @@ from riftberg.engines.quasi_static.contact.face_forces import (
 from riftberg.engines.quasi_static.contact.face_pairs import (
     CrushingWorkspace,
     Faces,
-    gap_of_pair,
+    find_pair_gap,
+    find_pair_overlap,
+    locate_pair,
     most_corners,
-    overlap_of_pair,
-    places_of_pair,
 )
 from riftberg.engines.quasi_static.contact.islands import (
     Island,
@@ -68,9 +68,9 @@ from riftberg.engines.quasi_static.contact.islands import (
     approach_bound,
     evaluate_media,
     is_stale,
-    island_part,
     linearised_force,
-    result_part,
+    select_island,
+    select_result,
     spin_lever,
 )
 from riftberg.physics.contact import face_stiffness
@@ -112,7 +112,7 @@ def integrate_faces(
     shortest, dissipated, corners = dt, 0.0, most_corners(faces)
     for k in range(lists.start.size - 1):
         e = slice(lists.row_start[k], lists.row_start[k + 1])
-        island, result = island_part(lists, k, whole), result_part(lists, k, results)
+        island, result = select_island(lists, k, whole), select_result(lists, k, results)
         work = allocate_crushing(island, corners)
         of_rows = Faces(faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e])
         for i in range(island.body_of.size):
@@ -154,7 +154,7 @@ def _integrate_island(
             h = left
         shortest = min(shortest, h)
         count = _find_velocities(island, faces, pair_state, result, about.jacobian, h, law, work)
-        find_going(island, pair_state, count, twist, work)
+        find_path_twists(island, pair_state, count, twist, work)
         update_faces(island, faces, pair_state, count, h, law, work, result)
         drag_anchors(result.anchors, island.body_of, island.levers, h, work.new, work.going, result.rubbed)
         find_stop(work.floor, h, twist, work.new, work.stop)
@@ -214,7 +214,7 @@ def _align(
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:
             skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
-            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, k, skin_x, skin_y, work)
+            area, _, _, _, _ = find_pair_overlap(island, faces, result.path, k, skin_x, skin_y, work)
             shift = area - pair_state[k, AREA_AT_END]
             pair_state[k, TOUCHED] += shift
             pair_state[k, CRUSHED] += shift
@@ -231,7 +231,7 @@ def _remember_depths(
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:
             skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
-            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, k, skin_x, skin_y, work)
+            area, _, _, _, _ = find_pair_overlap(island, faces, result.path, k, skin_x, skin_y, work)
             pair_state[k, AREA_AT_END] = area
 
 
@@ -255,9 +255,9 @@ def _find_close_pairs(island: Island, faces: Faces, result: IslandResult, work: 
         dx = alone[a, 0] - path[a, 0] - alone[b, 0] + path[b, 0]
         dy = alone[a, 1] - path[a, 1] - alone[b, 1] + path[b, 1]
         other = math.hypot(dx, dy) + (abs(alone[a, 2] - path[a, 2]) + abs(alone[b, 2] - path[b, 2])) * reach
-        _, _, _, _, x1, y1, x2, y2 = places_of_pair(island, path, k)
+        _, _, _, _, x1, y1, x2, y2 = locate_pair(island, path, k)
         if not result.touched[k] and math.hypot(x1 - x2, y1 - y2) < reach + other:
-            result.close[k] = gap_of_pair(island, faces, path, k, work)[0] < other
+            result.close[k] = find_pair_gap(island, faces, path, k, work)[0] < other
 
 
 @borrower
@@ -290,7 +290,7 @@ def _longest_substep(
         elif not _stays_apart(island, k, limit, work):
             far = faces.reach[island.first[k]] + faces.reach[island.second[k]]
             far += limit * (fastest + 0.5 * limit * quickest)
-            limit = _limit_of_pair(island, faces, pair_state[k], result, k, far, limit, before, law, work)
+            limit = _limit_substep(island, faces, pair_state[k], result, k, far, limit, before, law, work)
     # Impacts share the stiffness of their bodies, so that it is known once all pairs have been seen.
     most = 0.0
     for k in range(island.first.size):
@@ -309,12 +309,12 @@ def _stays_apart(island: Island, k: int, limit: float, work: CrushingWorkspace) 
         return False
     closing, driven = work.speed[a, 0] + work.speed[b, 0], work.speed[a, 1] + work.speed[b, 1]
     work.gap[k], work.bound[k] = least, closing + driven * limit
-    return _most_of_way(least, closing, driven)[0] >= limit
+    return _crossing_time(least, closing, driven)[0] >= limit
 
 
 # Many arguments: the bounds of all pairs, which the caller has found.
 @borrower
-def _limit_of_pair(
+def _limit_substep(
     island: Island, faces: Faces, state: Floats, result: IslandResult, k: int, far: float, limit: float, before: float,
     law: CrushingLaw, work: CrushingWorkspace,
 ) -> float:  # fmt: skip
@@ -326,12 +326,12 @@ def _limit_of_pair(
     i, j = island.first[k], island.second[k]
     m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
     work.gap[k] = np.inf
-    ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+    ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
     rx, ry = x1 - x2, y1 - y2
     if math.hypot(rx, ry) > far:
         set_apart(state)
         return limit
-    nearest, nx, ny = gap_of_pair(island, faces, path, k, work)
+    nearest, nx, ny = find_pair_gap(island, faces, path, k, work)
     work.measured[k, 0], work.measured[k, 1] = nearest, work.travelled[a] + work.travelled[b]
 
     # How fast they close, and what drives them. They meet in a point of the smaller one, of two of one size about the middle.
@@ -364,7 +364,7 @@ def _limit_of_pair(
     if nearest > 2.0 * math.hypot(state[SKIN_X], state[SKIN_Y]):
         set_apart(state)
         work.gap[k], work.bound[k] = nearest, closing + driven * limit
-        crossed, meets = _most_of_way(nearest, closing, driven)
+        crossed, meets = _crossing_time(nearest, closing, driven)
         return min(limit, max(crossed, entry if meets > SLOW else REST_STEP))
     work.gap[k], work.bound[k] = 0.0, 0.0
     if free:
@@ -373,13 +373,13 @@ def _limit_of_pair(
     if state[PHASE] == IMPACT:
         # An impact off the centre turns the body, too: it gives way by up to four times as much.
         stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
-        work.stiffness[a] += stiffness * _mobility_of_point(mobility[a], m, mx, my, nx, ny)
-        work.stiffness[b] += stiffness * _mobility_of_point(mobility[b], n, ox, oy, nx, ny)
+        work.stiffness[a] += stiffness * _point_mobility(mobility[a], m, mx, my, nx, ny)
+        work.stiffness[b] += stiffness * _point_mobility(mobility[b], n, ox, oy, nx, ny)
         if state[FORCE] <= 0.0:
             # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
-            area, _, _, _, _ = overlap_of_pair(island, faces, path, k, state[SKIN_X], state[SKIN_Y], work)
+            area, _, _, _, _ = find_pair_overlap(island, faces, path, k, state[SKIN_X], state[SKIN_Y], work)
             to_go = max(state[CRUSHED] - area, 0.0) / state[CHORD]
-            limit = min(limit, max(_most_of_way(to_go, closing, driven)[0], entry))
+            limit = min(limit, max(_crossing_time(to_go, closing, driven)[0], entry))
     return limit
 
 
@@ -390,7 +390,7 @@ def _speed_bound(twist: Floats, arm: float) -> float:
 
 
 @kernel
-def _most_of_way(way: float, closing: float, driven: float) -> tuple[float, float]:
+def _crossing_time(way: float, closing: float, driven: float) -> tuple[float, float]:
     """Time (s) in which no more than `GAP_PART` of a way (m) is crossed, and the speed (m s-1) at its end.
 
     The way is crossed no sooner than after the smallest root t of way = closing t + driven t^2 / 2.
@@ -417,7 +417,7 @@ def _relative_velocity(
 
 
 @kernel
-def _mobility_of_point(mobility: Floats, m: Floats, mx: float, my: float, nx: float, ny: float) -> float:
+def _point_mobility(mobility: Floats, m: Floats, mx: float, my: float, nx: float, ny: float) -> float:
     """Change of the velocity of an element along a normal by a unit impulse there, kg-1."""
     r0, r1, r2 = nx * m[0] + ny * m[3], nx * m[1] + ny * m[4], nx * mx + ny * my
     return float(

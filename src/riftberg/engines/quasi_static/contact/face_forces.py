@@ -24,8 +24,8 @@ from riftberg.engines.quasi_static.contact.face_pairs import (
     CrushingWorkspace,
     Faces,
     PairWorkspace,
-    overlap_of_pair,
-    places_of_pair,
+    find_pair_overlap,
+    locate_pair,
 )
 from riftberg.engines.quasi_static.contact.islands import Island, IslandResult, record_loads, spin_lever
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
@@ -166,9 +166,9 @@ def find_faces(
             continue
         i, j = island.first[k], island.second[k]
         m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
-        ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+        ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
         skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
-        area, moment_x, moment_y, chord_x, chord_y = overlap_of_pair(island, faces, path, k, skin_x, skin_y, work)
+        area, moment_x, moment_y, chord_x, chord_y = find_pair_overlap(island, faces, path, k, skin_x, skin_y, work)
         chord = math.hypot(chord_x, chord_y)
         standing = skin_x != 0.0 or skin_y != 0.0
         if standing and chord < LEAST_FACE and pair_state[k, PHASE] == APART:  # a corner, until it is in the other face
@@ -318,7 +318,7 @@ def _push(row: Floats, at: int, impulse: float, one: Floats, two: Floats, v: Flo
 
 
 @borrower
-def find_going(island: Island, pair_state: Floats, count: int, twist: Floats, work: CrushingWorkspace) -> None:
+def find_path_twists(island: Island, pair_state: Floats, count: int, twist: Floats, work: CrushingWorkspace) -> None:
     """Find the twists by which bodies go through a sub-step: the mean of old and new; the new one of bodies at rest or held.
 
     At rest (pressed, and in no impact) a body then stands where its overlap says. By the mean, one that rocks would come in a

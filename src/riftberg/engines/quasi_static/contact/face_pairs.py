@@ -95,12 +95,12 @@ def face_gaps(first: Ints, second: Ints, apart: Floats, faces: Faces) -> Floats:
 
 
 @borrower
-def gap_of_pair(
+def find_pair_gap(
     island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
 ) -> tuple[float, float, float]:
     """Gap (m) between the faces of a pair with the bodies moved by ``path``, below 0 where they overlap, and its normal."""
     i, j = island.first[k], island.second[k]
-    ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+    ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
     nearest, nx, ny = np.inf, 1.0, 0.0
     for p in range(faces.begin[i], faces.end[i]):
         corners = _place(faces, p, x1, y1, ca, sa, work.pair.one)
@@ -113,16 +113,16 @@ def gap_of_pair(
 
 
 @borrower
-def overlap_of_pair(
+def find_pair_overlap(
     island: Island, faces: Faces, path: Floats, k: int, skin_x: float, skin_y: float, work: CrushingWorkspace
 ) -> tuple[float, float, float, float, float]:
     """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path`` and the skin (m).
 
-    The skin brings each towards the other, so that neither is the first one. It takes the whole workspace, as `gap_of_pair`:
+    The skin brings each towards the other, so that neither is the first one. It takes the whole workspace, as `find_pair_gap`:
     with few arguments LLVM no longer takes these into their callers, and a sub-step costs a third more.
     """
     i, j = island.first[k], island.second[k]
-    ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+    ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
     x1, y1, x2, y2 = x1 + skin_x, y1 + skin_y, x2 - skin_x, y2 - skin_y
     area = moment_x = moment_y = chord_x = chord_y = 0.0
     for p in range(faces.begin[i], faces.end[i]):
@@ -139,9 +139,7 @@ def overlap_of_pair(
 
 
 @borrower
-def places_of_pair(
-    island: Island, path: Floats, k: int
-) -> tuple[float, float, float, float, float, float, float, float]:
+def locate_pair(island: Island, path: Floats, k: int) -> tuple[float, float, float, float, float, float, float, float]:
     """Cosine and sine of the rotation of both bodies of a pair, and places (m) of its elements, with bodies moved by ``path``."""
     i, j = island.first[k], island.second[k]
     a, b = island.body_of[i], island.body_of[j]

@@ -136,11 +136,11 @@ class FaceContact:
         """
         el, c, before = model.elements, model.constants, self.pairs
         self.forget_pairs()
-        polygons = self._faces_of(model, bodies)
+        polygons = self._find_polygons(model, bodies)
         first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
         if first.size == 0:
             return None
-        faces = self._laid_out(polygons, el, op.levers)
+        faces = self._orient_polygons(polygons, el, op.levers)
         apart = pair_separations(el, first, second, c)
         # As far as both can come in the step by themselves and by what drives them.
         # The spin of the state may be that of a trial step that was rolled back.
@@ -151,11 +151,11 @@ class FaceContact:
         near = face_gaps(first, second, apart, faces)[:, 0] <= way
         if not near.any():
             return None
-        order = np.flatnonzero(near)[np.argsort(_place_in_line(el, first[near], second[near]))]
+        order = np.flatnonzero(near)[np.argsort(_sweep_position(el, first[near], second[near]))]
         first, second = first[order], second[order]
         lists, whole = gather_islands(op, first, second, apart[order])
         ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
-        pair_state, rows = _known_states(before, ids), lists.rows
+        pair_state, rows = _recall_states(before, ids), lists.rows
         faces = faces._replace(
             begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
         )
@@ -170,7 +170,7 @@ class FaceContact:
     def find_near(self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, within: float) -> NearPairs:
         """Find faces of different bodies that are at most ``within`` m from each other, with elements at ``lon``, ``lat``."""
         el, c, free = model.elements, model.constants, movable(model.elements)
-        polygons, levers = self._faces_of(model, bodies), np.empty((el.size, 11))
+        polygons, levers = self._find_polygons(model, bodies), np.empty((el.size, 11))
         fill_levers(bodies, c.latlon, c.earth_radius, levers)
         first, second = NO_PAIRS
         if c.interactions:
@@ -180,12 +180,12 @@ class FaceContact:
             )
         first, second = free[first], free[second]
         apart = np.column_stack(separations(metric_of(c), lon[first], lat[first], lon[second], lat[second]))
-        found = face_gaps(first, second, apart, self._laid_out(polygons, el, levers))
+        found = face_gaps(first, second, apart, self._orient_polygons(polygons, el, levers))
         near = found[:, 0] <= within
         return NearPairs(first[near], second[near], found[near, 0], found[near, 1:])
 
     @staticmethod
-    def _laid_out(polygons: _Polygons, el: Elements, levers: Floats) -> Faces:
+    def _orient_polygons(polygons: _Polygons, el: Elements, levers: Floats) -> Faces:
         """Turn the footprints to where the axes of the bodies stand."""
         axis = levers[:, 9:11][polygons.element]
         x, y = polygons.corner.T
@@ -194,7 +194,7 @@ class FaceContact:
             polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
         )  # fmt: skip
 
-    def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
+    def _find_polygons(self, model: RunState, bodies: Bodies) -> _Polygons:
         """Footprints about the centres of their elements, found anew where elements or fragments have changed."""
         el, c, body = model.elements, model.constants, model.elements.body
         arrays = bodies.body, bodies.reference, body.id, body.length, body.width
@@ -214,7 +214,7 @@ class FaceContact:
         return self._polygons
 
 
-def _place_in_line(el: Elements, first: Ints, second: Ints) -> Floats:
+def _sweep_position(el: Elements, first: Ints, second: Ints) -> Floats:
     """Where pairs stand on a line from south-west to north-east, in which the sweeps over the faces take them.
 
     Friction between several faces that stick is statically indeterminate, and how the sweeps share it out depends on their order.
@@ -224,7 +224,7 @@ def _place_in_line(el: Elements, first: Ints, second: Ints) -> Floats:
     return np.asarray(lon[first] + lon[second] + GOLDEN_RATIO * (lat[first] + lat[second]))
 
 
-def _known_states(pairs: FacePairs, ids: Ints) -> Floats:
+def _recall_states(pairs: FacePairs, ids: Ints) -> Floats:
     """Return the states of pairs of elements (by identifiers, in either order); zeros for those that did not press each other."""
     out = np.zeros((len(ids), COLUMNS))
     if len(pairs.pair):

@@ -128,9 +128,9 @@ def find_islands(body: Ints, count: int, first: Ints, second: Ints) -> Islands:
     """
     part = connected_parts(count, body[first], body[second], np.zeros(first.size, np.int64))
     island = _numbered_islands(part, body, first, second)
-    members, start, in_island = _by_group(island)
-    rows, row_start, at = _by_group(island[body])
-    order, pair_start, _ = _by_group(island[body[first]])
+    members, start, in_island = _sort_by_group(island)
+    rows, row_start, at = _sort_by_group(island[body])
+    order, pair_start, _ = _sort_by_group(island[body[first]])
     return Islands(
         members, start, rows, row_start, in_island[body[rows]], at[first[order]], at[second[order]], pair_start, order
     )  # fmt: skip
@@ -153,7 +153,7 @@ def _numbered_islands(part: Ints, body: Ints, first: Ints, second: Ints) -> Ints
 
 
 @kernel
-def _by_group(group: Ints) -> tuple[Ints, Ints, Ints]:
+def _sort_by_group(group: Ints) -> tuple[Ints, Ints, Ints]:
     """Sort entries by their group, in their order within it; those below 0 are in none.
 
     Returns the entries, where each group begins, with the end of the last, and the place of each entry in its group.
@@ -188,7 +188,7 @@ def gather_islands(op: BodyOperators, first: Ints, second: Ints, apart: Floats) 
     i = find_islands(op.body, count, first, second)
     rows = i.rows
     return i, Island(
-        i.body_of, op.levers[rows], forcing_of_rows(rows, op.forcing), BodyMatrices(*(m[i.members] for m in op.matrices)),
+        i.body_of, op.levers[rows], select_forcing(rows, op.forcing), BodyMatrices(*(m[i.members] for m in op.matrices)),
         np.bincount(op.body, minlength=count)[i.members] > 1, i.first, i.second, apart[i.order],
     )  # fmt: skip
 
@@ -238,7 +238,7 @@ def trapezoidal_correction(
     place = np.zeros(len(twist), np.int64)
     place[bodies] = np.arange(bodies.size)
     # Of the elements of bodies in contact alone: among a thousand bergs they are few.
-    body, levers, forcing = place[end.body[rows]], end.levers[rows], forcing_of_rows(rows, end.forcing)
+    body, levers, forcing = place[end.body[rows]], end.levers[rows], select_forcing(rows, end.forcing)
 
     def forces(levers: Floats, forcing: ElementForcing) -> tuple[Floats, Floats]:
         """Accelerations of the elements by each force, and net forces on the bodies, at ``now``."""
@@ -247,7 +247,7 @@ def trapezoidal_correction(
         add_forces(body, levers, now, forcing, accelerations, rate, force, net_force)
         return accelerations, net_force
 
-    old_accelerations, old_force = forces(start.levers[rows], forcing_of_rows(rows, start.forcing))
+    old_accelerations, old_force = forces(start.levers[rows], select_forcing(rows, start.forcing))
     for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
         net_force, jacobian = np.zeros(now.shape), np.zeros((*now.shape, 3))
         assemble_force_and_jacobian(body, levers, now, forcing, active, net_force, jacobian)
@@ -259,7 +259,7 @@ def trapezoidal_correction(
     return twist, contact._replace(twist=now, applied=applied)
 
 
-def forcing_of_rows(rows: Ints, forcing: ElementForcing) -> ElementForcing:
+def select_forcing(rows: Ints, forcing: ElementForcing) -> ElementForcing:
     """Return the forcing of some elements, each once; that of all as it is."""
     if rows.size == forcing.mass.size and (np.diff(rows) > 0).all():
         return forcing
@@ -276,7 +276,7 @@ def scatter_peak_load(peak: PeakContactLoad, elements: int, bodies: int) -> tupl
 
 
 @kernel
-def island_part(lists: Islands, k: int, whole: Island) -> Island:
+def select_island(lists: Islands, k: int, whole: Island) -> Island:
     """Return island ``k`` of all."""
     b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
     n, f, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), whole.forcing, whole.matrices
@@ -301,7 +301,7 @@ def allocate_result(whole: Island, twist: Floats, anchors: Floats) -> IslandResu
 
 
 @kernel
-def result_part(lists: Islands, k: int, r: IslandResult) -> IslandResult:
+def select_result(lists: Islands, k: int, r: IslandResult) -> IslandResult:
     """Return the results of island ``k`` of all."""
     b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
     n = slice(lists.pair_start[k], lists.pair_start[k + 1])

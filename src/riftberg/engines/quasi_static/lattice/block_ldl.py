@@ -64,7 +64,7 @@ class BlockLDL:
 
     def __init__(self, first: Ints, second: Ints, diagonal: Floats, between: Floats) -> None:
         order = minimum_degree(diagonal.shape[0], first, second)
-        start, row, lower, inverse = _factored(order, first, second, diagonal, between)
+        start, row, lower, inverse = _factor(order, first, second, diagonal, between)
         self.factors = Factors(order, start, row, lower, inverse, np.empty((order.size, 3)))
         self._one, self._free = np.ones(order.size), np.ones(3 * order.size)
 
@@ -135,7 +135,7 @@ def _reach(
 
 
 @kernel
-def _factored(
+def _factor(
     order: Ints, first: Ints, second: Ints, diagonal: Floats, between: Floats
 ) -> tuple[Ints, Ints, Floats, Floats]:
     """Return L by columns (where each starts, rows, blocks) and the inverse blocks of D, all by place in the order."""

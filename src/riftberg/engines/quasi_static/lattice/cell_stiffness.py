@@ -23,11 +23,11 @@ from riftberg.engines.quasi_static.lattice.triangles import (
     FaceTables,
     Neighbourhoods,
     Triangles,
+    find_gap_shares,
     find_triangles,
     freedoms,
     mean_stresses,
     put_closed_stress,
-    shares_of_gap,
     triangle_stresses,
     volumes,
 )
@@ -394,7 +394,7 @@ class CellStiffness:
             row = np.flatnonzero(faces.any(axis=1) & ~self._freed.all(axis=1))
             normal = self.topology.crack_normals(self._bonds)[bond[row]]
             # As it lies on the plane of the mesh, where all of a crack is in one place.
-            across = shares_of_gap(of.xy[of.triangle[row]], self._freed[row], faces[row], normal)
+            across = find_gap_shares(of.xy[of.triangle[row]], self._freed[row], faces[row], normal)
             youngs, poisson = self._p.youngs_modulus, self._p.poisson
             self._faces = ClosingFaces(
                 row, self._at[row], self._vertex[row], self._freed[row], across, self._volume[row], youngs, poisson
@@ -417,7 +417,7 @@ class CellStiffness:
         width = lattice.width[rows] * self.facet[lattice.first[rows]]
         return StressTables(
             self._nodes_on_outline(), self._at, self._triangles.stress, self.faces.tables,
-            of.at_bond.but_freed(self._whole), of.at_node.but_freed(self._whole), number, beside[:, beside[0] >= 0],
+            of.at_bond.exclude_freed(self._whole), of.at_node.exclude_freed(self._whole), number, beside[:, beside[0] >= 0],
             (self._broken.size, of.outer_nodes), self._bridges(lattice, rows),
             (lattice.first, lattice.second, rows, self._xy, of.held), lattice.thickness[rows] * width**2,
         )  # fmt: skip

@@ -102,7 +102,7 @@ def _cell_mesh(
     bond_of = {(min(a, b), max(a, b)): k for k, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True))}
     weight = np.ones(len(triangle))
     if both_diagonals:
-        triangle, weight = _with_both_diagonals(triangle, len(centres), bond_of)
+        triangle, weight = _add_second_diagonals(triangle, len(centres), bond_of)
     area = _areas(xy, triangle)
 
     # Edges by the owners of their ends: inner, of a bond, or a tie.
@@ -142,7 +142,7 @@ def lone_cell(xy: Floats) -> CellMesh:
     return CellMesh(1, 0, 0, xy, one, no_edges, none, none, no_edges, no_edges, one[:0], no_paths)
 
 
-def joined(meshes: list[CellMesh]) -> CellMesh:
+def join_meshes(meshes: list[CellMesh]) -> CellMesh:
     """Return several meshes as one: cells, bonds and ties are numbered on, and nodes on outlines follow all cells."""
     before = np.cumsum([[0, 0, 0, 0], *((m.cells, m.bonds, m.ties, m.owner.size - m.cells) for m in meshes)], axis=0)
     longest = max(m.path_bonds.shape[1] for m in meshes)
@@ -228,7 +228,7 @@ def _farther(step: Ints, place: Any, start: Ints, reach: Floats) -> Ints:
 def _triangulation(centres: Floats, outline: shapely.Polygon, spacing: float) -> tuple[Floats, Ints]:
     """Nodes (centres first) and triangles that fill the outline."""
     outline = outline.simplify(OUTLINE_TOLERANCE * spacing)
-    rings = [_nodes_of_ring(ring, spacing) for ring in (outline.exterior, *outline.interiors)]
+    rings = [_divide_ring(ring, spacing) for ring in (outline.exterior, *outline.interiors)]
     for _ in range(MAX_SPLITS):
         xy = np.vstack([centres, *rings])
         # Triangles across bays are left out. Those without area stand on three nodes of one side.
@@ -256,7 +256,7 @@ def _triangulation(centres: Floats, outline: shapely.Polygon, spacing: float) ->
     )
 
 
-def _nodes_of_ring(ring: shapely.LinearRing, spacing: float) -> Floats:
+def _divide_ring(ring: shapely.LinearRing, spacing: float) -> Floats:
     """Nodes at each corner and between corners at the equal spacing nearest to ``spacing`` (m)."""
     corner = np.asarray(ring.coords)[:, :2]
     nodes = []
@@ -289,7 +289,7 @@ def _areas(xy: Floats, triangle: Ints) -> Floats:
     return 0.5 * ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0]))
 
 
-def _with_both_diagonals(triangle: Ints, cells: int, bond_of: dict[tuple[int, int], int]) -> tuple[Ints, Floats]:
+def _add_second_diagonals(triangle: Ints, cells: int, bond_of: dict[tuple[int, int], int]) -> tuple[Ints, Floats]:
     """Take both pairs of triangles of every four squares around a corner, with weight 1/2."""
     bonded = [
         [(min(t[i - 2], t[i - 1]), max(t[i - 2], t[i - 1])) in bond_of for i in range(3)] for t in triangle.tolist()
@@ -374,7 +374,7 @@ def cells_from_arrays(saved: Mapping[str, Any]) -> ElasticCells:
     return ElasticCells(mesh, element, bond)
 
 
-def with_new_cells(
+def add_new_cells(
     cells: ElasticCells | None, el: Elements, bonds: Bonds, outlines: Sequence[Any], p: KernelParameters
 ) -> ElasticCells:
     """Return the cells with those of elements that are new.
@@ -394,19 +394,19 @@ def with_new_cells(
     element = [] if cells is None else [cells.element]
     bond = [] if cells is None else [cells.bond]
     for rows, outline in lattices(el, bonds, ~known, outlines):
-        mesh, ids = _mesh_of(el, bonds, rows, radius[rows], outline, p)
+        mesh, ids = _make_mesh(el, bonds, rows, radius[rows], outline, p)
         meshes.append(mesh)
         element.append(el.body.id[rows])
         bond.append(ids)
-    return ElasticCells(joined(meshes), np.concatenate(element), np.concatenate(bond))
+    return ElasticCells(join_meshes(meshes), np.concatenate(element), np.concatenate(bond))
 
 
-def _widened(ice: Any, lines: Any, facet: float) -> Any:
+def _widen_ice(ice: Any, lines: Any, facet: float) -> Any:
     """Return ice that reaches a facet to either side of lines."""
     return shapely.unary_union([ice, *shapely.buffer(lines, facet, cap_style="flat")]) if lines.size else ice
 
 
-def _mesh_of(
+def _make_mesh(
     el: Elements, bonds: Bonds, rows: Ints, radius: Floats, outline: Any, p: KernelParameters
 ) -> tuple[CellMesh, Ints]:
     """Mesh of some elements on a plane of their own, and the identifiers of its bonds."""
@@ -431,7 +431,7 @@ def _mesh_of(
     # Bonded cells are joined by ice, also where the outline has a narrow inlet between them or they lie a little apart.
     across = shapely.linestrings(xy[ends])
     facet = float(radius.mean()) * (1.0 / np.sqrt(3.0) if hexagonal else 1.0)
-    ice = _widened(ice, across[~shapely.covers(ice, across)], facet)
+    ice = _widen_ice(ice, across[~shapely.covers(ice, across)], facet)
     if ice.geom_type != "Polygon":
         raise BergError(
             "a berg whose elements do not touch each other has no elastic cells",
@@ -440,7 +440,7 @@ def _mesh_of(
     without = np.zeros(0, np.int64)
     for _ in range(MOST_MESHES):
         # A line within the ice may still pass so near to its edge that no edge of a triangle joins the cells.
-        ice = _widened(ice, across[without], facet)
+        ice = _widen_ice(ice, across[without], facet)
         mesh = cell_mesh(xy, pairs[:, 0], pairs[:, 1], ice, spacing, both_diagonals=not hexagonal)
         without = np.setdiff1d(np.arange(len(ends)), mesh.edge_bond)
         if not without.size:

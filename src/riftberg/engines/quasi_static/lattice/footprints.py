@@ -56,7 +56,7 @@ SHORTEST_EDGE: Final = 1e-5
 """Shortest edge of a footprint, as a part of the radius: a few times what moving the centres makes of a corner."""
 
 
-def with_new_footprints(
+def add_new_footprints(
     footprints: Footprints | None, el: Elements, bonds: Bonds, outlines: Sequence[Any], p: KernelParameters
 ) -> Footprints:
     """Return the footprints with those of elements that are new.
@@ -75,14 +75,14 @@ def with_new_footprints(
         alone &= ~shapely.contains_xy(outline, el.lon, el.lat)
     if alone.any():
         known |= alone
-        parts.append(_footprints_of_lone(el, np.flatnonzero(alone), radius[alone], p))
+        parts.append(_make_lone_footprints(el, np.flatnonzero(alone), radius[alone], p))
     for whole, outline in lattices(el, bonds, ~known, outlines):
         rows = whole[~known[whole]]
-        parts.append(_footprints_of(el, bonds, rows, float(radius[rows].mean()), outline, p))
-    return _joined(parts)
+        parts.append(_make_footprints(el, bonds, rows, float(radius[rows].mean()), outline, p))
+    return _join_footprints(parts)
 
 
-def _footprints_of_lone(el: Elements, rows: Ints, radius: Floats, p: KernelParameters) -> Footprints:
+def _make_lone_footprints(el: Elements, rows: Ints, radius: Floats, p: KernelParameters) -> Footprints:
     """Footprints of bergs of one element, all at once: squares or hexagons about circles of ``radius`` (m)."""
     kinds, kind = np.unique(el.body.sides[rows], return_inverse=True)
     sides = np.array([6 if sides_of(int(number), p) == 6 else 4 for number in kinds])[kind]
@@ -95,7 +95,7 @@ def _footprints_of_lone(el: Elements, rows: Ints, radius: Floats, p: KernelParam
     return Footprints(el.body.id[rows], np.zeros((rows.size, 2)), size, np.arange(rows.size), start, corner, NO_BONDS)
 
 
-def _footprints_of(
+def _make_footprints(
     el: Elements, bonds: Bonds, rows: Ints, radius: float, outline: Any, p: KernelParameters
 ) -> Footprints:
     """Footprints of some elements on a plane of their own."""
@@ -111,11 +111,11 @@ def _footprints_of(
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
     size = el.body.length[rows] * el.body.width[rows]
-    return Footprints(el.body.id[rows], xy, size, *_parts_of_ice(xy.tobytes(), ice, radius), NO_BONDS)
+    return Footprints(el.body.id[rows], xy, size, *_divide_ice(xy.tobytes(), ice, radius), NO_BONDS)
 
 
 @lru_cache(maxsize=4)  # the members of a sweep begin with the same berg
-def _parts_of_ice(centres: bytes, ice: Any, radius: float) -> tuple[Ints, Ints, Floats]:
+def _divide_ice(centres: bytes, ice: Any, radius: float) -> tuple[Ints, Ints, Floats]:
     """Divide ice among centres: owner of each convex part, where its corners begin, and the corners (m)."""
     xy = np.frombuffer(centres).reshape(-1, 2)
     owner, rings = [], []
@@ -158,7 +158,7 @@ def _nearest_regions(xy: Floats, ice: Any, spacing: float) -> list[Any]:
     return list(shapely.get_parts(shapely.voronoi_polygons(shapely.multipoints(moved), extend_to=frame, ordered=True)))
 
 
-def _joined(parts: list[Footprints]) -> Footprints:
+def _join_footprints(parts: list[Footprints]) -> Footprints:
     """Return several as one."""
     elements = np.cumsum([0, *(part.element.size for part in parts)])
     corners = np.cumsum([0, *(len(part.corner) for part in parts)])
@@ -172,7 +172,7 @@ def _joined(parts: list[Footprints]) -> Footprints:
     )  # fmt: skip
 
 
-def divided_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Footprints:
+def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Footprints:
     """Return the footprints, divided along the lines of cracks that have parted fragments since the last time.
 
     The ice beyond a line goes to the nearest element there.
@@ -302,8 +302,8 @@ class FootprintBook:
 
     def follow(self, model: RunState) -> Footprints:
         """Make the footprints of elements that are new, and divide them by cracks."""
-        whole = with_new_footprints(self._footprints, model.elements, model.bonds, model.outlines, model.constants)
-        self._footprints = divided_by_cracks(whole, model.elements, model.bonds)
+        whole = add_new_footprints(self._footprints, model.elements, model.bonds, model.outlines, model.constants)
+        self._footprints = divide_by_cracks(whole, model.elements, model.bonds)
         self.divided += self._footprints is not whole
         return self._footprints
 

@@ -54,10 +54,10 @@ class FragmentSides:
         if key not in self._latest:
             if len(self._latest) == MOST_GROUPS:
                 del self._latest[next(iter(self._latest))]
-            self._latest[key] = self._found(model, body, xy)
+            self._latest[key] = self._find_sides(model, body, xy)
         return self._latest[key]
 
-    def _found(self, model: RunState, body: Ints, xy: Floats) -> Floats:
+    def _find_sides(self, model: RunState, body: Ints, xy: Floats) -> Floats:
         """Find the points, of fragments that are new alone."""
         el = model.elements
         several = np.flatnonzero(np.bincount(body)[body] > 1)
@@ -69,7 +69,7 @@ class FragmentSides:
             self._fragments.clear()
         for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1):
             key = self._footprints.divided, el.body.id[rows].tobytes(), xy[rows].tobytes()
-            found = self._fragments.get(key) or self._points_of(model, rows, xy)
+            found = self._fragments.get(key) or self._find_points(model, rows, xy)
             self._fragments[key] = found
             owners.append(rows[found[0]])
             points.append(found[1])
@@ -80,7 +80,7 @@ class FragmentSides:
         sides[owner, np.arange(owner.size) - np.repeat(np.cumsum(number) - number, number)] = point
         return sides
 
-    def _points_of(self, model: RunState, rows: Ints, xy: Floats) -> tuple[Ints, Floats]:
+    def _find_points(self, model: RunState, rows: Ints, xy: Floats) -> tuple[Ints, Floats]:
         """Points on the outline of one fragment, and of which of its elements they are."""
         el = model.elements
         footprints = self._footprints.follow(model)

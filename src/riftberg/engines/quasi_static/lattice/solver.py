@@ -76,7 +76,7 @@ class StiffnessSolver:
         self._ldl = BlockLDL(of.first, of.second, diagonal, between)
         self._columns: list[Floats] = []  # w of K + sum of -w w^T
         self._solved: list[Floats] = []  # K^-1 w
-        self._correction: tuple[Floats, Floats, Floats] | None = None  # W, A and W A - 1 of `_corrected`
+        self._correction: tuple[Floats, Floats, Floats] | None = None  # W, A and W A - 1 of `_correct_displacement`
         # By which faces are closed, with W the rows w of K + sum of w w^T and A = K^-1 W^T: A, and (1 + W A)^-1 W.
         self._pressed: dict[bytes, tuple[Floats, Floats]] = {}
 
@@ -97,12 +97,12 @@ class StiffnessSolver:
         """Displacements (m, m, rad), shape (elements, 3), under balanced loads (N, N, N m); outlines bear none."""
         every = np.zeros((self._radius.size, 3))
         every[: len(load)] = load
-        displacement, largest = self._displaced(every)
+        displacement, largest = self._find_displacements(every)
         self._check_residual(displacement, largest, every)
         displacement[:, 2] /= self._radius
         return displacement[: len(load)]
 
-    def _displaced(self, load: Floats) -> tuple[Floats, float]:
+    def _find_displacements(self, load: Floats) -> tuple[Floats, float]:
         """Displacements as lengths (m), and the largest load (N): faces that would pass through each other press.
 
         Newton's method for a convex energy that is quadratic in pieces: each round takes the faces that the displacements of
@@ -111,7 +111,7 @@ class StiffnessSolver:
         """
         open_ones = np.empty(load.shape)
         largest = self._ldl.solve_scaled(load, self._radius, self._free, open_ones)
-        self._corrected(open_ones.reshape(-1))
+        self._correct_displacement(open_ones.reshape(-1))
         faces, found = self._cells.faces, open_ones
         if faces.tables.row.size == 0:
             return found, largest
@@ -121,10 +121,10 @@ class StiffnessSolver:
             closed = closed if n < MOST_ROUNDS else closed | before
             if np.array_equal(closed, before):
                 break
-            before, found = closed, self._with_closed(open_ones, closed)
+            before, found = closed, self._close_faces(open_ones, closed)
         return found, largest
 
-    def _with_closed(self, displacement: Floats, closed: Booleans) -> Floats:
+    def _close_faces(self, displacement: Floats, closed: Booleans) -> Floats:
         """Displacements with some faces closed, by those with all of them open; a correction as for broken bonds."""
         key = closed.tobytes()
         if key not in self._pressed:
@@ -134,13 +134,13 @@ class StiffnessSolver:
             at, columns = faces.at[closed], faces.columns[closed]
             w = np.zeros((len(at), self._free.size))
             np.put_along_axis(w, at, columns * self._scale[at] * self._free[at], axis=1)
-            a = np.array([self._corrected(self._ldl.solve(one)) for one in w]).reshape(w.shape)
+            a = np.array([self._correct_displacement(self._ldl.solve(one)) for one in w]).reshape(w.shape)
             self._pressed[key] = a.T.copy(), np.linalg.solve(w @ a.T + np.eye(len(w)), w)
         a_t, pressing = self._pressed[key]
         d = displacement.reshape(-1)
         return np.asarray((d - a_t @ (pressing @ d)).reshape(-1, 3))
 
-    def _corrected(self, d: Floats) -> Floats:
+    def _correct_displacement(self, d: Floats) -> Floats:
         """Correct d = K^-1 b in place for bonds that have broken since."""
         if self._columns:
             # Woodbury: (K - W^T W)^-1 b = d + A (1 - W A)^-1 W d, with A = K^-1 W^T.

@@ -68,18 +68,18 @@ def find_triangles(
 
     ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``freed``: shape (triangles, 3).
     """
-    return _condensed(vertex, freed, youngs, poisson, drilling)[0]
+    return _condense_edges(vertex, freed, youngs, poisson, drilling)[0]
 
 
 def find_open_edges(vertex: Floats, freed: Booleans, youngs: float, poisson: float) -> tuple[Triangles, OpenEdges]:
     """Find the matrices of triangles, and how their freed edges close; arguments as of `find_triangles`."""
-    found, elongation, stretch, inner_stiffness, stress = _condensed(vertex, freed, youngs, poisson, DRILLING)
+    found, elongation, stretch, inner_stiffness, stress = _condense_edges(vertex, freed, youngs, poisson, DRILLING)
     of_freed = freed[:, :, None] & freed[:, None, :]
     give = np.asarray(np.linalg.inv(inner_stiffness) * of_freed, np.float64)
     return found, OpenEdges(elongation - stretch, give, stress)
 
 
-def _condensed(
+def _condense_edges(
     vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float
 ) -> tuple[Triangles, Floats, Floats, Floats, Floats]:
     """Matrices of triangles; their elongations q and z by displacements, stiffness of the inner unknowns, stress by z."""
@@ -190,7 +190,7 @@ def closed_faces(faces: FaceTables, displacement: Floats) -> Booleans:
     return closed
 
 
-def shares_of_gap(vertex: Floats, freed: Booleans, faces: Booleans, normal: Floats) -> Floats:
+def find_gap_shares(vertex: Floats, freed: Booleans, faces: Booleans, normal: Floats) -> Floats:
     """By how much the gap of a crack grows with that of each freed edge of its triangle, shape (triangles, 3).
 
     ``vertex``: m; ``freed``: one or two edges of each triangle; ``faces``: those of them that belong to broken bonds;
@@ -264,7 +264,7 @@ class Neighbourhoods(NamedTuple):
         place, triangle = np.divmod(pairs, count)
         return cls(place, triangle, (mesh.weight * mesh.area)[triangle])
 
-    def but_freed(self, whole: Booleans) -> Neighbourhoods:
+    def exclude_freed(self, whole: Booleans) -> Neighbourhoods:
         """Return those without a freed edge (``whole``: of the triangles), in places that have any.
 
         Freed edges carry nothing, so a mean that takes their triangles in sees the relief of the flanks of a crack and hardly
