@@ -5,8 +5,8 @@ The anchors are the ones of `riftberg.engines.quasi_static.ground.landing`. The 
     f = grip (a - k h v),    grip = min(1, H / |a - k h v|)
 
 with its force a before, stiffness k, largest friction H, and the new velocity v of the keel. The grip follows from the
-previous iterate of the velocities, until two iterates agree: each turn solves a linear problem with more energy than the true one (Huber's potential), so
-the turns close in on it from any start.
+previous iterate of the velocities, until two iterates agree. Each turn solves a linear problem with more energy than the true
+one (Huber's potential), so the turns converge from any start.
 """
 
 from __future__ import annotations

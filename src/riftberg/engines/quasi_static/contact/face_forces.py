@@ -355,7 +355,7 @@ def update_faces(
     island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace,
     result: IslandResult,
 ) -> None:  # fmt: skip
-    """Crush the faces as far as their forces say, and pass on from impact to rest, or apart; add up their impulses on the bodies."""
+    """Crush the faces by their forces, pass on from impact to rest, or apart, and add up their impulses on the bodies."""
     for f in range(count):
         k, row = work.active[f], work.face[f]
         i, j = island.first[k], island.second[k]

@@ -327,7 +327,7 @@ def select_result(lists: Islands, k: int, r: IslandResult) -> IslandResult:
 
 @kernel
 def spin_lever(m: Floats, c: float, s: float) -> tuple[float, float]:
-    """How the spin moves an element now, m; ``m`` are its levers at the start, ``c`` and ``s`` are cosine and sine of the rotation since."""
+    """Lever (m) of the spin on an element now, from its levers ``m`` at the start and cosine and sine of the rotation since."""
     return m[2] * c - m[5] * s, m[5] * c + m[2] * s
 
 
