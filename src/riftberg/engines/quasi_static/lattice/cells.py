@@ -184,8 +184,8 @@ def outline_ties(mesh: CellMesh) -> tuple[Ints, Ints]:
     """Return the ties by which ice that hangs by one bond meets the rest along the outline, and their cells, shape (ties, 2).
 
     By one bond as the mesh was made: ice that a crack has left hanging by one bond hangs by it alone. Cells do not meet
-    where the ice of a third one parts them, as along a row, or where the outline turns inwards: in the bend of a row, or at the root of a
-    finger, they touch in a point.
+    where the ice of a third one parts them, as along a row, or where the outline turns inwards: in the bend of a row, or at the
+    root of a finger, they touch in a point.
     """
     ends = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
     _, at, count = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
