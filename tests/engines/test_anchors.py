@@ -26,7 +26,7 @@ def levers(places: np.ndarray) -> np.ndarray:
 def standing(seed: int, scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """Anchors of five elements of one body, one of them afloat, and their levers."""
     random = np.random.default_rng(seed)
-    found, places = anchors.without_floor(5), random.uniform(-5e3, 5e3, (5, 2))
+    found, places = anchors.allocate_anchors(5), random.uniform(-5e3, 5e3, (5, 2))
     found[:4, HOLD] = scale * random.uniform(1e8, 4e8, 4)
     found[:4, STIFFNESS] = found[:4, HOLD] / 0.1
     found[:4, [ANCHOR_X, ANCHOR_Y]] = scale * random.uniform(-5e7, 5e7, (4, 2))

@@ -62,7 +62,7 @@ def test_coriolis_takes_the_momentum_of_the_way() -> None:
 
 
 def test_the_floor_takes_the_momentum_that_its_friction_and_slope_give() -> None:
-    anchor, applied = anchors.without_floor(2), np.zeros((2, len(FORCES), 2))
+    anchor, applied = anchors.allocate_anchors(2), np.zeros((2, len(FORCES), 2))
     anchor[0, [anchors.ANCHOR_X, anchors.ANCHOR_Y, anchors.STIFFNESS, anchors.SLOPE_X]] = 3e6, -2e6, 1.0, 1e6
     island: Any = SimpleNamespace(body_of=np.zeros(2, int), forcing=forcing(2))
     plain(accumulate_floor_impulse)(island, anchor, 60.0, applied)

@@ -283,7 +283,7 @@ def test_means_take_triangles_with_a_freed_edge_only_where_there_are_no_others()
     place, triangle = np.divmod(np.unique(rng.integers(0, 12 * 20, 60)), 20)
     near, whole = Neighbourhoods(place, triangle, rng.uniform(1.0, 2.0, place.size)), rng.random(20) < 0.4
     stress, seen = rng.normal(size=(20, 3)), set()
-    found = mean_stresses(near.but_freed(whole), stress, 13)
+    found = mean_stresses(near.exclude_freed(whole), stress, 13)
     for k in range(13):
         of_place = place == k
         counts = of_place & whole[triangle] if (of_place & whole[triangle]).any() else of_place

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from engines.test_elastic_cells import loads, parameters, stiffness_of
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.engines.quasi_static.lattice.cells import with_new_cells
+from riftberg.engines.quasi_static.lattice.cells import add_new_cells
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from twins.continuum import largest_tension
 
@@ -37,7 +37,7 @@ def filled(shape: shapely.Polygon, packing: str, angle: float, side: float = SID
 def stresses_under(el: Any, bonds: Any, outlines: Any, packing: str, force: np.ndarray) -> Any:
     """Stresses in equilibrium under given forces (N, N, N m) on the elements."""
     p = parameters(packing).kernel_values()
-    stiffness, given, body, xy = stiffness_of(el, bonds, with_new_cells(None, el, bonds, outlines, p), p)
+    stiffness, given, body, xy = stiffness_of(el, bonds, add_new_cells(None, el, bonds, outlines, p), p)
     load = loads(el, body, xy, force)
     return stiffness.stresses(given[0], given[1], StiffnessSolver(stiffness, *given).solve(load), load)
 

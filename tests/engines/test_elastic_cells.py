@@ -18,7 +18,7 @@ from riftberg.engines.quasi_static.bodies.pose import bodies_from_elements, tang
 from riftberg.engines.quasi_static.fracture.crack_paths import CrackPaths, Crossing, Tip
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, IceStress, Strengths
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
-from riftberg.engines.quasi_static.lattice.cells import with_new_cells
+from riftberg.engines.quasi_static.lattice.cells import add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import Supports, balanced_loads, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.errors import InputError, RunError
@@ -76,7 +76,7 @@ def loads(el, body, xy, force):
 def test_factors_after_breaks_are_those_without_the_bonds_and_every_break_gives_way(packing, angle) -> None:
     berg, p = turned_beam(packing, angle, 9000.0, 6000.0), parameters(packing).kernel_values()
     el, bonds, rng = berg.elements, berg.bonds, np.random.default_rng(2)
-    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    cells = add_new_cells(None, el, bonds, berg.outlines, p)
     stiffness, given, body, xy = stiffness_of(el, bonds, cells, p)
     solver = StiffnessSolver(stiffness, *given)
     load = loads(el, body, xy, rng.normal(size=(el.size, 3)) * [1e8, 1e8, 1e10])
@@ -107,7 +107,7 @@ def test_factors_after_breaks_are_those_without_the_bonds_and_every_break_gives_
 def test_stress_is_read_in_the_frame_of_the_fragment_however_the_berg_has_turned(packing) -> None:
     berg, p = turned_beam(packing, 15.0, 15000.0, 9000.0), parameters(packing).kernel_values()
     el, bonds = berg.elements, berg.bonds
-    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    cells = add_new_cells(None, el, bonds, berg.outlines, p)
     x, y, (c, s) = el.lon.copy(), el.lat.copy(), (np.cos(0.7), np.sin(0.7))
     el.lon[:], el.lat[:] = 1e5 + c * x - s * y, 3e4 + s * x + c * y
     stiffness, given, _, xy = stiffness_of(el, bonds, cells, p)
@@ -122,7 +122,7 @@ def test_stress_is_read_in_the_frame_of_the_fragment_however_the_berg_has_turned
 
 def test_ice_that_has_melted_away_holds_nothing_and_the_rest_is_as_if_its_bonds_had_broken() -> None:
     berg, p = turned_beam("hexagonal", 15.0, 9000.0, 6000.0), parameters("hexagonal").kernel_values()
-    cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    cells = add_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
     gone = np.array([3, 11])
     rest = np.setdiff1d(np.arange(berg.elements.size), gone)
     broken = berg.bonds.copy()
@@ -154,25 +154,25 @@ def test_ice_that_has_melted_away_holds_nothing_and_the_rest_is_as_if_its_bonds_
 def test_newly_born_get_cells_of_their_own_unless_they_hang_on_older_ice() -> None:
     p = parameters().kernel_values()
     berg = turned_beam("square", 0.0, 6000.0, 3000.0)
-    cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    cells = add_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
     born = Iceberg.rectangle(3000.0, 1500.0, thickness=THICKNESS, radius=RADIUS, latlon=False, placement=(9e4, 0.0))
     population = Population(berg.elements.copy(), berg.bonds.copy())
     population.append(born.elements, born.bonds)
-    more = with_new_cells(cells, population.elements, population.bonds, (), p)
+    more = add_new_cells(cells, population.elements, population.bonds, (), p)
     assert more.mesh.cells == berg.elements.size + 2
     assert (more.mesh.weight * more.mesh.area).sum() == pytest.approx(6000.0 * 3000.0 + 3000.0 * 1500.0, rel=1e-9)
-    assert with_new_cells(more, population.elements, population.bonds, (), p) is more
+    assert add_new_cells(more, population.elements, population.bonds, (), p) is more
     hanging = population.bonds.copy()
     hanging.first[-1] = 0
     with pytest.raises(RunError, match="bonded to older ones"):
-        with_new_cells(cells, population.elements, hanging, (), p)
+        add_new_cells(cells, population.elements, hanging, (), p)
 
 
 def test_rifts_that_are_there_from_the_start_part_the_ice() -> None:
     p = parameters().kernel_values()
     berg = turned_beam("square", 0.0, 12000.0, 3000.0)
     cut = berg.with_rifts([[(0.0, -2000.0), (0.0, 2000.0)]], broken=True)
-    cells = with_new_cells(None, cut.elements, cut.bonds, cut.outlines, p)
+    cells = add_new_cells(None, cut.elements, cut.bonds, cut.outlines, p)
     assert (cells.mesh.weight * cells.mesh.area).sum() == pytest.approx(12000.0 * 3000.0, rel=1e-12)
     stiffness, _, body, _ = stiffness_of(cut.elements, cut.bonds, cells, p)
     assert body.max() == 1
@@ -181,7 +181,7 @@ def test_rifts_that_are_there_from_the_start_part_the_ice() -> None:
     assert abs(matrix[np.ix_(left.ravel(), right.ravel())]).max() == 0.0
     # Bonds that are not even in the list part it too: elements of two pieces of one outline.
     none = cut.bonds.taken(cut.bonds.status == 0)
-    again = with_new_cells(None, cut.elements, none, cut.outlines, p)
+    again = add_new_cells(None, cut.elements, none, cut.outlines, p)
     other = stiffness_of(cut.elements, none, again, p)[0]
     np.testing.assert_allclose(dense_matrix(other), matrix, rtol=0, atol=1e-12 * abs(matrix).max())
 
@@ -190,7 +190,7 @@ def test_without_an_outline_the_ice_ends_where_its_elements_do() -> None:
     p = parameters().kernel_values()
     berg = turned_beam("square", 0.0, 9000.0, 4500.0)
     with_outline, without = (
-        stiffness_of(berg.elements, berg.bonds, with_new_cells(None, berg.elements, berg.bonds, outlines, p), p)[0]
+        stiffness_of(berg.elements, berg.bonds, add_new_cells(None, berg.elements, berg.bonds, outlines, p), p)[0]
         for outlines in (berg.outlines, ())
     )
     wanted = dense_matrix(with_outline)
@@ -198,7 +198,7 @@ def test_without_an_outline_the_ice_ends_where_its_elements_do() -> None:
     scattered = Iceberg.from_points(
         [0.0, 1800.0, 3600.0], [0.0, 0.0, 0.0], thickness=THICKNESS, radius=RADIUS, latlon=False
     )
-    joined = with_new_cells(None, scattered.elements, scattered.bonds, (), p).mesh
+    joined = add_new_cells(None, scattered.elements, scattered.bonds, (), p).mesh
     assert (joined.weight * joined.area).sum() == pytest.approx(5100.0 * 1500.0, rel=1e-6)
 
 
@@ -229,7 +229,7 @@ def test_every_bond_joins_ice_and_pieces_have_three_zero_modes_whatever_is_broke
     el, bonds, rng = berg.elements, berg.bonds, np.random.default_rng(3)
     assert bonds.first.size == 22
     p = parameters(earth={"latlon": kind == "degrees"}).kernel_values()
-    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    cells = add_new_cells(None, el, bonds, berg.outlines, p)
     for broken in (0, 1, 3, 6, 12, 22):
         bonds.status[:] = 0
         bonds.status[rng.permutation(22)[:broken]] = 1
@@ -249,7 +249,7 @@ def test_elements_that_nearly_stand_on_the_outline_are_taken_in() -> None:
     x, y = (a.ravel() for a in np.meshgrid(1500.0 * np.arange(6) + 40.0, 1500.0 * np.arange(4) + 1.0))
     berg = Iceberg.from_points(x, y, thickness=THICKNESS, radius=RADIUS, latlon=False, outline=outline)
     p = parameters().kernel_values()
-    cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    cells = add_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
     area = (cells.mesh.weight * cells.mesh.area).sum()
     assert outline.area < area < 1.02 * outline.area
     stiffness, given, body, xy = stiffness_of(berg.elements, berg.bonds, cells, p)
@@ -260,7 +260,7 @@ def test_elements_that_nearly_stand_on_the_outline_are_taken_in() -> None:
 def test_of_the_bonds_of_a_place_the_one_in_line_with_the_tension_breaks() -> None:
     berg, p = turned_beam("square", 0.0, 9000.0, 4500.0), parameters().kernel_values()
     el, bonds = berg.elements, berg.bonds
-    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    cells = add_new_cells(None, el, bonds, berg.outlines, p)
     stiffness, (lattice, intact, *_), _, xy = stiffness_of(el, bonds, cells, p)
     for gradient, along in (([1e-3, -3e-4], 0), ([-3e-4, 1e-3], 1)):
         displacement = np.column_stack([xy * gradient, np.zeros(el.size)])
@@ -390,7 +390,7 @@ def test_a_berg_knows_the_outline_that_was_asked_for(shape, angle) -> None:
         berg.outlines[0].buffer(1e-4 if latlon else 1.0), berg.elements.lon, berg.elements.lat
     ).all()
     p = Parameters(earth={"latlon": latlon}).kernel_values()
-    cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    cells = add_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
     # Ice that reaches beyond elements close to the outline is little.
     area = (cells.mesh.weight * cells.mesh.area).sum()
     assert area == pytest.approx(berg.report["outline_area"], rel=3e-3)
@@ -405,7 +405,7 @@ def test_a_berg_knows_the_outline_that_was_asked_for(shape, angle) -> None:
 def test_blocks_and_nodes_on_the_outline_are_those_of_the_matrix_added_up_number_by_number(packing) -> None:
     berg, p = turned_beam(packing, 20.0, 9000.0, 6000.0), parameters(packing).kernel_values()
     el, bonds, rng = berg.elements, berg.bonds, np.random.default_rng(5)
-    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    cells = add_new_cells(None, el, bonds, berg.outlines, p)
     stiffness, *_ = stiffness_of(el, bonds, cells, p)
     for bond in (None, 4, 17):
         if bond is not None:
@@ -431,7 +431,7 @@ def test_the_last_bond_between_two_parts_bends_as_a_beam_as_high_as_its_facet() 
     crossing = np.flatnonzero(np.sign(el.lon[bonds.first]) != np.sign(el.lon[bonds.second]))
     assert crossing.size == 2
     bonds.status[crossing[0]] = 1
-    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    cells = add_new_cells(None, el, bonds, berg.outlines, p)
     stiffness, (lattice, intact, *_), *_ = stiffness_of(el, bonds, cells, p)
     load = np.zeros((el.size, 3))
     load[np.argmin(el.lon), 2], load[np.argmax(el.lon), 2] = moment, -moment
@@ -450,7 +450,7 @@ def test_the_disc_ahead_of_a_tip_is_full_inside_and_half_full_at_a_straight_edge
     """The share is that of the weight exp(-d2 / 2 r2) up to 3 r, whose integral over a whole disc is 2 pi r2 (1 - exp(-4.5))."""
     berg, p = turned_beam(packing, 0.0, 45e3, 45e3), parameters(packing).kernel_values()
     el, bonds = berg.elements, berg.bonds
-    stiffness, *_, xy = stiffness_of(el, bonds, with_new_cells(None, el, bonds, berg.outlines, p), p)
+    stiffness, *_, xy = stiffness_of(el, bonds, add_new_cells(None, el, bonds, berg.outlines, p), p)
     nothing, radius, ahead = np.zeros((stiffness._mesh.area.size, 3)), 5000.0, np.array([1.0, 0.0])
     centre = 0.5 * (xy.min(axis=0) + xy.max(axis=0))
     edge = np.array([xy[:, 0].min() - RADIUS, centre[1]])
@@ -461,7 +461,7 @@ def test_the_disc_ahead_of_a_tip_is_full_inside_and_half_full_at_a_straight_edge
 def test_a_topology_counts_as_long_as_only_the_ice_melts() -> None:
     berg, p = turned_beam("square", 20.0, 9000.0, 6000.0), parameters().kernel_values()
     el, bonds = berg.elements, berg.bonds
-    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    cells = add_new_cells(None, el, bonds, berg.outlines, p)
     stiffness, given, body, xy = stiffness_of(el, bonds, cells, p)
     load = loads(el, body, xy, np.random.default_rng(0).normal(size=(el.size, 3)) * [1e8, 1e8, 1e10])
     el.thickness[:] *= np.linspace(0.8, 1.0, el.size)
@@ -478,7 +478,7 @@ def test_a_topology_counts_as_long_as_only_the_ice_melts() -> None:
         change[3] = 1 - change[3]
         assert CellStiffness(cells, el, bonds, body, xy, p, stiffness.topology).topology is not stiffness.topology
         change[3] = 1 - change[3]
-    other = with_new_cells(None, el, bonds, berg.outlines, p)
+    other = add_new_cells(None, el, bonds, berg.outlines, p)
     assert CellStiffness(other, el, bonds, body, xy, p, stiffness.topology).topology is not stiffness.topology
 
 

@@ -119,11 +119,9 @@ def test_a_child_born_inside_the_outline_of_the_start_has_a_footprint_of_its_own
 
 def test_members_that_begin_with_the_same_berg_share_the_work_and_no_arrays() -> None:
     """Footprints and elastic cells take most of the set-up; they hang on the berg alone."""
-    before = [cache.cache_info().hits for cache in (footprints._parts_of_ice, cells._cell_mesh)]
+    before = [cache.cache_info().hits for cache in (footprints._divide_ice, cells._cell_mesh)]
     one, two = (model(31.0, "square") for _ in range(2))
-    assert [cache.cache_info().hits for cache in (footprints._parts_of_ice, cells._cell_mesh)] == [
-        n + 1 for n in before
-    ]
+    assert [cache.cache_info().hits for cache in (footprints._divide_ice, cells._cell_mesh)] == [n + 1 for n in before]
     for mine, theirs in ((one._stepper._cells.mesh, two._stepper._cells.mesh),
                          (one._stepper._footprints.follow(one), two._stepper._footprints.follow(two))):  # fmt: skip
         for name, array in mine._asdict().items():

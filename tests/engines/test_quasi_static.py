@@ -26,7 +26,7 @@ from riftberg.engines.quasi_static.bodies.pose import (
     split_bodies,
 )
 from riftberg.engines.quasi_static.lattice import solver
-from riftberg.engines.quasi_static.lattice.cells import with_new_cells
+from riftberg.engines.quasi_static.lattice.cells import add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, bond_deformations, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.errors import RunError
@@ -91,7 +91,7 @@ def floating(seed: int, packing: str, youngs: float = 5e6):
 
 def solver_of(berg, p):
     """Stiffness of the cells of a berg, its lattice, intact bonds and supports, their solver, and coordinates."""
-    cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    cells = add_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
     stiffness, given, body, xy = stiffness_of(berg.elements, berg.bonds, cells, p)
     return stiffness, given, StiffnessSolver(stiffness, *given), body, xy
 

@@ -15,7 +15,12 @@ from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.engines.common.crack_tips import TIP_NAMES
 from riftberg.engines.quasi_static.lattice.equilibrium import elastic_energy
-from riftberg.engines.quasi_static.lattice.triangles import ClosingFaces, find_open_edges, find_triangles, shares_of_gap
+from riftberg.engines.quasi_static.lattice.triangles import (
+    ClosingFaces,
+    find_gap_shares,
+    find_open_edges,
+    find_triangles,
+)
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
@@ -159,7 +164,7 @@ TRIANGLE = np.array([[[0.0, 0.0], [1.0, 0.1], [0.2, 0.9]]])
 def closing(freed: list[bool], normal=(0.0, 0.0)) -> tuple[ClosingFaces, np.ndarray]:
     """One triangle of E = 2, nu = 0.3 and 1.7 m3, and the shares of its edges in the gap."""
     edges, at = np.array([freed]), np.arange(9)[None, :]
-    across = shares_of_gap(TRIANGLE, edges, edges, np.broadcast_to(normal, (1, 3, 2)))
+    across = find_gap_shares(TRIANGLE, edges, edges, np.broadcast_to(normal, (1, 3, 2)))
     return ClosingFaces(np.array([0]), at, TRIANGLE, edges, across, np.array([1.7]), 2.0, 0.3), across[0]
 
 

@@ -19,7 +19,7 @@ from riftberg.engines.quasi_static.bodies.pose import bodies_from_elements, tang
 from riftberg.engines.quasi_static.fracture.crack_paths import CrackPaths, tips_of_rifts
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, IceStress, Strengths, Toughness, overloads
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
-from riftberg.engines.quasi_static.lattice.cells import ElasticCells, with_new_cells
+from riftberg.engines.quasi_static.lattice.cells import ElasticCells, add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import Supports, balanced_loads, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.ocean.analytic import Steady
@@ -60,7 +60,7 @@ class Plate:
         self.p = Parameters(earth=earth, bonds=bonds, fracture={"enabled": False}).kernel_values()
         self.el, self.bonds = made.elements, made.bonds
         self.x, self.y = self.el.lon.copy(), self.el.lat.copy()
-        self.mesh: ElasticCells = with_new_cells(None, self.el, self.bonds, made.outlines, self.p)
+        self.mesh: ElasticCells = add_new_cells(None, self.el, self.bonds, made.outlines, self.p)
         self.tips: CrackTips = NO_TIPS
         self.now = self._factored()
 

@@ -26,9 +26,9 @@ from riftberg.engines.quasi_static.lattice.cell_stiffness import CellTopology
 from riftberg.engines.quasi_static.lattice.cells import (
     CELL_NAMES,
     ElasticCells,
+    add_new_cells,
     cells_from_arrays,
     cells_to_arrays,
-    with_new_cells,
 )
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook
 from riftberg.engines.quasi_static.lattice.sides import FragmentSides
@@ -63,7 +63,7 @@ class QuasiStaticStepper:
         self._cell_topology: CellTopology | None = None  # found once as long as ice melts but nothing breaks
         self._tips = NO_TIPS
         if model.bonds.first.size and model.step_number == 0:
-            self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
+            self._cells = add_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
             self._tips = tips_of_rifts(model.elements, model.bonds, model.constants)
         self._footprints = FootprintBook(model)
         self._faces = FaceContact(model, self._footprints)

@@ -35,7 +35,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 )
 from riftberg.engines.quasi_static.bodies.linear_pack import linear_pack, soft_pack
 from riftberg.engines.quasi_static.bodies.pose import Bodies, place_elements
-from riftberg.engines.quasi_static.contact.anchors import without_floor
+from riftberg.engines.quasi_static.contact.anchors import allocate_anchors
 from riftberg.engines.quasi_static.contact.faces import FaceContact, FacePairs
 from riftberg.engines.quasi_static.contact.islands import (
     PeakContactLoad,
@@ -206,7 +206,7 @@ class FragmentMotion:
         if bodies.pose.shape[0] < 2:
             self.faces.forget_pairs()
             return None
-        anchors = without_floor(self.el.size) if self.seabed is None else self.seabed.anchors(keel)
+        anchors = allocate_anchors(self.el.size) if self.seabed is None else self.seabed.anchors(keel)
         try:
             return self.faces.resolve(self.model, bodies, soft_pack(start.operators), h, self.sizes, anchors)
         except FloatingPointError:

@@ -1,10 +1,10 @@
 """Dynamics of fragments as rigid bodies under the forces on their elements: a step of second order.
 
-With the velocity q of a fragment (east, north, spin) and that of its elements ``v_k = B_k q``, virtual work gives
+With the velocity q of a fragment (east, north, spin) and the velocities of its elements ``v_k = B_k q``, virtual work gives
 
     M dq/dt = G(q),   M = sum m B^T B + I b b^T,   G = sum B^T f
 
-where f are all forces on an element but those of contact and the sea floor, which act in sub-steps. A step of h seconds is
+where f are all forces on an element except contact and the sea floor, which act in sub-steps. A step of h seconds is
 velocity Verlet:
 
     q(1/2) = q(0) + (h/2) M^-1 G(x0, q0)
@@ -16,7 +16,7 @@ contact go through the step in `riftberg.engines.quasi_static.contact.islands`, 
 `riftberg.engines.quasi_static.ground`.
 
 The first half takes drag at the speed of the start. A berg of 30 m has its speed in the water within minutes: in half a
-step of a quarter of an hour it would be flung past it by ten times as much. So what an element loses of its speed through a
+step of a quarter of an hour it would be flung past it by ten times as much. So any loss of an element's speed through a
 medium beyond `EXPLICIT_PART` in the half step is taken implicitly, with the drag D of that excess:
 
     (1 + (h/2) M^-1 D) q(1/2) = q(0) + (h/2) M^-1 (G(x0, q0) + D q0)
@@ -25,7 +25,7 @@ Drag c |v| v per mass has the rate c |v|: at the speed v of the start through th
 sqrt(a / c), to which the acceleration a of the start can bring it (`drag_rates`). So a berg that drag alone stops goes on, and
 v(1/2) is sqrt(a / c) in a long step of one that is pushed. Spin is seldom driven: of its drag, all is implicit from twice
 `EXPLICIT_PART` on, so that w(1/2) is w0 / (1 + h c w0 / 2), as it should be of a lone berg that its sides brake.
-The second half takes all of it implicitly as it is. Where the step resolves drag, D is 0.
+The second half takes all drag implicitly. Where the step resolves drag, D is 0.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ VELOCITY_SCALE = 1e-6
 class ElementForcing(NamedTuple):
     """Coefficients of all forces on the elements at one place and time, before velocities are known.
 
-    Media and Coriolis parameter are those of `riftberg.engines.common.forces.media.Surroundings`.
+    Media and Coriolis parameter: see `riftberg.engines.common.forces.media.Surroundings`.
     """
 
     media: Floats  # Rows of the media; shape (elements, media, columns)
@@ -106,7 +106,7 @@ class ElementForcing(NamedTuple):
     aground: Floats  # How far an element is aground, 0 to 1
     spin_drag: Floats  # Rotational drag of the water, rad-1
     water_spin: Floats  # Rotation of the water, rad s-1
-    # Points on the outlines of fragments, those of each element one after the other (`SIDE_NORMAL_X` ...), then zeros; shape
+    # Points on the outlines of fragments, element by element (`SIDE_NORMAL_X` ...), then zeros; shape
     # (elements, points, 4)
     sides: Floats
     side_drag: Floats  # Drag of the water by length (in sides of the element) and (normal speed)^2, kg m-1
@@ -122,7 +122,7 @@ class ForceTerms(NamedTuple):
         Floats  # By each of `riftberg.engines.common.forces.media.FORCES`, m s-2; shape (elements, forces, 2)
     )
     net_force: Floats  # On the fragments, N, N, N m; shape (fragments, 3)
-    # Drag of all media per velocity through them, the same of the spin (s-1), and what the first grows by with the velocity
+    # Drag of all media per velocity through them, the same of the spin (s-1), and the growth of the first with the velocity
     # (m-1); shape (elements, 3)
     drag_rate: Floats
 
@@ -135,7 +135,7 @@ class BodyMatrices(NamedTuple):
 
 
 class BodyOperators(NamedTuple):
-    """What place and time give for the motion of all fragments, before velocities are known."""
+    """Operators of the motion of all fragments at one place and time, before velocities are known."""
 
     body: Ints  # Fragment of each element; shape (elements,)
     levers: Floats  # See `riftberg.engines.quasi_static.bodies.pose.fill_levers`; shape (elements, 11)
@@ -144,15 +144,15 @@ class BodyOperators(NamedTuple):
 
 
 def longest_trial_step(forcing: ElementForcing, dt: float) -> float:
-    """Return the longest trial step (s) of a time step of ``dt`` s: what the Coriolis force that acts asks for."""
-    if not forcing.media_act or dt <= INERTIAL_PART * math.pi / EARTH_ROTATION:  # that of the poles, the shortest
+    """Return the longest trial step (s) of a time step of ``dt`` s, by the Coriolis force if it acts."""
+    if not forcing.media_act or dt <= INERTIAL_PART * math.pi / EARTH_ROTATION:  # the period at the poles, the shortest
         return dt
     coriolis = float(np.abs(forcing.coriolis).max(initial=0.0))
     return min(dt, INERTIAL_PART * 2.0 * math.pi / coriolis) if coriolis > 0.0 else dt
 
 
 def allocate_forcing(el: Elements, p: KernelParameters, sides: Floats | None = None) -> ElementForcing:
-    """Return arrays for the forces on the elements at one moment; ``sides``: those of `ElementForcing`, where there are any."""
+    """Return arrays for the forces on the elements at one moment; ``sides``: of `ElementForcing`, if any."""
     count, body = el.size, el.body
     inertia, aground, drag, water_spin, side_drag = np.zeros((5, count))
     if sides is None or p.forces_by_element:
@@ -194,20 +194,22 @@ def evaluate_forcing(
 
 
 @kernel
-def _add_outer(into: Floats, factor: float, a: Floats, b: Floats) -> None:
+def _add_outer(matrix: Floats, factor: float, a: Floats, b: Floats) -> None:
     """Add ``factor a b^T`` of three-vectors."""
     for i in range(3):
         for j in range(3):
-            into[i, j] += factor * a[i] * b[j]
+            matrix[i, j] += factor * a[i] * b[j]
 
 
 @kernel
-def _add_element_inertia(into: Floats, mass: float, inertia: float, m: Floats) -> None:
+def _add_element_inertia(matrix: Floats, mass: float, inertia: float, m: Floats) -> None:
     """Add ``mass (u u^T + v v^T) + inertia w w^T``, with u, v and w one after the other in ``m``."""
     for i in range(3):
         for j in range(3):
             # In one expression: each number is read and written once.
-            into[i, j] = into[i, j] + mass * m[i] * m[j] + mass * m[3 + i] * m[3 + j] + inertia * m[6 + i] * m[6 + j]
+            matrix[i, j] = (
+                matrix[i, j] + mass * m[i] * m[j] + mass * m[3 + i] * m[3 + j] + inertia * m[6 + i] * m[6 + j]
+            )
 
 
 @kernel
@@ -221,7 +223,7 @@ def add_inertia(body: Ints, levers: Floats, forcing: ElementForcing, inertia: Fl
 def drag_and_jacobian(row: Floats, u: float, v: float) -> tuple[float, float, float, float, float, float]:
     """Acceleration (m s-2) by one medium, minus its derivatives xx, xy, yy, and the drag per velocity through it (s-1).
 
-    Of a hold that yields the derivatives are those of its rate alone (`riftberg.engines.common.forces.pack`).
+    For a hold that yields, the derivatives take its rate alone (`riftberg.engines.common.forces.pack`).
     """
     du, dv = u - row[U], v - row[V]
     linear, c, limit = row[LINEAR], row[QUADRATIC], row[LIMIT]
@@ -296,12 +298,12 @@ def element_velocity(m: Floats, q: Floats) -> tuple[float, float, float]:
 
 
 @kernel
-def accumulate_forces(accelerations: Floats, part: float, applied: Floats) -> None:
-    """Add ``part`` of the accelerations by all forces to ``applied`` (elements, forces, 2)."""
+def accumulate_forces(accelerations: Floats, weight: float, applied: Floats) -> None:
+    """Add ``weight`` of the accelerations by all forces to ``applied`` (elements, forces, 2)."""
     # As rows of numbers, so that the loop vectorises.
-    one, other = accelerations.reshape(accelerations.size), applied.reshape(applied.size)
-    for k in range(one.size):
-        other[k] += part * one[k]
+    source, target = accelerations.reshape(accelerations.size), applied.reshape(applied.size)
+    for k in range(source.size):
+        target[k] += weight * source[k]
 
 
 @kernel
@@ -323,9 +325,9 @@ def add_forces(
     force: Floats,
     net_force: Floats,
 ) -> None:
-    """Find the forces on all elements but those of contact and the sea floor.
+    """Find the forces on all elements except contact and the sea floor.
 
-    ``accelerations`` and ``drag_rate`` are those of `ForceTerms`; ``force`` (elements, 3) takes the force and the torque about
+    ``accelerations`` and ``drag_rate``: see `ForceTerms`; ``force`` (elements, 3) takes the force and the torque about
     the vertical (N, N, N m); sums over the fragments are added to ``net_force`` (fragments, 3).
     """
     media, mass = forcing.media, forcing.mass
@@ -338,19 +340,19 @@ def add_forces(
             accelerations[e, CORIOLIS, 0], accelerations[e, CORIOLIS, 1] = ax, ay
         for k in range(len(MEDIA)):
             if forcing.media_act:
-                dx, dy, _, _, _, of_medium = drag_and_jacobian(media[e, k], u, v)
+                dx, dy, _, _, _, medium_rate = drag_and_jacobian(media[e, k], u, v)
                 accelerations[e, k, 0], accelerations[e, k, 1] = dx, dy
                 ax += dx
                 ay += dy
-                rate += of_medium
+                rate += medium_rate
                 quadratic += media[e, k, QUADRATIC]
         torque, turning = spin_torque(forcing, e, w)
         if forcing.side_drag[e] > 0.0:
-            of_sides = outline_force(forcing, e, m[9], m[10], u, v, w)
-            dx, dy, c = of_sides[0] / mass[e], of_sides[1] / mass[e], outline_quadratic(forcing, e)
+            side_force = outline_force(forcing, e, m[9], m[10], u, v, w)
+            dx, dy, c = side_force[0] / mass[e], side_force[1] / mass[e], outline_quadratic(forcing, e)
             accelerations[e, WATER, 0] += dx
             accelerations[e, WATER, 1] += dy
-            ax, ay, torque = ax + dx, ay + dy, torque + of_sides[2]
+            ax, ay, torque = ax + dx, ay + dy, torque + side_force[2]
             rate += c * math.hypot(u - media[e, WATER, U], v - media[e, WATER, V])
             quadratic += c
         drag_rate[e, 0], drag_rate[e, 1], drag_rate[e, 2] = rate, 0.5 * turning / forcing.inertia[e], quadratic
@@ -483,20 +485,20 @@ def excess_spin_rate(rate: float, half_dt: float) -> float:
 
 
 @kernel
-def rate_of_medium(row: Floats, u: float, v: float, least: float) -> float:
-    """Drag (s-1) of a medium per velocity through it, at ``least`` m s-1 or more; a hold that yields at the speed as it is."""
-    through = math.hypot(u - row[U], v - row[V])
-    rate = row[LINEAR] + row[QUADRATIC] * max(through, least)
+def medium_drag_rate(row: Floats, u: float, v: float, least: float) -> float:
+    """Drag (s-1) of a medium per velocity through it, at ``least`` m s-1 or more; a hold that yields takes the true speed."""
+    speed = math.hypot(u - row[U], v - row[V])
+    rate = row[LINEAR] + row[QUADRATIC] * max(speed, least)
     if row[LIMIT] > 0.0:
-        rate += yield_rate(row[LIMIT], through, row[YIELD])
+        rate += yield_rate(row[LIMIT], speed, row[YIELD])
     return float(rate)
 
 
 @kernel
-def rate_through(forcing: ElementForcing, e: int, k: int, u: float, v: float, least: float) -> float:
-    """`rate_of_medium` of the ``k``-th medium at an element, with what the water does to the outline."""
+def element_drag_rate(forcing: ElementForcing, e: int, k: int, u: float, v: float, least: float) -> float:
+    """`medium_drag_rate` of the ``k``-th medium at an element, with the drag of the water on the outline."""
     row = forcing.media[e, k]
-    rate = rate_of_medium(row, u, v, least)
+    rate = medium_drag_rate(row, u, v, least)
     if k == WATER:
         rate += outline_quadratic(forcing, e) * max(math.hypot(u - row[U], v - row[V]), least)
     return float(rate)
@@ -508,8 +510,8 @@ def is_resolved(rate: float, quadratic: float, ax: float, ay: float, half_dt: fl
 
     That is ``rate + sqrt(quadratic |a|) <= EXPLICIT_PART / half_dt``, without the roots.
     """
-    spare = EXPLICIT_PART / half_dt - rate
-    return bool(spare >= 0.0 and quadratic * quadratic * (ax * ax + ay * ay) <= spare * spare * spare * spare)
+    margin = EXPLICIT_PART / half_dt - rate
+    return bool(margin >= 0.0 and quadratic * quadratic * (ax * ax + ay * ay) <= margin * margin * margin * margin)
 
 
 @kernel
@@ -518,23 +520,23 @@ def drag_rates(
 ) -> tuple[float, float]:
     """Drag (s-1) of all media per velocity through them in a half step from (u, v), and the least speed (m s-1) that it is for.
 
-    ``acceleration``: by all forces, m s-2; ``quadratic``: that of `is_resolved`.
+    ``acceleration``: by all forces, m s-2; ``quadratic``: see `is_resolved`.
     """
     least, rate = math.sqrt(acceleration / quadratic) if quadratic > 0.0 else 0.0, 0.0
     for k in range(len(MEDIA)):
         if forcing.media_act:
-            rate += rate_through(forcing, e, k, u, v, least)
+            rate += element_drag_rate(forcing, e, k, u, v, least)
     return rate, least
 
 
 @kernel
 def accumulate_excess(
     forcing: ElementForcing, e: int, velocity: tuple[float, float], change: tuple[float, float], rates: tuple[float, float],
-    half_dt: float, part: float, applied: Floats,
+    half_dt: float, weight: float, applied: Floats,
 ) -> None:  # fmt: skip
-    """Add to ``applied`` what excess drag of an element has lost by the ``change`` of its velocity in a first half kick.
+    """Add to ``applied`` the loss of excess drag of an element by the ``change`` of its velocity in a first half kick.
 
-    Each medium has its part of it, as of ``rates`` (those of `drag_rates`).
+    Each medium takes its share, by ``rates`` (see `drag_rates`).
     """
     (rate, least), (u, v) = rates, velocity
     excess = excess_rate(rate, half_dt)
@@ -542,9 +544,9 @@ def accumulate_excess(
         return
     for k in range(len(MEDIA)):
         if forcing.media_act:
-            of_medium = part * excess * rate_through(forcing, e, k, u, v, least) / rate
-            applied[e, k, 0] -= of_medium * change[0]
-            applied[e, k, 1] -= of_medium * change[1]
+            medium_rate = weight * excess * element_drag_rate(forcing, e, k, u, v, least) / rate
+            applied[e, k, 0] -= medium_rate * change[0]
+            applied[e, k, 1] -= medium_rate * change[1]
 
 
 @kernel
@@ -556,18 +558,18 @@ def add_excess_drag(
     for b in range(twist.shape[0]):
         acceleration[b, 0], acceleration[b, 1], acceleration[b, 2] = times(op.matrices.mobility[b], terms.net_force[b])
     for e in range(op.body.size):
-        b, m, of_drag = op.body[e], op.levers[e], terms.drag_rate[e]
-        now, spin_now, quadratic = of_drag[0], of_drag[1], of_drag[2]
+        b, m, drag = op.body[e], op.levers[e], terms.drag_rate[e]
+        rate_at_start, spin_rate_at_start, quadratic = drag[0], drag[1], drag[2]
         au, av, aw = element_velocity(m, acceleration[b])
         if (
-            is_resolved(now, quadratic, au, av, half_dt)
-            and spin_now <= limit
+            is_resolved(rate_at_start, quadratic, au, av, half_dt)
+            and spin_rate_at_start <= limit
             and forcing.spin_drag[e] * abs(aw) <= limit * limit
         ):
             continue
         u, v, _ = element_velocity(m, twist[b])
         rate, _ = drag_rates(forcing, e, u, v, math.hypot(au, av), quadratic)
-        spin_rate = max(spin_now, math.sqrt(forcing.spin_drag[e] * abs(aw)))
+        spin_rate = max(spin_rate_at_start, math.sqrt(forcing.spin_drag[e] * abs(aw)))
         mass, inertia = forcing.mass[e], forcing.inertia[e]
         if rate > limit:
             _add_outer(excess_drag[b], mass * (rate - limit), m[0:3], m[0:3])
@@ -578,7 +580,7 @@ def add_excess_drag(
 
 @kernel
 def accumulate_excess_drag(
-    op: BodyOperators, twist: Floats, terms: ForceTerms, new: Floats, half_dt: float, part: float, applied: Floats,
+    op: BodyOperators, twist: Floats, terms: ForceTerms, new: Floats, half_dt: float, weight: float, applied: Floats,
     work: BodyWorkspace,
 ) -> None:  # fmt: skip
     """Add `accumulate_excess` of all elements, right after `first_half_kick` from ``twist`` to ``new``."""
@@ -592,7 +594,7 @@ def accumulate_excess_drag(
         (u, v, _), (u_new, v_new, _) = element_velocity(m, twist[b]), element_velocity(m, new[b])
         au, av, _ = element_velocity(m, work.increment[b])
         rates = drag_rates(op.forcing, e, u, v, math.hypot(au, av), terms.drag_rate[e, 2])
-        accumulate_excess(op.forcing, e, (u, v), (u_new - u, v_new - v), rates, half_dt, part, applied)
+        accumulate_excess(op.forcing, e, (u, v), (u_new - u, v_new - v), rates, half_dt, weight, applied)
 
 
 @kernel
@@ -609,9 +611,9 @@ def first_half_kick(
     matrix, right = work.scratch[0], work.scratch[1, 0]
     for b in range(twist.shape[0]):
         resolved = _is_zero(excess_drag[b])
-        kept = times(excess_drag[b], twist[b])
+        drag_force = times(excess_drag[b], twist[b])
         for i in range(3):
-            net_force[b, i] = terms.net_force[b, i] if resolved else terms.net_force[b, i] + kept[i]
+            net_force[b, i] = terms.net_force[b, i] if resolved else terms.net_force[b, i] + drag_force[i]
         x, y, z = times(matrices.mobility[b], net_force[b])
         right[0], right[1], right[2] = twist[b, 0] + half_dt * x, twist[b, 1] + half_dt * y, twist[b, 2] + half_dt * z
         if resolved:
@@ -628,7 +630,7 @@ def first_half_kick(
 def subtract_corner_slopes(
     op: BodyOperators, twist: Floats, active: Booleans, direction: Floats, jacobian: Floats
 ) -> None:
-    """Take from the Jacobians of active fragments what the force of a pack loses by its limit."""
+    """Subtract from the Jacobians of active fragments the loss of the force of a pack by its limit."""
     for e in range(op.body.size):
         b, m, row = op.body[e], op.levers[e], op.forcing.media[e, SEA_ICE]
         if row[LIMIT] == 0.0 or not active[b]:
@@ -650,8 +652,8 @@ def turn_directions(op: BodyOperators, twist: Floats, increment: Floats, active:
         if row[LIMIT] > 0.0 and active[b]:
             u, v, _ = element_velocity(m, twist[b])
             du, dv, _ = element_velocity(m, increment[b])
-            before = direction[e, 0], direction[e, 1]
-            direction[e, 0], direction[e, 1] = next_direction(row, before, (u, v), (du, dv))
+            old_direction = direction[e, 0], direction[e, 1]
+            direction[e, 0], direction[e, 1] = next_direction(row, old_direction, (u, v), (du, dv))
 
 
 @kernel
@@ -683,7 +685,7 @@ def newton_increment(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
 @kernel
 def relative_increment(increment: Floats, new: Floats, inertia: Floats) -> float:
     """Relative change of the speeds at the rim of a fragment by an increment of its velocities."""
-    # A spin counts by the speed that it gives at the radius of gyration: that of a berg that does not turn is round-off.
+    # A spin counts by the speed that it gives at the radius of gyration: the spin of a berg that does not turn is round-off.
     arm = math.sqrt(inertia[2, 2] / inertia[0, 0])
     return relative_change(increment[0], increment[1], increment[2], new[0], new[1], new[2], arm)
 
@@ -696,11 +698,11 @@ def relative_change(du: float, dv: float, dw: float, u: float, v: float, w: floa
 
 
 @kernel
-def has_converged(change: float, before: float) -> bool:
-    """Whether Newton's method may end after a relative change, ``before`` the one before it (0 at first)."""
-    # Convergence is superlinear, so the next change is at most change (change / before)^2: where that is
+def has_converged(change: float, previous: float) -> bool:
+    """Whether Newton's method may end after a relative change, ``previous`` the one before it (0 at first)."""
+    # Convergence is superlinear, so the next change is at most change (change / previous)^2: where that is
     # nothing, the iteration that would find it is spared. False at first, with nothing before it.
-    return change <= NEWTON_RTOL or change**3 <= NEWTON_PREDICTED_RTOL * before**2
+    return change <= NEWTON_RTOL or change**3 <= NEWTON_PREDICTED_RTOL * previous**2
 
 
 @kernel
@@ -713,27 +715,27 @@ def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
     active, last_change = work.active, work.last_change
     last_change[:] = 0.0
     find_fragments_in_pack(op.body, op.forcing.media, work.in_pack)
-    held = is_any(work.in_pack)
-    if held:
+    any_in_pack = is_any(work.in_pack)
+    if any_in_pack:
         work.direction[:, :] = 0.0
     for n in range(MAX_ITERATIONS):
         newton_increment(op, middle, new, half_dt, work)
-        if held:
+        if any_in_pack:
             turn_directions(op, new, work.increment, active, work.direction)
-        more = False
+        is_unfinished = False
         for b in range(new.shape[0]):
             if not active[b]:
                 continue
             for i in range(3):
                 new[b, i] += work.increment[b, i]
-            before, change = last_change[b], relative_increment(work.increment[b], new[b], op.matrices.inertia[b])
+            previous, change = last_change[b], relative_increment(work.increment[b], new[b], op.matrices.inertia[b])
             # Beside a corner one small change tells nothing of the next.
             last_change[b] = 0.0 if work.in_pack[b] else change
-            converged = has_converged(change, before)
+            converged = has_converged(change, previous)
             # Velocities that are not numbers end the iteration; the checks of loads and places then say where they came from.
             active[b] = not converged and np.isfinite(new[b, 0] + new[b, 1] + new[b, 2])
-            more = more or active[b]
-        if not more:
+            is_unfinished = is_unfinished or active[b]
+        if not is_unfinished:
             return n + 1
     return -1
 

@@ -11,7 +11,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
 from riftberg.state import Floats
 
 SUBSTEP_YIELD: Final = 2e-3
-"""Speed (m s-1) through the pack at which it yields in sub-steps: that up to which these know velocities."""
+"""Speed (m s-1) through the pack at which it yields in sub-steps: their accuracy of velocities."""
 
 
 def soft_pack(op: BodyOperators) -> BodyOperators:

@@ -5,8 +5,8 @@ distances between its elements never change, at any latitude, the pole included.
 rotation and a translation. In both cases the motion is a twist of three numbers: eastward and northward velocity of the
 centre of mass and the spin about the vertical through it.
 
-The axes of an element within its fragment are those of the centre, carried along the great circle to the element
-(parallel transport); on a plane they are those of the fragment.
+The axes of an element within its fragment are the axes of the centre, carried along the great circle to the element
+(parallel transport); on a plane they are the axes of the fragment.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from riftberg.state import Floats, Ints
 
 
 class Bodies(NamedTuple):
-    """All fragments as bodies: what a step with rigid bodies needs beside the state."""
+    """All fragments as bodies: the variables of a step with rigid bodies beside the state."""
 
     body: Ints  # Fragment of each element: 0, 1, ...; shape (elements,)
     # Coordinates of each element in its fragment without load: a unit vector on a sphere, (x, y, 0) in metres on a plane.
@@ -45,21 +45,21 @@ def unit_vector(lon: float, lat: float) -> tuple[float, float, float]:
 
 
 @kernel
-def axes_at(r: Floats) -> tuple[float, float, float, float, float]:
-    """East (ex, ey, 0) and north (nx, ny, nz) at a unit vector, as (ex, ey, nx, ny, nz); at the pole those of longitude 0."""
-    return axes_at_point(r[0], r[1], r[2])
+def local_axes(r: Floats) -> tuple[float, float, float, float, float]:
+    """East (ex, ey, 0) and north (nx, ny, nz) at a unit vector, as (ex, ey, nx, ny, nz); at the pole as at longitude 0."""
+    return local_axes_from_components(r[0], r[1], r[2])
 
 
 @kernel
-def axes_at_point(x: float, y: float, z: float) -> tuple[float, float, float, float, float]:
-    """See `axes_at`."""
+def local_axes_from_components(x: float, y: float, z: float) -> tuple[float, float, float, float, float]:
+    """See `local_axes`."""
     across = math.sqrt(x * x + y * y)
     c, s = (x / across, y / across) if across > 0.0 else (1.0, 0.0)
     return -s, c, -c * z, -s * z, across
 
 
 @kernel
-def _rotated(q: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
+def _rotate_vector(q: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
     """``q (x, y, z)``: a vector of a frame in the axes that the frame is given in."""
     return (
         q[0, 0] * x + q[0, 1] * y + q[0, 2] * z,
@@ -107,10 +107,10 @@ def fill_levers(bodies: Bodies, latlon: bool, radius: float, levers: Floats) -> 
             m[0], m[2], m[4], m[5], m[8], m[9], m[10] = 1.0, -ry, 1.0, rx, 1.0, q[0, 0], q[1, 0]
             continue
         ax, ay, az, _, _, _ = parallel_transport(reference[e])
-        x, y, z = _rotated(q, reference[e, 0], reference[e, 1], reference[e, 2])
-        ux, uy, uz = _rotated(q, ax, ay, az)
-        ex, ey, nx, ny, nz = axes_at_point(x, y, z)
-        cex, cey, cnx, cny, cnz = axes_at(q[:, 2])
+        x, y, z = _rotate_vector(q, reference[e, 0], reference[e, 1], reference[e, 2])
+        ux, uy, uz = _rotate_vector(q, ax, ay, az)
+        ex, ey, nx, ny, nz = local_axes_from_components(x, y, z)
+        cex, cey, cnx, cny, cnz = local_axes(q[:, 2])
         m[0] = cnx * nx + cny * ny + cnz * nz
         m[1] = -(cex * nx + cey * ny)
         m[2] = radius * (q[0, 2] * nx + q[1, 2] * ny + q[2, 2] * nz)
@@ -158,7 +158,7 @@ def _orthonormalise(q: Floats) -> None:
 @kernel
 def _shift(q: Floats, along: Floats, u: float, v: float, dt: float, radius: float) -> None:
     """Move a frame over ``dt`` s along a great circle, with the velocity (m s-1) east and north at the unit vector ``along``."""
-    ex, ey, nx, ny, nz = axes_at(along)
+    ex, ey, nx, ny, nz = local_axes(along)
     u, v = dt * u / radius, dt * v / radius
     _rotate_about(q, u * nx - v * ex, u * ny - v * ey, u * nz)
 
@@ -175,7 +175,7 @@ def move_poses(
 ) -> None:
     """Find the poses after ``dt`` s of steady twist; ``midpoint`` is room for one pose.
 
-    On a sphere by the midpoint rule, of second order: the axes east and north are those of the pose half a step on. Half of the
+    On a sphere by the midpoint rule, of second order: east and north are taken at the pose half a step on. Half of the
     spin comes before and half behind: turned while it moves, a berg that spins would go along an arc.
     """
     for k in range(pose.shape[0]):
@@ -213,8 +213,8 @@ def place_elements(
         q = pose[body[e]]
         if not latlon:
             x, y = reference[e, 0] + displacement[e, 0], reference[e, 1] + displacement[e, 1]
-            there = q[0, 2] + q[0, 0] * x + q[0, 1] * y
-            lon[e] += nearest_image(there - lon[e], period)
+            new_lon = q[0, 2] + q[0, 0] * x + q[0, 1] * y
+            lon[e] += nearest_image(new_lon - lon[e], period)
             lat[e] = q[1, 2] + q[1, 0] * x + q[1, 1] * y
             continue
         ax, ay, az, bx, by, bz = parallel_transport(reference[e])
@@ -227,13 +227,13 @@ def place_elements(
         rx = q[0, 0] * x + q[0, 1] * y + q[0, 2] * z
         ry = q[1, 0] * x + q[1, 1] * y + q[1, 2] * z
         rz = q[2, 0] * x + q[2, 1] * y + q[2, 2] * z
-        there = math.atan2(ry, rx) / DEGREE
-        lon[e] += nearest_image(there - lon[e], 360.0)
+        new_lon = math.atan2(ry, rx) / DEGREE
+        lon[e] += nearest_image(new_lon - lon[e], 360.0)
         lat[e] = math.atan2(rz, math.sqrt(rx * rx + ry * ry)) / DEGREE
 
 
 @kernel
-def _frame_at(x: float, y: float, z: float) -> Floats:
+def _make_frame(x: float, y: float, z: float) -> Floats:
     """Frame whose last axis is (x, y, z), with the first one as near to the first axis of the old frame as can be."""
     q = np.zeros((3, 3))
     q[0, 2], q[1, 2], q[2, 2] = x, y, z
@@ -243,17 +243,17 @@ def _frame_at(x: float, y: float, z: float) -> Floats:
 
 
 def split_bodies(bodies: Bodies, body: Ints, mass: Floats, latlon: bool, radius: float) -> Bodies:
-    """Make the pieces of fragments that have parted bodies of their own; nothing moves.
+    """Make a body of each piece of fragments that have parted; nothing moves.
 
-    The pose of a piece is that of its part of the unloaded fragment, so the faces of a crack lie on each other however soft the
-    ice is; what load had moved it by stays in the displacements of its elements. Its twist is that of its centre. ``body``: new
+    A piece takes the pose of its ice in the unloaded fragment, so the faces of a crack lie on each other however soft the
+    ice is; its shift by load stays in the displacements of its elements. Its twist is taken at its centre. ``body``: new
     fragment of each element; ``mass``: of the elements, kg.
     """
     return Bodies(*_split_bodies(bodies, body, mass, latlon, radius))
 
 
 @kernel
-def _number_of(body: Ints) -> int:
+def _count_fragments(body: Ints) -> int:
     """How many fragments there are: one more than the largest of their numbers."""
     count = 0
     for b in body:
@@ -266,7 +266,7 @@ def _split_bodies(
     bodies: Bodies, body: Ints, mass: Floats, latlon: bool, radius: float
 ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """Return the fields of `Bodies` (no named tuple: see `riftberg.compiled.kernels`)."""
-    count = _number_of(body)
+    count = _count_fragments(body)
     reference, displacement = bodies.reference.copy(), bodies.displacement.copy()
     pose, twist = np.zeros((count, 3, 3)), np.zeros((count, 3))
     total, centre, old = np.zeros(count), np.zeros((count, 3)), np.full(count, -1, np.int64)
@@ -292,52 +292,52 @@ def _split_bodies(
         size = math.sqrt(c[0] ** 2 + c[1] ** 2 + c[2] ** 2)
         for i in range(3):
             centre[b, i] = c[i] / size
-        multiply(q, _frame_at(c[0] / size, c[1] / size, c[2] / size), pose[b])
-        _twist_at(q[:, 2], pose[b, :, 2], r0, twist[b], radius)
+        multiply(q, _make_frame(c[0] / size, c[1] / size, c[2] / size), pose[b])
+        _transfer_twist(q[:, 2], pose[b, :, 2], r0, twist[b], radius)
     for e in range(body.size):
         b = body[e]
         if not latlon:
             for i in range(3):
                 reference[e, i] = bodies.reference[e, i] - centre[b, i]
             continue
-        to = _frame_at(centre[b, 0], centre[b, 1], centre[b, 2])
+        frame = _make_frame(centre[b, 0], centre[b, 1], centre[b, 2])
         for i in range(3):
             reference[e, i] = (
-                to[0, i] * bodies.reference[e, 0]
-                + to[1, i] * bodies.reference[e, 1]
-                + to[2, i] * bodies.reference[e, 2]
+                frame[0, i] * bodies.reference[e, 0]
+                + frame[1, i] * bodies.reference[e, 1]
+                + frame[2, i] * bodies.reference[e, 2]
             )
-        _change_axes(bodies.reference[e], reference[e], to, displacement[e])
+        _change_axes(bodies.reference[e], reference[e], frame, displacement[e])
     return body, reference, pose, twist, displacement
 
 
 @kernel
-def _twist_at(there: Floats, here: Floats, twist: Floats, new: Floats, radius: float) -> None:
-    """Twist of the same rigid motion about another centre: from ``there`` to ``here``."""
-    ex, ey, nx, ny, nz = axes_at(there)
-    fx, fy, mx, my, mz = axes_at(here)
+def _transfer_twist(old_centre: Floats, new_centre: Floats, twist: Floats, new: Floats, radius: float) -> None:
+    """Twist of the same rigid motion about another centre: from ``old_centre`` to ``new_centre``."""
+    ex, ey, nx, ny, nz = local_axes(old_centre)
+    fx, fy, mx, my, mz = local_axes(new_centre)
     u, v = twist[0] / radius, twist[1] / radius
-    x = u * nx - v * ex + twist[2] * there[0]
-    y = u * ny - v * ey + twist[2] * there[1]
-    z = u * nz + twist[2] * there[2]
+    x = u * nx - v * ex + twist[2] * old_centre[0]
+    y = u * ny - v * ey + twist[2] * old_centre[1]
+    z = u * nz + twist[2] * old_centre[2]
     new[0] = radius * (x * mx + y * my + z * mz)
     new[1] = -radius * (x * fx + y * fy)
-    new[2] = x * here[0] + y * here[1] + z * here[2]
+    new[2] = x * new_centre[0] + y * new_centre[1] + z * new_centre[2]
 
 
 @kernel
-def _change_axes(before: Floats, after: Floats, to: Floats, displacement: Floats) -> None:
-    """Express a displacement along the transported axes of one frame along those of another, in place."""
-    ax, ay, az, bx, by, bz = parallel_transport(before)
-    cx, cy, cz, dx, dy, dz = parallel_transport(after)
+def _change_axes(old_reference: Floats, new_reference: Floats, frame: Floats, displacement: Floats) -> None:
+    """Turn a displacement from the transported axes of one frame to the axes of another, in place."""
+    ax, ay, az, bx, by, bz = parallel_transport(old_reference)
+    cx, cy, cz, dx, dy, dz = parallel_transport(new_reference)
     x, y, z = (
         displacement[0] * ax + displacement[1] * bx,
         displacement[0] * ay + displacement[1] * by,
         displacement[0] * az + displacement[1] * bz,
     )
-    p = to[0, 0] * x + to[1, 0] * y + to[2, 0] * z
-    q = to[0, 1] * x + to[1, 1] * y + to[2, 1] * z
-    r = to[0, 2] * x + to[1, 2] * y + to[2, 2] * z
+    p = frame[0, 0] * x + frame[1, 0] * y + frame[2, 0] * z
+    q = frame[0, 1] * x + frame[1, 1] * y + frame[2, 1] * z
+    r = frame[0, 2] * x + frame[1, 2] * y + frame[2, 2] * z
     displacement[0], displacement[1] = p * cx + q * cy + r * cz, p * dx + q * dy + r * dz
 
 
@@ -397,7 +397,7 @@ def _bodies_from_elements(
     lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, radius: float, period: float
 ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """Return the fields of `Bodies` (no named tuple: see `riftberg.compiled.kernels`)."""
-    count = _number_of(body)
+    count = _count_fragments(body)
     reference, pose, total = np.zeros((body.size, 3)), np.zeros((count, 3, 3)), np.zeros(count)
     anchor = np.full(count, -1, np.int64)
     for e in range(body.size):
@@ -418,7 +418,7 @@ def _bodies_from_elements(
             size = math.sqrt(pose[b, 0, 2] ** 2 + pose[b, 1, 2] ** 2 + pose[b, 2, 2] ** 2)
             for i in range(3):
                 pose[b, i, 2] /= size
-            pose[b, 0, 0], pose[b, 1, 0], _, _, _ = axes_at(pose[b, :, 2])
+            pose[b, 0, 0], pose[b, 1, 0], _, _, _ = local_axes(pose[b, :, 2])
             _orthonormalise(pose[b])
         else:
             pose[b, 0, 0] = pose[b, 1, 1] = 1.0

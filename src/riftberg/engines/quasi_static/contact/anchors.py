@@ -1,12 +1,12 @@
 """Friction of the sea floor on fragments that others press, in the sub-steps of contact.
 
-It is that of the anchors of `riftberg.engines.quasi_static.ground.landing`. The force of an anchor after a sub-step of h s is
+The anchors are the ones of `riftberg.engines.quasi_static.ground.landing`. The force of an anchor after a sub-step of h s is
 
     f = grip (a - k h v),    grip = min(1, H / |a - k h v|)
 
-with its force a before, stiffness k, largest friction H, and the new velocity v of the keel. The grip is that of the last
-velocities found, until these agree: each turn solves a linear problem with more energy than the true one (Huber's potential), so
-the turns close in on it from any start.
+with its force a before, stiffness k, largest friction H, and the new velocity v of the keel. The grip follows from the
+previous iterate of the velocities, until two iterates agree. Each turn solves a linear problem with more energy than the true
+one (Huber's potential), so the turns converge from any start.
 """
 
 from __future__ import annotations
@@ -26,14 +26,13 @@ floor (N), where they act, from the centre of the element (m), and the grip of t
 COLUMNS: Final = 9
 
 AFLOAT, HELD, SLIDING = range(3)
-"""What the floor does to a body in a sub-step: nothing, all its anchors hold, or one of them gives way."""
+"""Effect of the floor on a body in a sub-step: none, all its anchors hold, or one of them gives way."""
 
 GIVES_WAY: Final = 0.99
 """Part of its largest friction from which on an anchor is taken to slide at the start of a step."""
 
 SLIDING_STEP: Final = 0.2
-"""Part of the time in which a body that slides would stop that a sub-step takes, while the way to there is longer than that of
-its anchors."""
+"""Longest sub-step of a sliding body as a part of its stopping time, while it would slide farther than its anchors stretch."""
 
 AGREEMENT = 1e-4, 1e-7
 """Change of the velocities in a turn at which the grip is found: as a part of them, and in m s-1."""
@@ -42,7 +41,7 @@ MOST_TURNS: Final = 30
 """Turns after which the grip of the last one is taken: friction then lags behind its direction by a sub-step."""
 
 
-def without_floor(elements: int) -> Floats:
+def allocate_anchors(elements: int) -> Floats:
     """Return the anchors of elements afloat."""
     return np.zeros((elements, COLUMNS))
 
@@ -65,7 +64,7 @@ def _add_force(anchor: Floats, m: Floats, x: float, y: float, force: Floats) -> 
 
 @borrower
 def add_floor_force(anchors: Floats, body_of: Ints, levers: Floats, force: Floats) -> None:
-    """Add what the floor does to the bodies now, shape (bodies, 3)."""
+    """Add the present force of the floor on the bodies, shape (bodies, 3)."""
     for e in range(body_of.size):
         a = anchors[e]
         if a[STIFFNESS] > 0.0:
@@ -89,13 +88,13 @@ def find_grip(
             continue
         any_anchor, k = True, h * a[STIFFNESS]
         u, v = _keel_velocity(a, m, new[b])
-        size = math.hypot(a[ANCHOR_X] - k * u, a[ANCHOR_Y] - k * v)
-        a[GRIP] = a[HOLD] / size if size > a[HOLD] else 1.0
+        pull = math.hypot(a[ANCHOR_X] - k * u, a[ANCHOR_Y] - k * v)
+        a[GRIP] = a[HOLD] / pull if pull > a[HOLD] else 1.0
         floor[b] = max(floor[b], HELD if a[GRIP] == 1.0 else SLIDING)
         k *= a[GRIP]
         u, v = _keel_velocity(a, m, old[b])
-        left = a[GRIP] - 1.0
-        _add_force(a, m, left * a[ANCHOR_X] - k * u, left * a[ANCHOR_Y] - k * v, force[b])
+        grip_change = a[GRIP] - 1.0
+        _add_force(a, m, grip_change * a[ANCHOR_X] - k * u, grip_change * a[ANCHOR_Y] - k * v, force[b])
         for i in range(3):
             x, y = m[i] - a[ARM_Y] * m[6 + i], m[3 + i] + a[ARM_X] * m[6 + i]
             for j in range(3):
@@ -115,45 +114,45 @@ def agree(old: Floats, new: Floats, arm: Floats) -> bool:
 
 @borrower
 def find_stop(floor: Ints, h: float, old: Floats, new: Floats, stop: Floats) -> None:
-    """Find in what time the bodies that slide would stop if they lost speed as in a sub-step of ``h`` s; else infinite."""
+    """Find the stopping times (s) of sliding bodies, if they go on losing speed as in a sub-step of ``h`` s; else infinite."""
     for b in range(floor.size):
         stop[b] = math.inf
         speed = math.hypot(new[b, 0], new[b, 1])
-        lost = math.hypot(old[b, 0], old[b, 1]) - speed
-        if floor[b] == SLIDING and lost > 0.0:
-            stop[b] = h * speed / lost
+        speed_loss = math.hypot(old[b, 0], old[b, 1]) - speed
+        if floor[b] == SLIDING and speed_loss > 0.0:
+            stop[b] = h * speed / speed_loss
 
 
 @borrower
 def guess_stop(anchors: Floats, body_of: Ints, mobility: Floats, force: Floats, twist: Floats, stop: Floats) -> None:
     """Find the same before the first sub-step, by the ``force`` on the bodies without contact."""
     for e in range(body_of.size):
-        a, b, gained = anchors[e], body_of[e], 0.0
+        a, b, power = anchors[e], body_of[e], 0.0
         speed = math.hypot(twist[b, 0], twist[b, 1])
         if a[STIFFNESS] > 0.0 and speed > 0.0 and math.hypot(a[ANCHOR_X], a[ANCHOR_Y]) > GIVES_WAY * a[HOLD]:
             for i in range(2):
                 for j in range(3):
-                    gained += twist[b, i] * mobility[b, i, j] * force[b, j]
-            stop[b] = -speed * speed / gained if gained < 0.0 else math.inf
+                    power += twist[b, i] * mobility[b, i, j] * force[b, j]
+            stop[b] = -speed * speed / power if power < 0.0 else math.inf
 
 
 @borrower
-def longest_sliding_step(anchors: Floats, body_of: Ints, twist: Floats, stop: Floats, before: float) -> float:
-    """Longest sub-step (s) of the bodies that slide over the floor; ``before``: the last one, s."""
+def longest_sliding_step(anchors: Floats, body_of: Ints, twist: Floats, stop: Floats, last_step: float) -> float:
+    """Longest sub-step (s) of the bodies that slide over the floor; ``last_step``: the previous one, s."""
     limit = math.inf
     for e in range(body_of.size):
         a, b = anchors[e], body_of[e]
         if a[STIFFNESS] > 0.0 and stop[b] < math.inf:
-            way = 0.5 * math.hypot(twist[b, 0], twist[b, 1]) * stop[b]
-            if way * a[STIFFNESS] > a[HOLD]:
-                limit = min(limit, SLIDING_STEP * stop[b], 2.0 * before)
+            stopping_distance = 0.5 * math.hypot(twist[b, 0], twist[b, 1]) * stop[b]
+            if stopping_distance * a[STIFFNESS] > a[HOLD]:
+                limit = min(limit, SLIDING_STEP * stop[b], 2.0 * last_step)
     return limit
 
 
 # Many arguments: the twists at both ends and on the way, which differ in contact.
 @borrower
 def drag_anchors(
-    anchors: Floats, body_of: Ints, levers: Floats, h: float, new: Floats, going: Floats, rubbed: Floats
+    anchors: Floats, body_of: Ints, levers: Floats, h: float, new: Floats, path_twist: Floats, rubbed: Floats
 ) -> None:  # fmt: skip
     """Take the anchors through a sub-step; adds to ``rubbed`` the work of friction on each body, J."""
     for e in range(body_of.size):
@@ -161,9 +160,9 @@ def drag_anchors(
         if a[STIFFNESS] == 0.0:
             continue
         k = h * a[STIFFNESS]
-        u, v = _keel_velocity(a, m, going[b])
-        beyond = math.hypot(a[ANCHOR_X] - k * u, a[ANCHOR_Y] - k * v) - a[HOLD]
-        if a[GRIP] < 1.0 and beyond > 0.0:
-            rubbed[b] += a[HOLD] * beyond / a[STIFFNESS]
+        u, v = _keel_velocity(a, m, path_twist[b])
+        excess = math.hypot(a[ANCHOR_X] - k * u, a[ANCHOR_Y] - k * v) - a[HOLD]
+        if a[GRIP] < 1.0 and excess > 0.0:
+            rubbed[b] += a[HOLD] * excess / a[STIFFNESS]
         u, v = _keel_velocity(a, m, new[b])
         a[ANCHOR_X], a[ANCHOR_Y] = a[GRIP] * (a[ANCHOR_X] - k * u), a[GRIP] * (a[ANCHOR_Y] - k * v)

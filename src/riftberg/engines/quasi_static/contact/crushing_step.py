@@ -1,4 +1,4 @@
-"""Sub-steps of islands whose bodies crush each other's faces: how long they may be, and what happens in each.
+"""Sub-steps of islands whose bodies crush each other's faces: their length, and the course of each.
 
 Free bodies go as far as most of their gap. An impact takes some 75 sub-steps, whatever the length of the time step. At rest a
 sub-step takes up to a minute, the depth follows the new velocity alone (backward Euler), and the force is damped as much as lets
@@ -41,8 +41,8 @@ from riftberg.engines.quasi_static.contact.face_forces import (
     allocate_crushing,
     find_faces,
     find_free_motion,
-    find_going,
     find_mobilities,
+    find_path_twists,
     record_peak,
     set_apart,
     sweep_faces,
@@ -52,10 +52,10 @@ from riftberg.engines.quasi_static.contact.face_forces import (
 from riftberg.engines.quasi_static.contact.face_pairs import (
     CrushingWorkspace,
     Faces,
-    gap_of_pair,
+    find_pair_gap,
+    find_pair_overlap,
+    locate_pair,
     most_corners,
-    overlap_of_pair,
-    places_of_pair,
 )
 from riftberg.engines.quasi_static.contact.islands import (
     Island,
@@ -68,9 +68,9 @@ from riftberg.engines.quasi_static.contact.islands import (
     approach_bound,
     evaluate_media,
     is_stale,
-    island_part,
     linearised_force,
-    result_part,
+    select_island,
+    select_result,
     spin_lever,
 )
 from riftberg.physics.contact import face_stiffness
@@ -86,7 +86,7 @@ GAP_PART: Final = 0.9
 """Part of the gap that is crossed at most in a sub-step."""
 
 SKIN: Final = 0.01
-"""Gap (m) up to which faces stand on each other. Those of a crack do, and what drives them together meets a force at once."""
+"""Gap (m) up to which faces stand on each other. The faces of a crack do, and meet a force at once when driven together."""
 
 UNSEEN, UNSEEN_OF_SIZE = 0.1, 5e-4
 """Way by which faces that part in one place may close in another within a sub-step: in m, and as a part of their size.
@@ -103,71 +103,77 @@ REST_WAY: Final = 0.5
 
 @kernel
 def integrate_faces(
-    lists: Islands, whole: Island, results: IslandResult, faces: Faces, pair_state: Floats, dt: float, law: CrushingLaw
+    lists: Islands,
+    all_islands: Island,
+    results: IslandResult,
+    faces: Faces,
+    pair_state: Floats,
+    dt: float,
+    law: CrushingLaw,
 ) -> tuple[float, float]:
-    """Take all islands, ``whole``, through a step of ``dt`` s; returns the shortest sub-step (s) and the energy dissipated (J).
+    """Take all islands through a step of ``dt`` s; returns the shortest sub-step (s) and the energy dissipated (J).
 
     ``results``, and ``pair_state`` with a row for each pair, are changed in place.
     """
     shortest, dissipated, corners = dt, 0.0, most_corners(faces)
     for k in range(lists.start.size - 1):
         e = slice(lists.row_start[k], lists.row_start[k + 1])
-        island, result = island_part(lists, k, whole), result_part(lists, k, results)
+        island, result = select_island(lists, k, all_islands), select_result(lists, k, results)
         work = allocate_crushing(island, corners)
-        of_rows = Faces(faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e])
+        island_faces = Faces(faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e])
         for i in range(island.body_of.size):
             m, a = island.levers[i], island.body_of[i]
-            work.arm[a] = max(work.arm[a], math.hypot(m[2], m[5]) + of_rows.reach[i])
-        of_pairs = pair_state[lists.pair_start[k] : lists.pair_start[k + 1]]
-        about = allocate_linearisation(result.twist)
-        shortest = min(shortest, _integrate_island(island, of_rows, of_pairs, result, about, dt, law, work))
+            work.arm[a] = max(work.arm[a], math.hypot(m[2], m[5]) + island_faces.reach[i])
+        island_pairs = pair_state[lists.pair_start[k] : lists.pair_start[k + 1]]
+        media = allocate_linearisation(result.twist)
+        shortest = min(shortest, _integrate_island(island, island_faces, island_pairs, result, media, dt, law, work))
         dissipated += work.dissipated[0]
     return shortest, dissipated
 
 
 @borrower
 def _integrate_island(
-    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, about: Linearisation, dt: float, law: CrushingLaw,
+    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, media: Linearisation, dt: float, law: CrushingLaw,
     work: CrushingWorkspace,
 ) -> float:  # fmt: skip
     """Take one island through the step; returns its shortest sub-step, s."""
     twist = result.twist
-    left, shortest, elapsed, h = dt, dt, np.inf, np.inf
+    remaining, shortest, elapsed, h = dt, dt, np.inf, np.inf
     _align(island, faces, pair_state, result, law, work)
     while True:
-        if left <= 0.0 or is_stale(about, twist, work.arm, elapsed, dt):
-            accumulate_impulse(island, about, elapsed, result.applied)
-            if left <= 0.0:
+        if remaining <= 0.0 or is_stale(media, twist, work.arm, elapsed, dt):
+            accumulate_impulse(island, media, elapsed, result.applied)
+            if remaining <= 0.0:
                 _remember_depths(island, faces, pair_state, result, work)
                 _find_close_pairs(island, faces, result, work)
                 return shortest
-            evaluate_media(island, twist, about, work.everyone, work.accelerations, work.drag_rate, work.force)
+            evaluate_media(island, twist, media, work.everyone, work.accelerations, work.drag_rate, work.force)
             elapsed = 0.0
-        linearised_force(about, twist, work.net_force)
+        linearised_force(media, twist, work.net_force)
         add_floor_force(result.anchors, island.body_of, island.levers, work.net_force)
-        if left == dt:
-            _go_alone(island, twist, dt, work)
+        if remaining == dt:
+            _find_undisturbed_path(island, twist, dt, work)
             guess_stop(result.anchors, island.body_of, island.matrices.mobility, work.net_force, twist, work.stop)
         sliding = longest_sliding_step(result.anchors, island.body_of, twist, work.stop, h)
-        h = _longest_substep(island, faces, pair_state, result, min(left, sliding), h, law, work)
-        if left - h < 1e-9 * dt:
-            h = left
+        h = _longest_substep(island, faces, pair_state, result, min(remaining, sliding), h, law, work)
+        if remaining - h < 1e-9 * dt:
+            h = remaining
         shortest = min(shortest, h)
-        count = _find_velocities(island, faces, pair_state, result, about.jacobian, h, law, work)
-        find_going(island, pair_state, count, twist, work)
-        update_faces(island, faces, pair_state, count, h, law, work, result)
-        drag_anchors(result.anchors, island.body_of, island.levers, h, work.new, work.going, result.rubbed)
+        overlaps = _find_velocities(island, faces, pair_state, result, media.jacobian, h, law, work)
+        find_path_twists(island, pair_state, overlaps, twist, work)
+        update_faces(island, faces, pair_state, overlaps, h, law, work, result)
+        drag_anchors(result.anchors, island.body_of, island.levers, h, work.new, work.path_twist, result.rubbed)
         find_stop(work.floor, h, twist, work.new, work.stop)
-        record_peak(island, pair_state, count, result, work)
+        record_peak(island, pair_state, overlaps, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
-                about.twist_integral[b, i] += 0.5 * h * (twist[b, i] + work.new[b, i])
-                result.path[b, i] += h * work.going[b, i]
+                media.twist_integral[b, i] += 0.5 * h * (twist[b, i] + work.new[b, i])
+                result.path[b, i] += h * work.path_twist[b, i]
                 twist[b, i] = work.new[b, i]
-            work.travelled[b] += h * _speed_bound(work.going[b], work.arm[b])
+            work.travelled[b] += h * _speed_bound(work.path_twist[b], work.arm[b])
         accumulate_floor_impulse(island, result.anchors, h, result.applied)
         elapsed += h
-        left = left - h if left > h else 0.0
+        remaining = remaining - h if remaining > h else 0.0
 
 
 @borrower
@@ -208,13 +214,13 @@ def _align(
     """Take the pairs on from where the last step saw them: no force from an overlap that has changed without a motion.
 
     A sub-step moves bodies on a plane of its own, a step on the sphere: that shifts faces by millimetres, of which unloading
-    would make the force of an impact. What a sub-step expects the overlap to be at its end is wrong by less, but an impact that
+    would make the force of an impact. The overlap that a sub-step predicts for its end is wrong by less, but an impact that
     is cut there would lose a part of its force for a moment.
     """
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:
             skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
-            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, k, skin_x, skin_y, work)
+            area, _, _, _, _ = find_pair_overlap(island, faces, result.path, k, skin_x, skin_y, work)
             shift = area - pair_state[k, AREA_AT_END]
             pair_state[k, TOUCHED] += shift
             pair_state[k, CRUSHED] += shift
@@ -231,12 +237,12 @@ def _remember_depths(
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:
             skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
-            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, k, skin_x, skin_y, work)
+            area, _, _, _, _ = find_pair_overlap(island, faces, result.path, k, skin_x, skin_y, work)
             pair_state[k, AREA_AT_END] = area
 
 
 @kernel
-def _go_alone(island: Island, twist: Floats, dt: float, work: CrushingWorkspace) -> None:
+def _find_undisturbed_path(island: Island, twist: Floats, dt: float, work: CrushingWorkspace) -> None:
     """Find where the whole step takes the bodies: by the half kick of its start."""
     for b in range(twist.shape[0]):
         for i in range(3):
@@ -254,22 +260,22 @@ def _find_close_pairs(island: Island, faces: Faces, result: IslandResult, work: 
         a, b, reach = island.body_of[i], island.body_of[j], faces.reach[i] + faces.reach[j]
         dx = alone[a, 0] - path[a, 0] - alone[b, 0] + path[b, 0]
         dy = alone[a, 1] - path[a, 1] - alone[b, 1] + path[b, 1]
-        other = math.hypot(dx, dy) + (abs(alone[a, 2] - path[a, 2]) + abs(alone[b, 2] - path[b, 2])) * reach
-        _, _, _, _, x1, y1, x2, y2 = places_of_pair(island, path, k)
-        if not result.touched[k] and math.hypot(x1 - x2, y1 - y2) < reach + other:
-            result.close[k] = gap_of_pair(island, faces, path, k, work)[0] < other
+        deviation = math.hypot(dx, dy) + (abs(alone[a, 2] - path[a, 2]) + abs(alone[b, 2] - path[b, 2])) * reach
+        _, _, _, _, x1, y1, x2, y2 = locate_pair(island, path, k)
+        if not result.touched[k] and math.hypot(x1 - x2, y1 - y2) < reach + deviation:
+            result.close[k] = find_pair_gap(island, faces, path, k, work)[0] < deviation
 
 
 @borrower
 def _longest_substep(
-    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, left: float, before: float, law: CrushingLaw,
+    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, longest: float, last_step: float, law: CrushingLaw,
     work: CrushingWorkspace,
 ) -> float:  # fmt: skip
     """Find the longest sub-step (s): by the gaps of the bodies that may meet, and by the frequency of those that do.
 
-    ``left``: the longest that it may be for all else, s; ``before``: the sub-step before, s.
+    ``longest``: limit by all else, s; ``last_step``: the previous sub-step, s.
     """
-    twist, mobility, limit = result.twist, island.matrices.mobility, left
+    twist, mobility, limit = result.twist, island.matrices.mobility, longest
     for b in range(twist.shape[0]):
         work.stiffness[b] = 0.0
         for i in range(3):
@@ -284,13 +290,13 @@ def _longest_substep(
             pair_state[k, SKIN_X] = pair_state[k, SKIN_Y] = 0.0
         if pair_state[k, PHASE] == REST:
             # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
-            work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * before)
+            work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * last_step)
             if pair_state[k, SPEED] * limit > REST_WAY:
                 limit = REST_WAY / pair_state[k, SPEED]
         elif not _stays_apart(island, k, limit, work):
             far = faces.reach[island.first[k]] + faces.reach[island.second[k]]
             far += limit * (fastest + 0.5 * limit * quickest)
-            limit = _limit_of_pair(island, faces, pair_state[k], result, k, far, limit, before, law, work)
+            limit = _limit_substep(island, faces, pair_state[k], result, k, far, limit, last_step, law, work)
     # Impacts share the stiffness of their bodies, so that it is known once all pairs have been seen.
     most = 0.0
     for k in range(island.first.size):
@@ -304,18 +310,18 @@ def _longest_substep(
 def _stays_apart(island: Island, k: int, limit: float, work: CrushingWorkspace) -> bool:
     """Whether a pair cannot have crossed its gap since measured, nor can within ``limit`` s: it need not be measured again."""
     a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
-    least = work.measured[k, 0] - (work.travelled[a] + work.travelled[b] - work.measured[k, 1])
-    if least <= SKIN:
+    least_gap = work.measured[k, 0] - (work.travelled[a] + work.travelled[b] - work.measured[k, 1])
+    if least_gap <= SKIN:
         return False
     closing, driven = work.speed[a, 0] + work.speed[b, 0], work.speed[a, 1] + work.speed[b, 1]
-    work.gap[k], work.bound[k] = least, closing + driven * limit
-    return _most_of_way(least, closing, driven)[0] >= limit
+    work.gap[k], work.bound[k] = least_gap, closing + driven * limit
+    return _crossing_time(least_gap, closing, driven)[0] >= limit
 
 
 # Many arguments: the bounds of all pairs, which the caller has found.
 @borrower
-def _limit_of_pair(
-    island: Island, faces: Faces, state: Floats, result: IslandResult, k: int, far: float, limit: float, before: float,
+def _limit_substep(
+    island: Island, faces: Faces, state: Floats, result: IslandResult, k: int, far: float, limit: float, last_step: float,
     law: CrushingLaw, work: CrushingWorkspace,
 ) -> float:  # fmt: skip
     """Measure the gap of a pair that is not at rest; returns the longest sub-step (s) that it allows, at most ``limit``.
@@ -326,31 +332,31 @@ def _limit_of_pair(
     i, j = island.first[k], island.second[k]
     m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
     work.gap[k] = np.inf
-    ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+    ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
     rx, ry = x1 - x2, y1 - y2
     if math.hypot(rx, ry) > far:
         set_apart(state)
         return limit
-    nearest, nx, ny = gap_of_pair(island, faces, path, k, work)
+    nearest, nx, ny = find_pair_gap(island, faces, path, k, work)
     work.measured[k, 0], work.measured[k, 1] = nearest, work.travelled[a] + work.travelled[b]
 
-    # How fast they close, and what drives them. They meet in a point of the smaller one, of two of one size about the middle.
+    # Closing speed and acceleration. They meet in a point of the smaller one; two of equal size meet about the middle.
     # Two bodies that turn together do not meet.
     mx, my = spin_lever(m, ca, sa)
     ox, oy = spin_lever(n, cb, sb)
-    this, that = faces.reach[i] ** 4, faces.reach[j] ** 4
-    share, smaller = this / (this + that), min(faces.reach[i], faces.reach[j])
+    weight_1, weight_2 = faces.reach[i] ** 4, faces.reach[j] ** 4
+    share, smaller = weight_1 / (weight_1 + weight_2), min(faces.reach[i], faces.reach[j])
     du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry, share)
     closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * smaller
-    one, two = work.acceleration[a], work.acceleration[b]
-    au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry, share)
-    driven = math.hypot(au, av) + abs(one[2] - two[2]) * smaller
+    acceleration_1, acceleration_2 = work.acceleration[a], work.acceleration[b]
+    au, av = _relative_velocity(m, acceleration_1, n, acceleration_2, mx, my, ox, oy, rx, ry, share)
+    driven = math.hypot(au, av) + abs(acceleration_1[2] - acceleration_2[2]) * smaller
     thickness, inverse = min(faces.thickness[i], faces.thickness[j]), 0.0
     for body in (a, b):
         inverse += max(mobility[body, 0, 0], mobility[body, 1, 1])
     if inverse == 0.0:  # both are held
         return limit
-    # Where no contact says how long the face is, that of an element.
+    # Without contact the length of the face is unknown: take the length of an element.
     entry = ENTRY_PHASE / math.sqrt(face_stiffness(law.strength, thickness, smaller, law.depth) * inverse)
 
     free, parting = state[PHASE] == APART, state[SPEED] < 0.0
@@ -364,22 +370,22 @@ def _limit_of_pair(
     if nearest > 2.0 * math.hypot(state[SKIN_X], state[SKIN_Y]):
         set_apart(state)
         work.gap[k], work.bound[k] = nearest, closing + driven * limit
-        crossed, meets = _most_of_way(nearest, closing, driven)
+        crossed, meets = _crossing_time(nearest, closing, driven)
         return min(limit, max(crossed, entry if meets > SLOW else REST_STEP))
     work.gap[k], work.bound[k] = 0.0, 0.0
     if free:
         return min(limit, entry)
-    limit = min(limit, REST_STEP, 2.0 * before)  # the forces of the sub-step before are the first guess
+    limit = min(limit, REST_STEP, 2.0 * last_step)  # the forces of the sub-step before are the first guess
     if state[PHASE] == IMPACT:
         # An impact off the centre turns the body, too: it gives way by up to four times as much.
         stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
-        work.stiffness[a] += stiffness * _mobility_of_point(mobility[a], m, mx, my, nx, ny)
-        work.stiffness[b] += stiffness * _mobility_of_point(mobility[b], n, ox, oy, nx, ny)
+        work.stiffness[a] += stiffness * _point_mobility(mobility[a], m, mx, my, nx, ny)
+        work.stiffness[b] += stiffness * _point_mobility(mobility[b], n, ox, oy, nx, ny)
         if state[FORCE] <= 0.0:
             # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
-            area, _, _, _, _ = overlap_of_pair(island, faces, path, k, state[SKIN_X], state[SKIN_Y], work)
+            area, _, _, _, _ = find_pair_overlap(island, faces, path, k, state[SKIN_X], state[SKIN_Y], work)
             to_go = max(state[CRUSHED] - area, 0.0) / state[CHORD]
-            limit = min(limit, max(_most_of_way(to_go, closing, driven)[0], entry))
+            limit = min(limit, max(_crossing_time(to_go, closing, driven)[0], entry))
     return limit
 
 
@@ -390,13 +396,13 @@ def _speed_bound(twist: Floats, arm: float) -> float:
 
 
 @kernel
-def _most_of_way(way: float, closing: float, driven: float) -> tuple[float, float]:
+def _crossing_time(distance: float, closing: float, driven: float) -> tuple[float, float]:
     """Time (s) in which no more than `GAP_PART` of a way (m) is crossed, and the speed (m s-1) at its end.
 
     The way is crossed no sooner than after the smallest root t of way = closing t + driven t^2 / 2.
     """
-    meets = math.sqrt(closing * closing + 2.0 * driven * way)
-    return GAP_PART * 2.0 * way / (closing + meets) if meets > 0.0 else math.inf, meets
+    meets = math.sqrt(closing * closing + 2.0 * driven * distance)
+    return GAP_PART * 2.0 * distance / (closing + meets) if meets > 0.0 else math.inf, meets
 
 
 # Many arguments: levers and twists of both, which the caller has at hand; a tuple of them would be made for each pair.
@@ -417,7 +423,7 @@ def _relative_velocity(
 
 
 @kernel
-def _mobility_of_point(mobility: Floats, m: Floats, mx: float, my: float, nx: float, ny: float) -> float:
+def _point_mobility(mobility: Floats, m: Floats, mx: float, my: float, nx: float, ny: float) -> float:
     """Change of the velocity of an element along a normal by a unit impulse there, kg-1."""
     r0, r1, r2 = nx * m[0] + ny * m[3], nx * m[1] + ny * m[4], nx * mx + ny * my
     return float(

@@ -3,11 +3,11 @@
     M (V1 - V0) = h (G(V) - sum J^T F(V1))
 
 with the media G as in `riftberg.engines.quasi_static.contact.islands`, and the forces F of the faces at the depth that the new
-velocities lead to. Normals, lever arms and overlaps are those of the predicted middle, at one common point for both bodies, so
+velocities lead to. Normals, lever arms and overlaps are taken at the predicted middle, at one common point for both bodies, so
 momentum and angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the velocities.
 
-A sub-step goes through this file from top to bottom: velocities without contact, the faces that overlap, their forces, what
-these crush, and the loads of the hardest push.
+A sub-step goes through this file from top to bottom: velocities without contact, the faces that overlap, their forces, the
+crushing by these, and the loads of the hardest push.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from riftberg.engines.quasi_static.contact.face_pairs import (
     CrushingWorkspace,
     Faces,
     PairWorkspace,
-    overlap_of_pair,
-    places_of_pair,
+    find_pair_overlap,
+    locate_pair,
 )
 from riftberg.engines.quasi_static.contact.islands import Island, IslandResult, record_loads, spin_lever
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
@@ -72,7 +72,7 @@ SETTLING_TIME: Final = 3.0
 """Time after touching, over the frequency of the faces, from which on an impact may have come to rest: about half a period."""
 
 LONGEST_IMPACT: Final = 10.0
-"""An impact takes at most this time over its frequency: it loads for half of pi of it. What goes on is driven, as at rest."""
+"""An impact takes at most this time over its frequency: it loads for half of pi of it. A longer push is driven, as at rest."""
 
 LEAST_CHORD: Final = 1e-6
 """Square of the chord of an overlap over its area, below which one face lies wholly in the other.
@@ -95,7 +95,7 @@ class CrushingLaw(NamedTuple):
 
     strength: float  # Pa
     depth: float  # Over which it is reached, m
-    ratio: float  # Stiffness of unloading over that of loading
+    ratio: float  # Stiffness of unloading over stiffness of loading
     friction: float
 
 
@@ -123,7 +123,7 @@ def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
 
 @kernel
 def unloading_rate(thickness: float, law: CrushingLaw) -> float:
-    """Force (N m-2) that a face loses with its overlap as it is unloaded; the thickness (m) is that of the thinner element."""
+    """Force (N m-2) that a face loses with its overlap as it is unloaded; ``thickness`` (m): of the thinner element."""
     return law.ratio * law.strength * thickness / law.depth
 
 
@@ -166,9 +166,9 @@ def find_faces(
             continue
         i, j = island.first[k], island.second[k]
         m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
-        ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+        ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
         skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
-        area, moment_x, moment_y, chord_x, chord_y = overlap_of_pair(island, faces, path, k, skin_x, skin_y, work)
+        area, moment_x, moment_y, chord_x, chord_y = find_pair_overlap(island, faces, path, k, skin_x, skin_y, work)
         chord = math.hypot(chord_x, chord_y)
         standing = skin_x != 0.0 or skin_y != 0.0
         if standing and chord < LEAST_FACE and pair_state[k, PHASE] == APART:  # a corner, until it is in the other face
@@ -191,7 +191,7 @@ def find_faces(
         closing = _speed(row, ROW_N, twist[a], twist[b])
         state = pair_state[k]
         if state[PHASE] == APART:
-            # Faces meet where they stand: what was crushed before is rubble that fills the gap.
+            # Faces meet where they stand: ice crushed earlier is rubble that fills the gap.
             state[TOUCHED] = area
             state[PHASE] = IMPACT if closing > (STRUCK_AT_REST if standing else SLOW) else REST
             if state[PHASE] == REST:
@@ -217,8 +217,11 @@ def find_mobilities(
     for f in range(count):
         k, row = work.active[f], work.face[f]
         i, j, chord = island.first[k], island.second[k], pair_state[k, CHORD]
-        one, two = work.compliance[island.body_of[i]], work.compliance[island.body_of[j]]
-        row[MOBILITY_N], row[MOBILITY_T] = _mobility_along(row, ROW_N, one, two), _mobility_along(row, ROW_T, one, two)
+        compliance_1, compliance_2 = work.compliance[island.body_of[i]], work.compliance[island.body_of[j]]
+        row[MOBILITY_N], row[MOBILITY_T] = (
+            _mobility_along(row, ROW_N, compliance_1, compliance_2),
+            _mobility_along(row, ROW_T, compliance_1, compliance_2),
+        )
         row[AREA_PER_SPEED] = 0.5 * h * chord
         if pair_state[k, PHASE] == REST:
             stiffness = face_stiffness(law.strength, min(faces.thickness[i], faces.thickness[j]), chord, law.depth)
@@ -227,34 +230,37 @@ def find_mobilities(
 
 @kernel
 def _fill_row(
-    row: Floats, at: int, sign: float, m: Floats, mx: float, my: float, ox: float, oy: float, ux: float, uy: float
+    row: Floats, column: int, sign: float, m: Floats, mx: float, my: float, ox: float, oy: float, ux: float, uy: float
 ) -> None:
     """Levers of a point at (ox, oy) from an element, along (ux, uy), of three freedoms."""
-    row[at] = sign * (ux * (m[0] - oy * m[6]) + uy * (m[3] + ox * m[6]))
-    row[at + 1] = sign * (ux * (m[1] - oy * m[7]) + uy * (m[4] + ox * m[7]))
-    row[at + 2] = sign * (ux * (mx - oy * m[8]) + uy * (my + ox * m[8]))
+    row[column] = sign * (ux * (m[0] - oy * m[6]) + uy * (m[3] + ox * m[6]))
+    row[column + 1] = sign * (ux * (m[1] - oy * m[7]) + uy * (m[4] + ox * m[7]))
+    row[column + 2] = sign * (ux * (mx - oy * m[8]) + uy * (my + ox * m[8]))
 
 
 @kernel
-def _mobility_along(row: Floats, at: int, one: Floats, two: Floats) -> float:
+def _mobility_along(row: Floats, column: int, compliance_1: Floats, compliance_2: Floats) -> float:
     """Change of the speed along a row by a unit impulse along it, kg-1."""
     total = 0.0
     for i in range(3):
         for j in range(3):
-            total += row[at + i] * one[i, j] * row[at + j] + row[at + 3 + i] * two[i, j] * row[at + 3 + j]
+            total += (
+                row[column + i] * compliance_1[i, j] * row[column + j]
+                + row[column + 3 + i] * compliance_2[i, j] * row[column + 3 + j]
+            )
     return total
 
 
 @kernel
-def _speed(row: Floats, at: int, v: Floats, w: Floats) -> float:
+def _speed(row: Floats, column: int, v: Floats, w: Floats) -> float:
     """Speed (m s-1) along a row of levers of both bodies."""
     return float(
-        row[at] * v[0]
-        + row[at + 1] * v[1]
-        + row[at + 2] * v[2]
-        + row[at + 3] * w[0]
-        + row[at + 4] * w[1]
-        + row[at + 5] * w[2]
+        row[column] * v[0]
+        + row[column + 1] * v[1]
+        + row[column + 2] * v[2]
+        + row[column + 3] * w[0]
+        + row[column + 4] * w[1]
+        + row[column + 5] * w[2]
     )
 
 
@@ -273,7 +279,7 @@ def sweep_faces(
         _push(row, ROW_T, h * pair_state[k, FRICTION], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
     work.changed[:] = 0
     for sweep in range(1, MAX_SWEEPS + 1):
-        most = 0.0
+        largest_change = 0.0
         for f in range(count):
             k, row = work.active[f], work.face[f]
             i, j = island.first[k], island.second[k]
@@ -282,7 +288,7 @@ def sweep_faces(
             if max(work.changed[a], work.changed[b]) < sweep - 1:
                 continue
             largest = 0.0
-            one, two, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
+            compliance_1, compliance_2, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
             thickness = min(faces.thickness[i], faces.thickness[j])
             mobility = h * row[MOBILITY_N]
             free = _speed(row, ROW_N, v, w) + mobility * state[FORCE]
@@ -292,33 +298,35 @@ def sweep_faces(
             )  # fmt: skip
             change = force - state[FORCE]
             state[FORCE] = force
-            _push(row, ROW_N, h * change, one, two, v, w)
+            _push(row, ROW_N, h * change, compliance_1, compliance_2, v, w)
             largest = max(largest, abs(mobility * change))
             if law.friction > 0.0:
                 mobility = h * row[MOBILITY_T]
                 slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / mobility, force, law.friction)
                 change = slide - state[FRICTION]
                 state[FRICTION] = slide
-                _push(row, ROW_T, h * change, one, two, v, w)
+                _push(row, ROW_T, h * change, compliance_1, compliance_2, v, w)
                 largest = max(largest, abs(mobility * change))
             if largest > SWEEP_RTOL * scale:
                 work.changed[a] = work.changed[b] = sweep
-            most = max(most, largest)
-        if most <= SWEEP_RTOL * scale:
+            largest_change = max(largest_change, largest)
+        if largest_change <= SWEEP_RTOL * scale:
             return
 
 
 @kernel
-def _push(row: Floats, at: int, impulse: float, one: Floats, two: Floats, v: Floats, w: Floats) -> None:
+def _push(
+    row: Floats, column: int, impulse: float, compliance_1: Floats, compliance_2: Floats, v: Floats, w: Floats
+) -> None:
     """Change the velocities of both bodies by an impulse against a row."""
     for i in range(3):
         for j in range(3):
-            v[i] -= impulse * one[i, j] * row[at + j]
-            w[i] -= impulse * two[i, j] * row[at + 3 + j]
+            v[i] -= impulse * compliance_1[i, j] * row[column + j]
+            w[i] -= impulse * compliance_2[i, j] * row[column + 3 + j]
 
 
 @borrower
-def find_going(island: Island, pair_state: Floats, count: int, twist: Floats, work: CrushingWorkspace) -> None:
+def find_path_twists(island: Island, pair_state: Floats, count: int, twist: Floats, work: CrushingWorkspace) -> None:
     """Find the twists by which bodies go through a sub-step: the mean of old and new; the new one of bodies at rest or held.
 
     At rest (pressed, and in no impact) a body then stands where its overlap says. By the mean, one that rocks would come in a
@@ -326,18 +334,20 @@ def find_going(island: Island, pair_state: Floats, count: int, twist: Floats, wo
     """
     for b in range(twist.shape[0]):
         for i in range(3):
-            work.going[b, i] = 0.5 * (twist[b, i] + work.new[b, i])
+            work.path_twist[b, i] = 0.5 * (twist[b, i] + work.new[b, i])
     for phase in (REST, IMPACT):
         for f in range(count):
             k = work.active[f]
             if pair_state[k, FORCE] > 0.0 and pair_state[k, PHASE] == phase:
                 for b in (island.body_of[island.first[k]], island.body_of[island.second[k]]):
                     for i in range(3):
-                        work.going[b, i] = work.new[b, i] if phase == REST else 0.5 * (twist[b, i] + work.new[b, i])
+                        work.path_twist[b, i] = (
+                            work.new[b, i] if phase == REST else 0.5 * (twist[b, i] + work.new[b, i])
+                        )
     for b in range(twist.shape[0]):
         if work.floor[b] == HELD:
             for i in range(3):
-                work.going[b, i] = work.new[b, i]
+                work.path_twist[b, i] = work.new[b, i]
 
 
 @borrower
@@ -345,32 +355,32 @@ def update_faces(
     island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace,
     result: IslandResult,
 ) -> None:  # fmt: skip
-    """Crush the faces as far as their forces say, and pass on from impact to rest, or apart; add up what they give the bodies."""
+    """Crush the faces by their forces, pass on from impact to rest, or apart, and add up their impulses on the bodies."""
     for f in range(count):
         k, row = work.active[f], work.face[f]
         i, j = island.first[k], island.second[k]
         a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
-        back = unloading_rate(min(faces.thickness[i], faces.thickness[j]), law)
+        unloading = unloading_rate(min(faces.thickness[i], faces.thickness[j]), law)
         closing = _speed(row, ROW_N, work.new[a], work.new[b])
-        went = _speed(row, ROW_N, work.going[a], work.going[b])
+        approach_speed = _speed(row, ROW_N, work.path_twist[a], work.path_twist[b])
         area = row[AREA] + (h if state[PHASE] == REST else 0.5 * h) * closing * state[CHORD]
         force, slide = state[FORCE], state[FRICTION]
         result.touched[k] = result.touched[k] or force > 0.0
         for n in range(3):
             result.impulse[a, n] -= h * (force * row[ROW_N + n] + slide * row[ROW_T + n])
             result.impulse[b, n] -= h * (force * row[ROW_N + 3 + n] + slide * row[ROW_T + 3 + n])
-        crushed = area - force / back
+        crushed = area - force / unloading
         if force > 0.0 and crushed > state[CRUSHED]:
-            stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (back * state[CHORD])
-            work.dissipated[0] += max(h * force * went - stored, 0.0)
+            stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (unloading * state[CHORD])
+            work.dissipated[0] += max(h * force * approach_speed - stored, 0.0)
             state[CRUSHED] = crushed
         if state[PHASE] == REST and force > 0.0:
-            # The overlap followed the new velocity, and a body in an impact as well goes by the mean of old and new: what lies
-            # between must not become a force when the next sub-step is shorter.
-            drift = h * (went - closing) * state[CHORD]
+            # The overlap followed the new velocity, and a body in an impact as well goes by the mean of old and new: the
+            # difference must not become a force when the next sub-step is shorter.
+            drift = h * (approach_speed - closing) * state[CHORD]
             state[TOUCHED] += drift
             state[CRUSHED] += drift
-        work.dissipated[0] += max(h * slide * _speed(row, ROW_T, work.going[a], work.going[b]), 0.0)
+        work.dissipated[0] += max(h * slide * _speed(row, ROW_T, work.path_twist[a], work.path_twist[b]), 0.0)
         state[SINCE] += h
         nx, ny = row[NX], row[NY]
         fx, fy = force * nx - slide * ny, force * ny + slide * nx
@@ -384,7 +394,7 @@ def update_faces(
             if closing > max(STRUCK_AT_REST, 2.0 * row[CLOSING]):
                 state[PHASE], state[SINCE] = IMPACT, 0.0
         else:
-            # What was unloaded and is struck again is an impact of its own.
+            # Faces that were unloaded and are struck again begin a new impact.
             if force > 0.0 and row[BEFORE] == 0.0 and row[CLOSING] > STRUCK_AT_REST and state[SINCE] > h:
                 state[SINCE], state[SPEED] = h, row[CLOSING]
             since = state[SINCE] * math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
@@ -428,12 +438,12 @@ def _find_loaded_by_impact(
 ) -> None:
     """Find the bodies that bear an impact: on a face of their own, or by way of others that press them at rest.
 
-    What is driven into another faster than `STRUCK_AT_REST` strikes it, however long that lasts. All else is at rest, where loads
-    change slowly, and are those of the end of the step.
+    A body driven into another faster than `STRUCK_AT_REST` strikes it, however long that lasts. All others are at rest, where
+    loads change slowly: the loads at the end of the step stand for them.
     """
-    impacted[:], more = False, True
-    while more:
-        more = False
+    impacted[:], has_spread = False, True
+    while has_spread:
+        has_spread = False
         for f in range(count):
             k = work.active[f]
             a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
@@ -441,4 +451,4 @@ def _find_loaded_by_impact(
                 continue
             strikes = pair_state[k, PHASE] == IMPACT or pair_state[k, SPEED] > STRUCK_AT_REST
             if strikes or impacted[a] or impacted[b]:
-                impacted[a] = impacted[b] = more = True
+                impacted[a] = impacted[b] = has_spread = True

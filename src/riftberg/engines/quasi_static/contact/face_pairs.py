@@ -1,4 +1,4 @@
-"""Footprints of two elements that may meet: where they stand, the gap between them, and their overlap."""
+"""Footprints of two elements that may meet: their positions, the gap between them, and their overlap."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Faces(NamedTuple):
 
 
 class PairWorkspace(NamedTuple):
-    """Where the polygons of a pair stand, and what of one lies within the other."""
+    """Polygons of a pair in their positions, and the overlap of both."""
 
-    one: Floats  # Corners of a polygon in its place, m
-    two: Floats
-    cut: Floats  # Corners of what is left of one within the other; see `riftberg.physics.geometry.overlap`
+    corners_1: Floats  # Corners of a polygon in its place, m
+    corners_2: Floats
+    cut: Floats  # Corners of the overlap; see `riftberg.physics.geometry.overlap`
 
 
 class CrushingWorkspace(NamedTuple):
@@ -42,7 +42,7 @@ class CrushingWorkspace(NamedTuple):
     compliance: Floats  # shape (bodies, 3, 3)
     new: Floats  # Twists at the end of the sub-step; shape (bodies, 3)
     middle: Floats  # Paths at its predicted middle; shape (bodies, 3)
-    going: Floats  # Twists by which the bodies go through it; shape (bodies, 3)
+    path_twist: Floats  # Twists by which the bodies go through it; shape (bodies, 3)
     stiffness: Floats  # Of its faces over its mass, s-2; shape (bodies,)
     size: Floats  # Sum of the forces on its faces, N; shape (bodies,)
     peak: Floats  # shape (bodies,)
@@ -75,62 +75,64 @@ class CrushingWorkspace(NamedTuple):
 
 
 @kernel
-def face_gaps(first: Ints, second: Ints, apart: Floats, faces: Faces) -> Floats:
+def face_gaps(first: Ints, second: Ints, separation: Floats, faces: Faces) -> Floats:
     """Gap (m) between the faces of each pair, below 0 where they overlap, and its normal from first to second; shape (pairs, 3).
 
-    ``apart``: from the second to the first element, m.
+    ``separation``: from the second to the first element, m.
     """
     most = most_corners(faces)
-    one, two, out = np.empty((most, 2)), np.empty((most, 2)), np.full((first.size, 3), np.inf)
+    corners_1, corners_2, gaps = np.empty((most, 2)), np.empty((most, 2)), np.full((first.size, 3), np.inf)
     for k in range(first.size):
         i, j = first[k], second[k]
         for p in range(faces.begin[i], faces.end[i]):
-            corners = _place(faces, p, apart[k, 0], apart[k, 1], 1.0, 0.0, one)
+            count_1 = _place(faces, p, separation[k, 0], separation[k, 1], 1.0, 0.0, corners_1)
             for q in range(faces.begin[j], faces.end[j]):
-                others = _place(faces, q, 0.0, 0.0, 1.0, 0.0, two)
-                g, nx, ny = gap(one[:corners], two[:others])
-                if g < out[k, 0]:
-                    out[k, 0], out[k, 1], out[k, 2] = g, nx, ny
-    return out
+                count_2 = _place(faces, q, 0.0, 0.0, 1.0, 0.0, corners_2)
+                g, nx, ny = gap(corners_1[:count_1], corners_2[:count_2])
+                if g < gaps[k, 0]:
+                    gaps[k, 0], gaps[k, 1], gaps[k, 2] = g, nx, ny
+    return gaps
 
 
 @borrower
-def gap_of_pair(
+def find_pair_gap(
     island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
 ) -> tuple[float, float, float]:
     """Gap (m) between the faces of a pair with the bodies moved by ``path``, below 0 where they overlap, and its normal."""
     i, j = island.first[k], island.second[k]
-    ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+    ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
     nearest, nx, ny = np.inf, 1.0, 0.0
     for p in range(faces.begin[i], faces.end[i]):
-        corners = _place(faces, p, x1, y1, ca, sa, work.pair.one)
+        count_1 = _place(faces, p, x1, y1, ca, sa, work.pair.corners_1)
         for q in range(faces.begin[j], faces.end[j]):
-            others = _place(faces, q, x2, y2, cb, sb, work.pair.two)
-            g, gx, gy = gap(work.pair.one[:corners], work.pair.two[:others])
+            count_2 = _place(faces, q, x2, y2, cb, sb, work.pair.corners_2)
+            g, gx, gy = gap(work.pair.corners_1[:count_1], work.pair.corners_2[:count_2])
             if g < nearest:
                 nearest, nx, ny = g, gx, gy
     return nearest, nx, ny
 
 
 @borrower
-def overlap_of_pair(
+def find_pair_overlap(
     island: Island, faces: Faces, path: Floats, k: int, skin_x: float, skin_y: float, work: CrushingWorkspace
 ) -> tuple[float, float, float, float, float]:
     """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path`` and the skin (m).
 
-    The skin brings each towards the other, so that neither is the first one. It takes the whole workspace, as `gap_of_pair`:
+    The skin brings each towards the other, so that neither is the first one. It takes the whole workspace, as `find_pair_gap`:
     with few arguments LLVM no longer takes these into their callers, and a sub-step costs a third more.
     """
     i, j = island.first[k], island.second[k]
-    ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+    ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
     x1, y1, x2, y2 = x1 + skin_x, y1 + skin_y, x2 - skin_x, y2 - skin_y
     area = moment_x = moment_y = chord_x = chord_y = 0.0
     for p in range(faces.begin[i], faces.end[i]):
-        corners = _place(faces, p, x1, y1, ca, sa, work.pair.one)
+        count_1 = _place(faces, p, x1, y1, ca, sa, work.pair.corners_1)
         for q in range(faces.begin[j], faces.end[j]):
-            others = _place(faces, q, x2, y2, cb, sb, work.pair.two)
-            part, tx, ty, cx, cy = overlap(work.pair.one[:corners], work.pair.two[:others], work.pair.cut)
-            area += part
+            count_2 = _place(faces, q, x2, y2, cb, sb, work.pair.corners_2)
+            overlap_area, tx, ty, cx, cy = overlap(
+                work.pair.corners_1[:count_1], work.pair.corners_2[:count_2], work.pair.cut
+            )
+            area += overlap_area
             moment_x += tx
             moment_y += ty
             chord_x += cx
@@ -139,9 +141,7 @@ def overlap_of_pair(
 
 
 @borrower
-def places_of_pair(
-    island: Island, path: Floats, k: int
-) -> tuple[float, float, float, float, float, float, float, float]:
+def locate_pair(island: Island, path: Floats, k: int) -> tuple[float, float, float, float, float, float, float, float]:
     """Cosine and sine of the rotation of both bodies of a pair, and places (m) of its elements, with bodies moved by ``path``."""
     i, j = island.first[k], island.second[k]
     a, b = island.body_of[i], island.body_of[j]

@@ -1,4 +1,4 @@
-"""Fragments that crush each other's faces: what lives from one step to the next, and a step of all islands."""
+"""Fragments that crush each other's faces: the pairs kept between steps, and a step of all islands."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ from riftberg.state.neighbours import near_pairs
 from riftberg.state.population import rows_of
 
 DRIVEN: Final = 2e-4
-"""Acceleration (m s-2) at which media drive two bergs together at most: twice that of the Coriolis force at 0.7 m/s."""
+"""Acceleration (m s-2) at which media drive two bergs together at most: twice the Coriolis acceleration at 0.7 m/s."""
 
 GOLDEN_RATIO: Final = 0.5 * (1.0 + math.sqrt(5.0))
 
 LASTING: Final = 600.0
-"""Time (s) that contact lasts before the lattices bear it as a load at rest; of what is shorter they bear the largest impact.
+"""Time (s) that contact lasts before the lattices bear it as a load at rest; of shorter contact they bear the largest impact.
 
-A piece that breaks off turns about one element of the rest for some minutes. What this one bears meanwhile is a load on a point,
+A piece that breaks off turns about one element of the rest for some minutes. Its load meanwhile acts on a point,
 whose stress goes as one over the size of the elements, and a step of half an hour sees none, a short one all of it.
 """
 
@@ -90,11 +90,11 @@ class FaceContact:
         self.pairs = NO_FACE_PAIRS
 
     def state_dict(self) -> dict[str, Any]:
-        """Return what a restart file must hold beside the state."""
+        """Return the arrays that a restart file must hold beside the state."""
         return dict(zip(FACE_PAIR_NAMES, self.pairs, strict=True))
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Restore what `state_dict` gave."""
+        """Restore the arrays of `state_dict`."""
         if all(name in saved for name in FACE_PAIR_NAMES):
             pair, state, dissipated = (np.array(saved[name]) for name in FACE_PAIR_NAMES)
             self.pairs = FacePairs(pair.astype(np.int64), state.astype(float), dissipated.astype(float))
@@ -107,25 +107,25 @@ class FaceContact:
         """Distance (m) of the farthest corner of each element's footprint from its centre."""
         footprints, body = self._footprints.follow(model), model.elements.body
         if footprints is not self._reach[0]:
-            of = np.repeat(footprints.owner, np.diff(footprints.start))
-            farthest, away = np.zeros(footprints.element.size), footprints.corner - footprints.centre[of]
-            np.maximum.at(farthest, of, np.hypot(away[:, 0], away[:, 1]))
+            polygon_element = np.repeat(footprints.owner, np.diff(footprints.start))
+            farthest, offset = np.zeros(footprints.element.size), footprints.corner - footprints.centre[polygon_element]
+            np.maximum.at(farthest, polygon_element, np.hypot(offset[:, 0], offset[:, 1]))
             self._reach = footprints, farthest
         rows = rows_of(footprints.element, body.id)[0]
         return np.asarray(self._reach[1][rows] * np.sqrt(body.length * body.width / footprints.size[rows]))
 
     def force(self, model: RunState) -> Floats:
         """Force and torque (N, N, N m) of lasting contact on the elements after the last sub-step; shape (elements, 3)."""
-        out, s = np.zeros((model.elements.size, 3)), self.pairs.state
+        force, s = np.zeros((model.elements.size, 3)), self.pairs.state
         lasting = s[:, SINCE] >= LASTING
         if not lasting.any():
-            return out
-        rows, known = rows_of(model.elements.body.id, self.pairs.pair.ravel())
-        rows, both = rows.reshape(-1, 2), known.reshape(-1, 2).all(axis=1) & lasting
+            return force
+        rows, is_present = rows_of(model.elements.body.id, self.pairs.pair.ravel())
+        rows, selected = rows.reshape(-1, 2), is_present.reshape(-1, 2).all(axis=1) & lasting
         for side, sign, torque in ((0, -1.0, TORQUE_1), (1, 1.0, TORQUE_2)):
             push = np.column_stack([sign * s[:, PUSH_X], sign * s[:, PUSH_Y], s[:, torque]])
-            np.add.at(out, rows[both, side], push[both])
-        return out
+            np.add.at(force, rows[selected, side], push[selected])
+        return force
 
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes, anchors: Floats
@@ -134,43 +134,43 @@ class FaceContact:
 
         ``anchors``: of the elements on the sea floor (`riftberg.engines.quasi_static.contact.anchors`).
         """
-        el, c, before = model.elements, model.constants, self.pairs
+        el, c, previous_pairs = model.elements, model.constants, self.pairs
         self.forget_pairs()
-        polygons = self._faces_of(model, bodies)
+        polygons = self._find_polygons(model, bodies)
         first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
         if first.size == 0:
             return None
-        faces = self._laid_out(polygons, el, op.levers)
-        apart = pair_separations(el, first, second, c)
-        # As far as both can come in the step by themselves and by what drives them.
-        # The spin of the state may be that of a trial step that was rolled back.
+        faces = self._orient_polygons(polygons, el, op.levers)
+        separation = pair_separations(el, first, second, c)
+        # As far as both can come in the step by their velocities and their driving forces.
+        # The spin of the state may come from a trial step that was rolled back.
         turning = np.einsum("ek,ek->e", op.levers[:, 6:9], bodies.twist[op.body])
         velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, turning])
         u, v, spin = np.abs(velocity[first] - velocity[second]).T
-        way = h * (np.hypot(u, v) + spin * (polygons.reach[first] + polygons.reach[second]) + 0.5 * DRIVEN * h)
-        near = face_gaps(first, second, apart, faces)[:, 0] <= way
-        if not near.any():
+        approach = h * (np.hypot(u, v) + spin * (polygons.reach[first] + polygons.reach[second]) + 0.5 * DRIVEN * h)
+        may_touch = face_gaps(first, second, separation, faces)[:, 0] <= approach
+        if not may_touch.any():
             return None
-        order = np.flatnonzero(near)[np.argsort(_place_in_line(el, first[near], second[near]))]
+        order = np.flatnonzero(may_touch)[np.argsort(_sweep_position(el, first[may_touch], second[may_touch]))]
         first, second = first[order], second[order]
-        lists, whole = gather_islands(op, first, second, apart[order])
+        lists, island = gather_islands(op, first, second, separation[order])
         ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
-        pair_state, rows = _known_states(before, ids), lists.rows
+        pair_state, rows = _recall_states(previous_pairs, ids), lists.rows
         faces = faces._replace(
             begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
         )
-        found = allocate_result(whole, bodies.twist[lists.members], anchors[rows])
-        shortest, dissipated = integrate_faces(lists, whole, found, faces, pair_state, h, self._law)
-        if not np.isfinite(found.twist).all():
+        result = allocate_result(island, bodies.twist[lists.members], anchors[rows])
+        shortest, dissipated = integrate_faces(lists, island, result, faces, pair_state, h, self._law)
+        if not np.isfinite(result.twist).all():
             raise FloatingPointError
-        kept = pair_state[:, PHASE] != APART
-        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + dissipated)
-        return subcycled_motion(op, lists, first, second, found, shortest, h)
+        in_contact = pair_state[:, PHASE] != APART
+        self.pairs = FacePairs(ids[in_contact], pair_state[in_contact], previous_pairs.dissipated + dissipated)
+        return subcycled_motion(op, lists, first, second, result, shortest, h)
 
     def find_near(self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, within: float) -> NearPairs:
         """Find faces of different bodies that are at most ``within`` m from each other, with elements at ``lon``, ``lat``."""
         el, c, free = model.elements, model.constants, movable(model.elements)
-        polygons, levers = self._faces_of(model, bodies), np.empty((el.size, 11))
+        polygons, levers = self._find_polygons(model, bodies), np.empty((el.size, 11))
         fill_levers(bodies, c.latlon, c.earth_radius, levers)
         first, second = NO_PAIRS
         if c.interactions:
@@ -179,13 +179,13 @@ class FaceContact:
                 lon[free], lat[free], bodies.body[free], SEARCH_MARGIN * reach, c.latlon, c.earth_radius, c.period
             )
         first, second = free[first], free[second]
-        apart = np.column_stack(separations(metric_of(c), lon[first], lat[first], lon[second], lat[second]))
-        found = face_gaps(first, second, apart, self._laid_out(polygons, el, levers))
-        near = found[:, 0] <= within
-        return NearPairs(first[near], second[near], found[near, 0], found[near, 1:])
+        separation = np.column_stack(separations(metric_of(c), lon[first], lat[first], lon[second], lat[second]))
+        gaps = face_gaps(first, second, separation, self._orient_polygons(polygons, el, levers))
+        selected = gaps[:, 0] <= within
+        return NearPairs(first[selected], second[selected], gaps[selected, 0], gaps[selected, 1:])
 
     @staticmethod
-    def _laid_out(polygons: _Polygons, el: Elements, levers: Floats) -> Faces:
+    def _orient_polygons(polygons: _Polygons, el: Elements, levers: Floats) -> Faces:
         """Turn the footprints to where the axes of the bodies stand."""
         axis = levers[:, 9:11][polygons.element]
         x, y = polygons.corner.T
@@ -194,27 +194,27 @@ class FaceContact:
             polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
         )  # fmt: skip
 
-    def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
-        """Footprints about the centres of their elements, found anew where elements or fragments have changed."""
+    def _find_polygons(self, model: RunState, bodies: Bodies) -> _Polygons:
+        """Footprints about the centres of their elements, rebuilt where elements or fragments have changed."""
         el, c, body = model.elements, model.constants, model.elements.body
         arrays = bodies.body, bodies.reference, body.id, body.length, body.width
         key = (self._footprints.divided, *(a.tobytes() for a in arrays))
         if self._polygons is None or key != self._key:
             self._key = key
             xy = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius)
-            found = body_footprint(self._footprints.follow(model), el, np.arange(el.size), xy, bodies.body)
-            size, order = np.diff(found.start), np.argsort(found.owner, kind="stable")
-            owner, ring = found.owner[order], np.concatenate([[0], np.cumsum(size[order])]).astype(np.int64)
-            index = np.arange(ring[-1]) - np.repeat(ring[:-1] - found.start[order], size[order])
+            footprint = body_footprint(self._footprints.follow(model), el, np.arange(el.size), xy, bodies.body)
+            size, order = np.diff(footprint.start), np.argsort(footprint.owner, kind="stable")
+            owner, ring = footprint.owner[order], np.concatenate([[0], np.cumsum(size[order])]).astype(np.int64)
+            index = np.arange(ring[-1]) - np.repeat(ring[:-1] - footprint.start[order], size[order])
             element = np.repeat(owner, size[order])
-            corner, reach = found.corner[index] - xy[element], np.zeros(el.size)
+            corner, reach = footprint.corner[index] - xy[element], np.zeros(el.size)
             np.maximum.at(reach, element, np.hypot(corner[:, 0], corner[:, 1]))
             begin = np.searchsorted(owner, np.arange(el.size + 1)).astype(np.int64)
             self._polygons = _Polygons(begin, ring, corner, element, reach)
         return self._polygons
 
 
-def _place_in_line(el: Elements, first: Ints, second: Ints) -> Floats:
+def _sweep_position(el: Elements, first: Ints, second: Ints) -> Floats:
     """Where pairs stand on a line from south-west to north-east, in which the sweeps over the faces take them.
 
     Friction between several faces that stick is statically indeterminate, and how the sweeps share it out depends on their order.
@@ -224,12 +224,12 @@ def _place_in_line(el: Elements, first: Ints, second: Ints) -> Floats:
     return np.asarray(lon[first] + lon[second] + GOLDEN_RATIO * (lat[first] + lat[second]))
 
 
-def _known_states(pairs: FacePairs, ids: Ints) -> Floats:
+def _recall_states(pairs: FacePairs, ids: Ints) -> Floats:
     """Return the states of pairs of elements (by identifiers, in either order); zeros for those that did not press each other."""
-    out = np.zeros((len(ids), COLUMNS))
+    states = np.zeros((len(ids), COLUMNS))
     if len(pairs.pair):
-        place = {(min(pair), max(pair)): k for k, pair in enumerate(pairs.pair.tolist())}
+        pair_row = {(min(pair), max(pair)): k for k, pair in enumerate(pairs.pair.tolist())}
         for n, pair in enumerate(ids.tolist()):
-            if (k := place.get((min(pair), max(pair)))) is not None:
-                out[n] = pairs.state[k]
-    return out
+            if (k := pair_row.get((min(pair), max(pair)))) is not None:
+                states[n] = pairs.state[k]
+    return states

@@ -1,4 +1,4 @@
-"""Fragments that may touch within a step: the islands that they form, and what contact made of each.
+"""Fragments that may touch within a step: the islands that they form, and the result of contact for each.
 
 Bodies that may touch each other in a step, directly or by way of others, form an island, and each island goes through the step
 by itself, in sub-steps (`riftberg.engines.quasi_static.contact.crushing_step`). Bodies that touch nothing on the way keep the
@@ -6,7 +6,7 @@ result of the whole step, as if alone, unless it would take them into each other
 small berg takes up within minutes, and goes another way than the sub-steps. The others get their twist from the sub-steps,
 corrected here for the forces of the media at the end of the step.
 
-In the sub-steps media are those of the start of the step, linear about the velocities at which they were evaluated
+In the sub-steps media are taken at the start of the step, linear about the velocities at which they were evaluated
 last:
 
     M (V1 - V0) = h (G(V0) - S (V1 - V0) / 2 + floor + contact)
@@ -51,7 +51,7 @@ REFRESH_SPEED: Final = 2e-3
 
 
 class Islands(NamedTuple):
-    """Bodies that may touch each other, island by island; those of island k from ``start[k]`` to ``start[k + 1]``."""
+    """Bodies that may touch each other, island by island; island k holds those from ``start[k]`` to ``start[k + 1]``."""
 
     members: Ints  # Bodies
     start: Ints  # Where the islands begin in ``members``
@@ -78,7 +78,7 @@ class Island(NamedTuple):
 
 
 class IslandResult(NamedTuple):
-    """What the sub-steps change: for one island the arrays are views of those of all."""
+    """Arrays that the sub-steps change: one island has views into the arrays of all."""
 
     twist: Floats  # Now; shape (bodies, 3)
     path: Floats  # Since the start, m, m, rad; shape (bodies, 3)
@@ -105,7 +105,7 @@ class PeakContactLoad(NamedTuple):
 
 
 class SubcycledMotion(NamedTuple):
-    """What sub-steps made of a step, for the bodies that went through them: those that touched others, or the floor."""
+    """Result of the sub-steps of a step, for the bodies that went through them: they touched others, or the floor."""
 
     bodies: Ints
     rows: Ints  # Their elements
@@ -126,34 +126,35 @@ def find_islands(body: Ints, count: int, first: Ints, second: Ints) -> Islands:
 
     Within an island the pairs keep their order.
     """
-    part = connected_parts(count, body[first], body[second], np.zeros(first.size, np.int64))
-    island = _numbered_islands(part, body, first, second)
-    members, start, in_island = _by_group(island)
-    rows, row_start, at = _by_group(island[body])
-    order, pair_start, _ = _by_group(island[body[first]])
+    component = connected_parts(count, body[first], body[second], np.zeros(first.size, np.int64))
+    island = _numbered_islands(component, body, first, second)
+    members, start, in_island = _sort_by_group(island)
+    rows, row_start, row_in_island = _sort_by_group(island[body])
+    order, pair_start, _ = _sort_by_group(island[body[first]])
     return Islands(
-        members, start, rows, row_start, in_island[body[rows]], at[first[order]], at[second[order]], pair_start, order
+        members, start, rows, row_start, in_island[body[rows]], row_in_island[first[order]], row_in_island[second[order]],
+        pair_start, order,
     )  # fmt: skip
 
 
 @kernel
-def _numbered_islands(part: Ints, body: Ints, first: Ints, second: Ints) -> Ints:
+def _numbered_islands(component: Ints, body: Ints, first: Ints, second: Ints) -> Ints:
     """Number the parts that a pair is in, in order of their first body; returns the number for each body, -1 for none."""
-    involved = np.zeros(part.size, np.bool_)
+    involved = np.zeros(component.size, np.bool_)
     for k in range(first.size):
         involved[body[first[k]]] = involved[body[second[k]]] = True
-    number, island, islands = np.full(part.size, -1, np.int64), np.full(part.size, -1, np.int64), 0
-    for b in range(part.size):
+    number, island, islands = np.full(component.size, -1, np.int64), np.full(component.size, -1, np.int64), 0
+    for b in range(component.size):
         if involved[b]:
-            if number[part[b]] < 0:
-                number[part[b]] = islands
+            if number[component[b]] < 0:
+                number[component[b]] = islands
                 islands += 1
-            island[b] = number[part[b]]
+            island[b] = number[component[b]]
     return island
 
 
 @kernel
-def _by_group(group: Ints) -> tuple[Ints, Ints, Ints]:
+def _sort_by_group(group: Ints) -> tuple[Ints, Ints, Ints]:
     """Sort entries by their group, in their order within it; those below 0 are in none.
 
     Returns the entries, where each group begins, with the end of the last, and the place of each entry in its group.
@@ -161,67 +162,71 @@ def _by_group(group: Ints) -> tuple[Ints, Ints, Ints]:
     groups = 0
     for g in group:
         groups = max(groups, g + 1)
-    start, place = np.zeros(groups + 1, np.int64), np.zeros(group.size, np.int64)
+    start, rank = np.zeros(groups + 1, np.int64), np.zeros(group.size, np.int64)
     for n in range(group.size):
         if group[n] >= 0:
-            place[n] = start[group[n] + 1]
+            rank[n] = start[group[n] + 1]
             start[group[n] + 1] += 1
     for g in range(groups):
         start[g + 1] += start[g]
     entries = np.empty(start[groups], np.int64)
     for n in range(group.size):
         if group[n] >= 0:
-            entries[start[group[n]] + place[n]] = n
-    return entries, start, place
+            entries[start[group[n]] + rank[n]] = n
+    return entries, start, rank
 
 
 def pair_separations(el: Elements, first: Ints, second: Ints, p: KernelParameters) -> Floats:
     """Vectors from the second to the first element of each pair, east and north, m; shape (pairs, 2)."""
-    metric, shown = Metric(p.latlon, p.earth_radius, p.period), el.shown
-    one, two = (shown.lon_pair[first], shown.lat_pair[first]), (shown.lon_pair[second], shown.lat_pair[second])
-    return np.column_stack(separations(metric, *one, *two))
+    metric, positions = Metric(p.latlon, p.earth_radius, p.period), el.shown
+    first_position, second_position = (
+        (positions.lon_pair[first], positions.lat_pair[first]),
+        (positions.lon_pair[second], positions.lat_pair[second]),
+    )
+    return np.column_stack(separations(metric, *first_position, *second_position))
 
 
-def gather_islands(op: BodyOperators, first: Ints, second: Ints, apart: Floats) -> tuple[Islands, Island]:
-    """Return the islands of the candidate pairs of elements, and what compiled code needs of all of them."""
+def gather_islands(op: BodyOperators, first: Ints, second: Ints, separation: Floats) -> tuple[Islands, Island]:
+    """Return the islands of the candidate pairs of elements, and the arrays of all of them for compiled code."""
     count = op.matrices.mobility.shape[0]
-    i = find_islands(op.body, count, first, second)
-    rows = i.rows
-    return i, Island(
-        i.body_of, op.levers[rows], forcing_of_rows(rows, op.forcing), BodyMatrices(*(m[i.members] for m in op.matrices)),
-        np.bincount(op.body, minlength=count)[i.members] > 1, i.first, i.second, apart[i.order],
+    islands = find_islands(op.body, count, first, second)
+    rows = islands.rows
+    return islands, Island(
+        islands.body_of, op.levers[rows], select_forcing(rows, op.forcing),
+        BodyMatrices(*(m[islands.members] for m in op.matrices)), np.bincount(op.body, minlength=count)[islands.members] > 1,
+        islands.first, islands.second, separation[islands.order],
     )  # fmt: skip
 
 
 def subcycled_motion(
-    op: BodyOperators, i: Islands, first: Ints, second: Ints, result: IslandResult, shortest: float, dt: float
+    op: BodyOperators, islands: Islands, first: Ints, second: Ints, result: IslandResult, shortest: float, dt: float
 ) -> SubcycledMotion | None:
-    """Return what the sub-steps of all islands made of the bodies that touched others; None where no pair did.
+    """Return the motion by the sub-steps of all islands, of the bodies that touched others; None where no pair did.
 
     ``first``, ``second``: elements of the candidate pairs, as they were given.
     """
-    first, second = first[i.order], second[i.order]
+    first, second = first[islands.order], second[islands.order]
     after, path, touched, close, applied, force, axes, spin, impulse, anchors, rubbed = result
-    together = touched | close
-    if not together.any():
+    met = touched | close
+    if not met.any():
         return None
     count = op.matrices.mobility.shape[0]
-    took_part = np.zeros(count, bool)
-    took_part[op.body[first[together]]] = took_part[op.body[second[together]]] = True
-    members, rows = took_part[i.members], took_part[op.body[i.rows]]
+    is_included = np.zeros(count, bool)
+    is_included[op.body[first[met]]] = is_included[op.body[second[met]]] = True
+    members, rows = is_included[islands.members], is_included[op.body[islands.rows]]
     loaded = np.zeros(count, bool)
-    pressed = np.bincount(op.body[i.rows], np.abs(force).sum(axis=1), count)[i.members] > 0.0
-    loaded[i.members[members & pressed]] = True
-    loaded_rows = loaded[op.body[i.rows]]
+    pressed = np.bincount(op.body[islands.rows], np.abs(force).sum(axis=1), count)[islands.members] > 0.0
+    loaded[islands.members[members & pressed]] = True
+    loaded_rows = loaded[op.body[islands.rows]]
     peak = PeakContactLoad(
-        i.rows[loaded_rows],
+        islands.rows[loaded_rows],
         force[loaded_rows],
         axes[loaded_rows],
-        i.members[members & pressed],
+        islands.members[members & pressed],
         spin[members & pressed],
     )
     return SubcycledMotion(
-        i.members[members], i.rows[rows], path[members] / dt, after[members], impulse[members], anchors[rows],
+        islands.members[members], islands.rows[rows], path[members] / dt, after[members], impulse[members], anchors[rows],
         rubbed[members], applied[rows], first[touched], second[touched], shortest, peak,
     )  # fmt: skip
 
@@ -231,40 +236,40 @@ def trapezoidal_correction(
 ) -> tuple[Floats, SubcycledMotion]:
     """Put the twists of bodies in contact into ``twist``, with half the difference that the media at the end make.
 
-    In the sub-steps the media are those of the start; with this correction they act by the trapezoidal rule.
+    In the sub-steps the media are taken at the start; with this correction they act by the trapezoidal rule.
     """
-    bodies, rows, half_dt, now = contact.bodies, contact.rows, 0.5 * dt, contact.twist.copy()
+    bodies, rows, half_dt, end_twist = contact.bodies, contact.rows, 0.5 * dt, contact.twist.copy()
     active, mobility = np.ones(bodies.size, np.bool_), end.matrices.mobility[bodies]
-    place = np.zeros(len(twist), np.int64)
-    place[bodies] = np.arange(bodies.size)
+    body_row = np.zeros(len(twist), np.int64)
+    body_row[bodies] = np.arange(bodies.size)
     # Of the elements of bodies in contact alone: among a thousand bergs they are few.
-    body, levers, forcing = place[end.body[rows]], end.levers[rows], forcing_of_rows(rows, end.forcing)
+    body, levers, forcing = body_row[end.body[rows]], end.levers[rows], select_forcing(rows, end.forcing)
 
     def forces(levers: Floats, forcing: ElementForcing) -> tuple[Floats, Floats]:
-        """Accelerations of the elements by each force, and net forces on the bodies, at ``now``."""
-        accelerations, net_force = np.zeros((rows.size, len(FORCES), 2)), np.zeros(now.shape)
+        """Accelerations of the elements by each force, and net forces on the bodies, at ``end_twist``."""
+        accelerations, net_force = np.zeros((rows.size, len(FORCES), 2)), np.zeros(end_twist.shape)
         rate, force = np.empty((rows.size, 3)), np.empty((rows.size, 3))
-        add_forces(body, levers, now, forcing, accelerations, rate, force, net_force)
+        add_forces(body, levers, end_twist, forcing, accelerations, rate, force, net_force)
         return accelerations, net_force
 
-    old_accelerations, old_force = forces(start.levers[rows], forcing_of_rows(rows, start.forcing))
+    old_accelerations, old_force = forces(start.levers[rows], select_forcing(rows, start.forcing))
     for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
-        net_force, jacobian = np.zeros(now.shape), np.zeros((*now.shape, 3))
-        assemble_force_and_jacobian(body, levers, now, forcing, active, net_force, jacobian)
+        net_force, jacobian = np.zeros(end_twist.shape), np.zeros((*end_twist.shape, 3))
+        assemble_force_and_jacobian(body, levers, end_twist, forcing, active, net_force, jacobian)
         matrix = np.eye(3) + half_dt * mobility @ jacobian
         change = half_dt * mobility @ (net_force - old_force)[:, :, None]
-        now += np.linalg.solve(matrix, change + (contact.twist - now)[:, :, None])[:, :, 0]
-    twist[bodies] = now
+        end_twist += np.linalg.solve(matrix, change + (contact.twist - end_twist)[:, :, None])[:, :, 0]
+    twist[bodies] = end_twist
     applied = contact.applied + half_dt * (forces(levers, forcing)[0] - old_accelerations)
-    return twist, contact._replace(twist=now, applied=applied)
+    return twist, contact._replace(twist=end_twist, applied=applied)
 
 
-def forcing_of_rows(rows: Ints, forcing: ElementForcing) -> ElementForcing:
-    """Return the forcing of some elements, each once; that of all as it is."""
+def select_forcing(rows: Ints, forcing: ElementForcing) -> ElementForcing:
+    """Return the forcing of some elements, each once; if they are all elements, the same object."""
     if rows.size == forcing.mass.size and (np.diff(rows) > 0).all():
         return forcing
     return forcing._replace(
-        **{name: part[rows] for name, part in forcing._asdict().items() if not isinstance(part, bool)}
+        **{name: values[rows] for name, values in forcing._asdict().items() if not isinstance(values, bool)}
     )
 
 
@@ -276,32 +281,32 @@ def scatter_peak_load(peak: PeakContactLoad, elements: int, bodies: int) -> tupl
 
 
 @kernel
-def island_part(lists: Islands, k: int, whole: Island) -> Island:
+def select_island(lists: Islands, k: int, all_islands: Island) -> Island:
     """Return island ``k`` of all."""
     b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
-    n, f, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), whole.forcing, whole.matrices
+    n, f, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), all_islands.forcing, all_islands.matrices
     forcing = ElementForcing(
         f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.aground[e], f.spin_drag[e], f.water_spin[e],
         f.sides[e], f.side_drag[e], f.push_x[e], f.push_y[e], f.media_act,
     )  # fmt: skip
     return Island(
-        whole.body_of[e], whole.levers[e], forcing, BodyMatrices(m.inertia[b], m.mobility[b]),
-        whole.bonded[b], whole.first[n], whole.second[n], whole.separation[n],
+        all_islands.body_of[e], all_islands.levers[e], forcing, BodyMatrices(m.inertia[b], m.mobility[b]),
+        all_islands.bonded[b], all_islands.first[n], all_islands.second[n], all_islands.separation[n],
     )  # fmt: skip
 
 
-def allocate_result(whole: Island, twist: Floats, anchors: Floats) -> IslandResult:
+def allocate_result(all_islands: Island, twist: Floats, anchors: Floats) -> IslandResult:
     """Return the results of all islands at the start of the step: ``twist`` of the bodies and ``anchors``, which are changed."""
-    bodies, rows = twist.shape[0], whole.body_of.size
+    bodies, rows = twist.shape[0], all_islands.body_of.size
     return IslandResult(
-        twist, np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_), np.zeros(whole.first.size, np.bool_),
-        np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), whole.levers[:, 9:11].copy(),
+        twist, np.zeros((bodies, 3)), np.zeros(all_islands.first.size, np.bool_), np.zeros(all_islands.first.size, np.bool_),
+        np.zeros((rows, all_islands.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), all_islands.levers[:, 9:11].copy(),
         np.zeros(bodies), np.zeros((bodies, 3)), anchors, np.zeros(bodies),
     )  # fmt: skip
 
 
 @kernel
-def result_part(lists: Islands, k: int, r: IslandResult) -> IslandResult:
+def select_result(lists: Islands, k: int, r: IslandResult) -> IslandResult:
     """Return the results of island ``k`` of all."""
     b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
     n = slice(lists.pair_start[k], lists.pair_start[k + 1])
@@ -322,7 +327,7 @@ def result_part(lists: Islands, k: int, r: IslandResult) -> IslandResult:
 
 @kernel
 def spin_lever(m: Floats, c: float, s: float) -> tuple[float, float]:
-    """How the spin moves an element now, m; ``m`` are its levers at the start, cosine and sine those of the turn since."""
+    """Lever (m) of the spin on an element now, from its levers ``m`` at the start and cosine and sine of the rotation since."""
     return m[2] * c - m[5] * s, m[5] * c + m[2] * s
 
 
@@ -347,7 +352,7 @@ def approach_bound(twist: Floats, arm: Floats) -> float:
     return 2.02 * most  # both together, and 1 % more: distances on the sphere are not quite those of the plane
 
 
-# ---- media in the sub-steps, and what they leave: impulses on the elements, loads at the largest force of contact ----
+# ---- media in the sub-steps, and their results: impulses on the elements, loads at the largest force of contact ----
 
 
 class Linearisation(NamedTuple):
@@ -371,7 +376,7 @@ def evaluate_media(
     island: Island, twist: Floats, about: Linearisation, everyone: NDArray[np.bool_], accelerations: Floats, drag_rate: Floats,
     force: Floats,
 ) -> None:  # fmt: skip
-    """Evaluate the media at ``twist``; ``force`` takes what acts on the elements (N, N, N m)."""
+    """Evaluate the media at ``twist``; ``force`` takes the forces on the elements (N, N, N m)."""
     forcing = island.forcing
     about.force[:, :], about.jacobian[:, :, :], about.twist_integral[:, :] = 0.0, 0.0, 0.0
     for b in range(twist.shape[0]):
@@ -396,7 +401,7 @@ def is_stale(about: Linearisation, twist: Floats, arm: Floats, elapsed: float, d
 
 @borrower
 def accumulate_impulse(island: Island, about: Linearisation, time: float, applied: Floats) -> None:
-    """Add what the media did in the ``time`` s since they were evaluated, by the integral of the twists since."""
+    """Add the impulses of the media over the ``time`` s since they were evaluated, by the integral of the twists since."""
     if not 0.0 < time < np.inf:
         return
     forcing = island.forcing
@@ -460,7 +465,7 @@ def record_loads(
 
 @borrower
 def accumulate_floor_impulse(island: Island, anchors: Floats, h: float, applied: Floats) -> None:
-    """Add what the sea floor did in ``h`` s, by its forces at their end."""
+    """Add the impulses of the sea floor over ``h`` s, by its forces at their end."""
     for e in range(island.body_of.size):
         a = anchors[e]
         if a[STIFFNESS] > 0.0:

@@ -27,7 +27,7 @@ from riftberg.engines.quasi_static.fracture.criteria import (
 )
 from riftberg.engines.quasi_static.fracture.stress_intensity import TipRing
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness, CellTopology
-from riftberg.engines.quasi_static.lattice.cells import ElasticCells, with_new_cells
+from riftberg.engines.quasi_static.lattice.cells import ElasticCells, add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import Supports, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.physics.bonds import stress_ratio
@@ -64,7 +64,7 @@ class BrittleLattice:
         self._rings: dict[tuple[float, ...], TipRing | float] = {}
         self._solver: StiffnessSolver | None = None
         if self.intact.size:
-            self.elastic_cells = with_new_cells(self.elastic_cells, el, bonds, (), c)
+            self.elastic_cells = add_new_cells(self.elastic_cells, el, bonds, (), c)
             self.cells = CellStiffness(self.elastic_cells, el, bonds, bodies.body, self.xy, c, self.topology)
             self.topology, gauge_springs = self.cells.topology, self.supports.gauge_springs(bodies.body, self.xy)
             self._solver = StiffnessSolver(self.cells, self.lattice, self.intact, self.supports, gauge_springs)

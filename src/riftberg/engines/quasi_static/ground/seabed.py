@@ -19,7 +19,7 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
 from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
 from riftberg.engines.quasi_static.contact import anchors
-from riftberg.engines.quasi_static.contact.islands import PeakContactLoad, SubcycledMotion, forcing_of_rows
+from riftberg.engines.quasi_static.contact.islands import PeakContactLoad, SubcycledMotion, select_forcing
 from riftberg.engines.quasi_static.ground import landing
 from riftberg.engines.quasi_static.ground.pads import (
     ORIGIN_X,
@@ -288,7 +288,7 @@ class Seabed:
         landing.set_going(now, numbers, op.matrices)
         if contact is not None:
             _carry(now, numbers, contact, by_the_floor, op.body, h)
-        forcing = forcing_of_rows(pads.rows, op.forcing)
+        forcing = select_forcing(pads.rows, op.forcing)
         flexure, bends = np.zeros(model.bonds.first.size), model.parameters.fracture.flexural_strength is not None
         points = _count_points(pads, now.polygons)
         (lon, lat), depth = np.empty((2, points)), np.zeros(0)
@@ -347,7 +347,7 @@ class Seabed:
         )  # fmt: skip
         return SubcycledMotion(
             numbers[done], pads.rows[touched], now.motion[done, landing.PATH] / h, now.motion[done, landing.VELOCITY],
-            np.zeros((np.count_nonzero(done), 3)), anchors.without_floor(int(touched.sum())),
+            np.zeros((np.count_nonzero(done), 3)), anchors.allocate_anchors(int(touched.sum())),
             number[done, landing.RUBBED], now.applied[touched], *NO_PAIRS,
             # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
             max(number[done, landing.SHORTEST].min(), landing.TOUCH_STEP), peak,
@@ -401,7 +401,7 @@ class Seabed:
 
     def anchors(self, keel: Keel) -> Floats:
         """Return what anchors the elements on the floor, for sub-steps of contact."""
-        force, found = np.array([keel.anchor_x, keel.anchor_y]), anchors.without_floor(keel.floor_x.size)
+        force, found = np.array([keel.anchor_x, keel.anchor_y]), anchors.allocate_anchors(keel.floor_x.size)
         found[:, [anchors.ANCHOR_X, anchors.ANCHOR_Y]] = force.T
         found[:, anchors.STIFFNESS] = keel.anchor_capacity / self.bed.anchor_way
         found[:, anchors.HOLD] = keel.floor_hold

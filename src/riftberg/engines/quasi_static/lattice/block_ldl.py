@@ -33,19 +33,19 @@ def _minimum_degree(count: int, firsts: bytes, seconds: bytes) -> Ints:
     from scipy.sparse.linalg import splu
 
     first, second = np.frombuffer(firsts, np.int64), np.frombuffer(seconds, np.int64)
-    every = np.arange(count)
-    row, column = np.concatenate([first, second, every]), np.concatenate([second, first, every])
+    elements = np.arange(count)
+    row, column = np.concatenate([first, second, elements]), np.concatenate([second, first, elements])
     degree = np.bincount(row, minlength=count)
     value = np.concatenate([np.full(2 * first.size, -1.0), degree.astype(np.float64)])
     matrix = csc_matrix((value, (row, column)), shape=(count, count))
-    place = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).perm_c
-    order = np.asarray(np.argsort(place), np.int64)
+    position = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).perm_c
+    order = np.asarray(np.argsort(position), np.int64)
     order.flags.writeable = False  # it is shared
     return order
 
 
 class Factors(NamedTuple):
-    """L by columns and D, all by place in the order of elimination."""
+    """L by columns and D, all by position in the order of elimination."""
 
     order: Ints  # Elements; shape (elements,)
     start: Ints  # Where each column of L starts; shape (elements + 1,)
@@ -58,20 +58,20 @@ class Factors(NamedTuple):
 class BlockLDL:
     """Factors of a symmetric positive definite matrix of 3 by 3 blocks.
 
-    ``diagonal`` are the blocks of the elements (elements, 3, 3), ``between`` those of the bonds, in the row of the first
+    ``diagonal`` are the blocks of the elements (elements, 3, 3), ``between`` the blocks of the bonds, in the row of the first
     end and the column of the second (bonds, 3, 3).
     """
 
     def __init__(self, first: Ints, second: Ints, diagonal: Floats, between: Floats) -> None:
         order = minimum_degree(diagonal.shape[0], first, second)
-        start, row, lower, inverse = _factored(order, first, second, diagonal, between)
+        start, row, lower, inverse = _factor(order, first, second, diagonal, between)
         self.factors = Factors(order, start, row, lower, inverse, np.empty((order.size, 3)))
-        self._one, self._free = np.ones(order.size), np.ones(3 * order.size)
+        self._unit_radius, self._free = np.ones(order.size), np.ones(3 * order.size)
 
     def solve(self, right: Floats) -> Floats:
         """Return the solution for a right-hand side, shape (3 elements,)."""
-        out = np.empty((self._one.size, 3))
-        self.solve_scaled(right.reshape(out.shape), self._one, self._free, out)
+        out = np.empty((self._unit_radius.size, 3))
+        self.solve_scaled(right.reshape(out.shape), self._unit_radius, self._free, out)
         return out.ravel()
 
     def solve_scaled(self, right: Floats, radius: Floats, free: Floats, out: Floats) -> float:
@@ -80,47 +80,47 @@ class BlockLDL:
 
 
 @kernel
-def _neighbours(place: Ints, first: Ints, second: Ints) -> tuple[Ints, Ints]:
-    """For each place in the order the bonds to earlier places: where its list starts, and the bonds."""
-    start, fill = np.zeros(place.size + 1, np.int64), np.zeros(place.size, np.int64)
+def _neighbours(position: Ints, first: Ints, second: Ints) -> tuple[Ints, Ints]:
+    """Bonds of each position in the order to earlier positions: where its list starts, and the bonds."""
+    start, fill = np.zeros(position.size + 1, np.int64), np.zeros(position.size, np.int64)
     for b in range(first.size):
-        start[max(place[first[b]], place[second[b]]) + 1] += 1
-    for k in range(place.size):
+        start[max(position[first[b]], position[second[b]]) + 1] += 1
+    for k in range(position.size):
         start[k + 1] += start[k]
     bond = np.empty(first.size, np.int64)
     for b in range(first.size):
-        k = max(place[first[b]], place[second[b]])
+        k = max(position[first[b]], position[second[b]])
         bond[start[k] + fill[k]] = b
         fill[k] += 1
     return start, bond
 
 
 @kernel
-def _parents(place: Ints, first: Ints, second: Ints, start: Ints, bond: Ints) -> Ints:
-    """Elimination tree: the first later place in the column of each, -1 for none."""
-    count = place.size
+def _parents(position: Ints, first: Ints, second: Ints, start: Ints, bond: Ints) -> Ints:
+    """Elimination tree: the first later position in the column of each, -1 for none."""
+    count = position.size
     parent, ancestor = np.full(count, -1, np.int64), np.full(count, -1, np.int64)
     for k in range(count):
         for n in range(start[k], start[k + 1]):
-            i = min(place[first[bond[n]]], place[second[bond[n]]])
+            i = min(position[first[bond[n]]], position[second[bond[n]]])
             while i != -1 and i < k:
-                above = ancestor[i]
+                next_ancestor = ancestor[i]
                 ancestor[i] = k
-                if above == -1:
+                if next_ancestor == -1:
                     parent[i] = k
-                i = above
+                i = next_ancestor
     return parent
 
 
 @kernel
 def _reach(
-    k: int, place: Ints, first: Ints, second: Ints, start: Ints, bond: Ints, parent: Ints, seen: Ints, stack: Ints
+    k: int, position: Ints, first: Ints, second: Ints, start: Ints, bond: Ints, parent: Ints, seen: Ints, stack: Ints
 ) -> int:
-    """Columns that row ``k`` of L has, in the order of elimination, from the place returned to the end of ``stack``."""
-    top = place.size
+    """Columns that row ``k`` of L has, in the order of elimination, from the returned position to the end of ``stack``."""
+    top = position.size
     seen[k] = k
     for n in range(start[k], start[k + 1]):
-        i = min(place[first[bond[n]]], place[second[bond[n]]])
+        i = min(position[first[bond[n]]], position[second[bond[n]]])
         length = 0
         while seen[i] != k:
             stack[length] = i
@@ -135,20 +135,20 @@ def _reach(
 
 
 @kernel
-def _factored(
+def _factor(
     order: Ints, first: Ints, second: Ints, diagonal: Floats, between: Floats
 ) -> tuple[Ints, Ints, Floats, Floats]:
-    """Return L by columns (where each starts, rows, blocks) and the inverse blocks of D, all by place in the order."""
+    """Return L by columns (where each starts, rows, blocks) and the inverse blocks of D, all by position in the order."""
     count = order.size
-    place = np.empty(count, np.int64)
+    position = np.empty(count, np.int64)
     for k in range(count):
-        place[order[k]] = k
-    near, bond = _neighbours(place, first, second)
-    parent = _parents(place, first, second, near, bond)
+        position[order[k]] = k
+    bond_start, bond = _neighbours(position, first, second)
+    parent = _parents(position, first, second, bond_start, bond)
     seen, stack = np.full(count, -1, np.int64), np.empty(count, np.int64)
     start = np.zeros(count + 1, np.int64)
     for k in range(count):
-        for n in range(_reach(k, place, first, second, near, bond, parent, seen, stack), count):
+        for n in range(_reach(k, position, first, second, bond_start, bond, parent, seen, stack), count):
             start[stack[n] + 1] += 1
     for k in range(count):
         start[k + 1] += start[k]
@@ -156,7 +156,7 @@ def _factored(
     lower, inverse = np.empty((start[count], 3, 3)), np.empty((count, 3, 3))
     seen[:] = -1
     _eliminate(
-        order, place, first, second, diagonal, between, near, bond, parent, seen, stack, start, end, row, lower, inverse,
+        order, position, first, second, diagonal, between, bond_start, bond, parent, seen, stack, start, end, row, lower, inverse,
         np.zeros((count, 3, 3)), np.empty((2, 3, 3)),
     )  # fmt: skip
     return start, row, lower, inverse
@@ -166,37 +166,37 @@ def _factored(
 # references.
 @borrower
 def _eliminate(
-    order: Ints, place: Ints, first: Ints, second: Ints, diagonal: Floats, between: Floats, near: Ints, bond: Ints,
+    order: Ints, position: Ints, first: Ints, second: Ints, diagonal: Floats, between: Floats, bond_start: Ints, bond: Ints,
     parent: Ints, seen: Ints, stack: Ints, start: Ints, end: Ints, row: Ints, lower: Floats, inverse: Floats, work: Floats,
     scratch: Floats,
 ) -> None:  # fmt: skip
     """Fill rows, blocks of L and inverse blocks of D, element by element; ``work`` is zero, ``scratch`` holds two blocks."""
     count, pivot, scaled = order.size, scratch[0], scratch[1]
     for k in range(count):
-        for n in range(near[k], near[k + 1]):
+        for n in range(bond_start[k], bond_start[k + 1]):
             b = bond[n]
-            i, turned = place[first[b]], place[first[b]] < place[second[b]]
-            i = i if turned else place[second[b]]
+            i, is_transposed = position[first[b]], position[first[b]] < position[second[b]]
+            i = i if is_transposed else position[second[b]]
             for x in range(3):
                 for y in range(3):
-                    work[i, x, y] += between[b, y, x] if turned else between[b, x, y]
+                    work[i, x, y] += between[b, y, x] if is_transposed else between[b, x, y]
         for x in range(3):
             for y in range(3):
                 pivot[x, y] = diagonal[order[k], x, y]
-        for n in range(_reach(k, place, first, second, near, bond, parent, seen, stack), count):
+        for n in range(_reach(k, position, first, second, bond_start, bond, parent, seen, stack), count):
             i = stack[n]
-            here = work[i]
+            block = work[i]
             for x in range(3):
                 for y in range(3):
-                    z = here[x, 0] * inverse[i, 0, y] + here[x, 1] * inverse[i, 1, y] + here[x, 2] * inverse[i, 2, y]
+                    z = block[x, 0] * inverse[i, 0, y] + block[x, 1] * inverse[i, 1, y] + block[x, 2] * inverse[i, 2, y]
                     scaled[x, y] = z
             for p in range(start[i], end[i]):
-                subtract_product(work[row[p]], here, lower[p])
-            subtract_product(pivot, scaled, here)
+                subtract_product(work[row[p]], block, lower[p])
+            subtract_product(pivot, scaled, block)
             row[end[i]] = k
             for x in range(3):
                 for y in range(3):
-                    lower[end[i], x, y], here[x, y] = scaled[x, y], 0.0
+                    lower[end[i], x, y], block[x, y] = scaled[x, y], 0.0
             end[i] += 1
         invert_symmetric(pivot, inverse[k])
 
@@ -211,13 +211,13 @@ def solve_factored(factors: Factors, right: Floats, radius: Floats, free: Floats
     order, start, row, lower, inverse, x = (
         factors.order, factors.start, factors.row, factors.lower, factors.inverse, factors.work
     )  # fmt: skip
-    count, most = order.size, 0.0
+    count, largest = order.size, 0.0
     for k in range(count):
         e = order[k]
         for i in range(2):
             x[k, i] = right[e, i] * free[3 * e + i]
         x[k, 2] = right[e, 2] / radius[e] * free[3 * e + 2]
-        most = max(most, max(abs(x[k, 0]), max(abs(x[k, 1]), abs(x[k, 2]))))
+        largest = max(largest, max(abs(x[k, 0]), max(abs(x[k, 1]), abs(x[k, 2]))))
     for k in range(count):
         a, b, c = x[k, 0], x[k, 1], x[k, 2]
         for p in range(start[k], start[k + 1]):
@@ -239,4 +239,4 @@ def solve_factored(factors: Factors, right: Floats, radius: Floats, free: Floats
         x[k, 0], x[k, 1], x[k, 2] = u, v, w
         j = order[k]
         out[j, 0], out[j, 1], out[j, 2] = u, v, w
-    return most
+    return largest

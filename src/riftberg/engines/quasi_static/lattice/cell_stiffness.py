@@ -1,8 +1,8 @@
-"""Stiffness and stress of elastic cells as they are bonded now.
+"""Stiffness and stress of elastic cells with their present bonds.
 
 For an equilibrium the triangles of the mesh (`ElasticCells`) are laid into the frames of the fragments: the centres
 of the cells stand where the elements do, and all else of a triangle keeps its place relative to them. Nodes on the outline bear
-neither mass nor loads. They are unknowns of the stiffness matrix, and their displacements follow from those of the cells.
+neither mass nor loads. They are unknowns of the stiffness matrix, and their displacements follow from the cells'.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from riftberg.engines.quasi_static.lattice.triangles import (
     FaceTables,
     Neighbourhoods,
     Triangles,
+    find_gap_shares,
     find_triangles,
     freedoms,
     mean_stresses,
     put_closed_stress,
-    shares_of_gap,
     triangle_stresses,
     volumes,
 )
@@ -37,20 +37,20 @@ from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 
 NEGLIGIBLE = 1e-12
-"""Eigenvalues of what a break takes off the stiffness, in parts of the stiffness before, that are round-off."""
+"""Eigenvalues of the loss of stiffness by a break, in parts of the stiffness before, that count as round-off."""
 
 
 @lru_cache(maxsize=2)
 def _triangles(vertices: bytes, freed: bytes, youngs: float, poisson: float) -> Triangles:
     """Find triangles, or those that were found last: ice that melts has others in each step, of the same matrices per volume."""
-    places = np.frombuffer(vertices).reshape(-1, 3, 2)
-    return find_triangles(places, np.frombuffer(freed, bool).reshape(-1, 3), youngs, poisson)
+    vertex = np.frombuffer(vertices).reshape(-1, 3, 2)
+    return find_triangles(vertex, np.frombuffer(freed, bool).reshape(-1, 3), youngs, poisson)
 
 
 class CellTopology:
     """Which triangles hang together how: all that stays the same while elements, bonds and fragments do, though the ice melts.
 
-    Node ``e`` is the centre of the element in row ``e``; nodes on the outlines follow, and last what has melted away.
+    Node ``e`` is the centre of the element in row ``e``; nodes on the outlines follow, and last the cells that have melted away.
     """
 
     def __init__(self, cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints) -> None:
@@ -71,13 +71,13 @@ class CellTopology:
         self.broken[self.bond_number[bonds.status == 0]] = False
         lost = ~living[mesh.owner[mesh.triangle]]
         lost = lost[:, [1, 2, 0]] | lost[:, [2, 0, 1]]
-        kept = ~(freed_edges(mesh, self.broken) | lost).all(axis=1)
-        of_kept = ("triangle", "weight", "area", "edge_bond", "edge_tie")
-        self.mesh = mesh._replace(**{name: getattr(mesh, name)[kept] for name in of_kept})
-        self.lost = lost[kept]
+        has_held_edge = ~(freed_edges(mesh, self.broken) | lost).all(axis=1)
+        fields = ("triangle", "weight", "area", "edge_bond", "edge_tie")
+        self.mesh = mesh._replace(**{name: getattr(mesh, name)[has_held_edge] for name in fields})
+        self.lost = lost[has_held_edge]
         tie, cells_of_tie = outline_ties(mesh)
-        both = living[cells_of_tie].all(axis=1)
-        self.outline_tie, self.on_outline = tie[both], row[cells_of_tie[both]]
+        is_living = living[cells_of_tie].all(axis=1)
+        self.outline_tie, self.on_outline = tie[is_living], row[cells_of_tie[is_living]]
         self.freed = freed_edges(self.mesh, self.broken) | self.lost
         vertex = self.mesh.triangle
         self.at = freedoms(number[vertex], number[mesh.owner[vertex]])
@@ -108,9 +108,14 @@ class CellTopology:
         rows = rows[np.lexsort((bonds.crack_order[rows], bonds.crack[rows]))]
         first, second = self.mesh.xy[cell[bonds.first[rows]]], self.mesh.xy[cell[bonds.second[rows]]]
         crossing = first + bonds.crack_part[rows, None] * (second - first)
-        along, same = np.diff(crossing, axis=0), (np.diff(bonds.crack[rows]) == 0)[:, None]
-        before, after = np.vstack([np.zeros((1, 2)), along * same]), np.vstack([along * same, np.zeros((1, 2))])
-        line = np.where((bonds.crack_order[rows] > 0)[:, None] | ~after.any(axis=1, keepdims=True), before, after)
+        along, same_crack = np.diff(crossing, axis=0), (np.diff(bonds.crack[rows]) == 0)[:, None]
+        incoming, outgoing = (
+            np.vstack([np.zeros((1, 2)), along * same_crack]),
+            np.vstack([along * same_crack, np.zeros((1, 2))]),
+        )
+        line = np.where(
+            (bonds.crack_order[rows] > 0)[:, None] | ~outgoing.any(axis=1, keepdims=True), incoming, outgoing
+        )
         size = np.hypot(*line.T)
         normal = np.zeros((self.broken.size + 1, 2))  # the last one stands for -1
         normal[self.bond_number[rows]] = (
@@ -119,10 +124,10 @@ class CellTopology:
         return normal
 
     def _find_blocks(self) -> None:
-        """Find the pairs of nodes that the stiffness matrix couples, sorted, and where those of each first node start."""
-        of_triangle = np.concatenate([self.at[:, 0:6:2], self.at[:, 6:9]], axis=1) // 3
-        one, other = np.triu_indices(6, 1)
-        a, b = of_triangle[:, one].ravel(), of_triangle[:, other].ravel()
+        """Find the pairs of nodes that the stiffness matrix couples, sorted, and where the pairs of each first node start."""
+        triangle_nodes = np.concatenate([self.at[:, 0:6:2], self.at[:, 6:9]], axis=1) // 3
+        first_corner, second_corner = np.triu_indices(6, 1)
+        a, b = triangle_nodes[:, first_corner].ravel(), triangle_nodes[:, second_corner].ravel()
         numbers = np.minimum(a, b) * self.nodes + np.maximum(a, b)
         self.first, self.second = np.divmod(np.unique(numbers[a != b]), self.nodes)
         self.start = np.searchsorted(self.first, np.arange(self.nodes + 1))
@@ -134,14 +139,14 @@ class CellTopology:
         self.at_bond = Neighbourhoods.of_pairs(mesh, of_edge, at_edge)
         in_triangle = mesh.triangle.ravel(), np.repeat(numbers, 3)
         outer = mesh.triangle.ravel() >= mesh.cells
-        node, place = np.unique(in_triangle[0][outer], return_inverse=True)
+        node, outer_node = np.unique(in_triangle[0][outer], return_inverse=True)
         self.outer_nodes = node.size
-        self.at_node = Neighbourhoods.of_pairs(mesh, place.ravel(), in_triangle[1][outer])
+        self.at_node = Neighbourhoods.of_pairs(mesh, outer_node.ravel(), in_triangle[1][outer])
         # Each bond has the nodes at both ends of its edges that lie on the outline.
         end = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
         bond = np.repeat(of_edge, 2)
-        beside = (bond >= 0) & (end.ravel() >= mesh.cells)
-        pairs = np.unique(np.column_stack([bond[beside], np.searchsorted(node, end.ravel()[beside])]), axis=0)
+        on_outline = (bond >= 0) & (end.ravel() >= mesh.cells)
+        pairs = np.unique(np.column_stack([bond[on_outline], np.searchsorted(node, end.ravel()[on_outline])]), axis=0)
         self.bond_beside, self.node_beside = pairs.T.copy()
 
 
@@ -156,8 +161,8 @@ class OutlineNodes(NamedTuple):
     pull: Floats
     free: Floats  # 0 where a node cannot move, else 1; shape (nodes on the outline, 3)
     factors: Factors  # Of the stiffness of these nodes
-    one: Floats  # shape (nodes on the outline,)
-    every: Floats  # shape (3 nodes on the outline,)
+    radius: Floats  # 1 m, as all unknowns here are lengths; shape (nodes on the outline,)
+    all_free: Floats  # 1 for each unknown; shape (3 nodes on the outline,)
 
 
 def outline_nodes(topology: CellTopology, diagonal: Floats, between: Floats) -> OutlineNodes:
@@ -168,33 +173,35 @@ def outline_nodes(topology: CellTopology, diagonal: Floats, between: Floats) -> 
     free = can_move.astype(np.float64)
     outer = topology.first >= inner
     first, second = topology.first[outer] - inner, topology.second[outer] - inner
-    own = diagonal[inner:] * free[:, :, None] * free[:, None, :]
-    own[:, range(3), range(3)] += 1.0 - free
-    factors = BlockLDL(first, second, own, between[outer] * free[first][:, :, None] * free[second][:, None, :]).factors
+    blocks = diagonal[inner:] * free[:, :, None] * free[:, None, :]
+    blocks[:, range(3), range(3)] += 1.0 - free
+    factors = BlockLDL(
+        first, second, blocks, between[outer] * free[first][:, :, None] * free[second][:, None, :]
+    ).factors
     mixed = ~outer & (topology.second >= inner)
     element, node = topology.first[mixed], topology.second[mixed] - inner
-    return OutlineNodes(element, node, between[mixed], free, factors, np.ones(len(own)), np.ones(3 * len(own)))
+    return OutlineNodes(element, node, between[mixed], free, factors, np.ones(len(blocks)), np.ones(3 * len(blocks)))
 
 
 @kernel
 def node_displacements(outline: OutlineNodes, of_elements: Floats) -> Floats:
-    """Displacements of all nodes (m, m, rad) by those of the elements; shape (nodes, 3)."""
+    """Displacements of all nodes (m, m, rad) by the displacements of the elements; shape (nodes, 3)."""
     element, node, pull, free, elements = outline.element, outline.node, outline.pull, outline.free, len(of_elements)
-    every, load = np.zeros((elements + len(free), 3)), np.zeros(free.shape)
+    displacement, load = np.zeros((elements + len(free), 3)), np.zeros(free.shape)
     for e in range(elements):  # an assignment of whole arrays takes seconds to compile
         for i in range(3):
-            every[e, i] = of_elements[e, i]
+            displacement[e, i] = of_elements[e, i]
     for n in range(element.size):
         e, k = element[n], node[n]
         for i in range(2):
             for j in range(3):
                 load[k, i] -= pull[n, j, i] * of_elements[e, j] * free[k, i]
-    solve_factored(outline.factors, load, outline.one, outline.every, every[elements:])
-    return every
+    solve_factored(outline.factors, load, outline.radius, outline.all_free, displacement[elements:])
+    return displacement
 
 
 class StressTables(NamedTuple):
-    """What the stress of the ice follows from, beside displacements and loads, for some intact bonds."""
+    """Tables for the stress of the ice by displacements and loads, for some intact bonds."""
 
     outline: OutlineNodes
     at: Ints  # Freedoms of the triangles; shape (triangles, 9)
@@ -204,7 +211,7 @@ class StressTables(NamedTuple):
     at_node: Neighbourhoods  # Triangles by node on the outline
     number: Ints  # Of each intact bond in the mesh
     beside: Ints  # Intact bonds and nodes on the outline beside them; shape (2, pairs)
-    places: tuple[int, int]  # Bonds of the mesh, nodes on the outline
+    counts: tuple[int, int]  # Bonds of the mesh, nodes on the outline
     bridges: Bridges
     lattice: tuple[Ints, Ints, Ints, Floats, Booleans]  # First and second ends, intact bonds, coordinates, supports
     modulus: Floats  # Of the section of each intact bond, times 6, m3
@@ -222,12 +229,12 @@ def find_stresses(t: StressTables, of_elements: Floats, load: Floats, tensor: Fl
     triangle = triangle_stresses(t.at, t.by_displacement, displacement)
     if t.faces.row.size > 0:
         put_closed_stress(t.faces, displacement, triangle)
-    at_bond, number, beside = mean_stresses(t.at_bond, triangle, t.places[0]), t.number, t.beside
+    at_bond, number, beside = mean_stresses(t.at_bond, triangle, t.counts[0]), t.number, t.beside
     for k in range(number.size):
         for i in range(3):
             tensor[k, i] = at_bond[number[k], i]
         stress[k, 0], stress[k, 1] = principal(tensor[k, 0], tensor[k, 1], tensor[k, 2])
-    at_node = principal_stresses(mean_stresses(t.at_node, triangle, t.places[1]))
+    at_node = principal_stresses(mean_stresses(t.at_node, triangle, t.counts[1]))
     for n in range(beside.shape[1]):
         for i in range(2):
             stress[beside[0, n], i] = max(stress[beside[0, n], i], at_node[beside[1, n], i])
@@ -244,7 +251,7 @@ class CellStresses(NamedTuple):
 
     triangle: Floats  # xx, yy, xy; shape (triangles, 3)
     tensor: Floats  # Of the ice at the intact bonds: xx, yy, xy; shape (intact bonds, 3)
-    bond: Floats  # Largest tension and shear of the ice there; shape (intact bonds, 2)
+    bond: Floats  # Largest tension and shear of the ice at the bonds; shape (intact bonds, 2)
     bridge: Ints  # Rows of intact bonds that are the last between two parts
 
 
@@ -253,24 +260,24 @@ def stiffness_blocks(at: Ints, stiffness: Floats, start: Ints, second: Ints) -> 
     """Add up the stiffness of triangles: blocks of the nodes, and of the pairs of nodes that `CellTopology` lists."""
     nodes = start.size - 1
     diagonal, between = np.zeros((nodes, 3, 3)), np.zeros((second.size, 3, 3))
-    node, place = np.empty(9, np.int64), np.empty((9, 9), np.int64)
+    node, pair = np.empty(9, np.int64), np.empty((9, 9), np.int64)
     for t in range(at.shape[0]):
         for a in range(9):
             node[a] = at[t, a] // 3
         for a in range(9):
             for b in range(9):
-                place[a, b] = -1
+                pair[a, b] = -1
                 if node[a] < node[b]:
                     n = start[node[a]]
                     while second[n] != node[b]:
                         n += 1
-                    place[a, b] = n
+                    pair[a, b] = n
         for a in range(9):
             for b in range(9):
                 if node[a] == node[b]:
                     diagonal[node[a], at[t, a] % 3, at[t, b] % 3] += stiffness[t, a, b]
-                elif place[a, b] >= 0:
-                    between[place[a, b], at[t, a] % 3, at[t, b] % 3] += stiffness[t, a, b]
+                elif pair[a, b] >= 0:
+                    between[pair[a, b], at[t, a] % 3, at[t, b] % 3] += stiffness[t, a, b]
     return diagonal, between
 
 
@@ -287,7 +294,7 @@ class LaidTriangles(NamedTuple):
 class CellStiffness:
     """Triangles in the frames of the fragments, with the stiffness and the stress that broken bonds have left to them.
 
-    ``topology``: that of an earlier moment, which counts as long as it still holds.
+    ``topology``: of an earlier time, used as long as it still holds.
     """
 
     def __init__(
@@ -303,9 +310,9 @@ class CellStiffness:
         living, row = topology.living, topology.row
         self._vertex = self._in_frames(np.where(living, row, -1), body, xy)
         self._volume = volumes(self._mesh, np.where(living, el.thickness[row], np.nan))
-        found = _triangles(self._vertex.tobytes(), self._freed.tobytes(), p.youngs_modulus, p.poisson)
-        # Of these triangles as they are: with their volume, and with what breaks free from now on.
-        self._triangles = Triangles(found.stiffness * self._volume[:, None, None], found.stress.copy())
+        triangles = _triangles(self._vertex.tobytes(), self._freed.tobytes(), p.youngs_modulus, p.poisson)
+        # Of these triangles with their volume; further breaks change them.
+        self._triangles = Triangles(triangles.stiffness * self._volume[:, None, None], triangles.stress.copy())
         self._whole: Booleans = np.asarray(~self._freed.any(axis=1))  # triangles without a freed edge
         self._tables: tuple[Ints, StressTables] | None = None  # of some intact bonds
         self._blocks: tuple[Floats, Floats] | None = None
@@ -313,32 +320,34 @@ class CellStiffness:
         self._faces: ClosingFaces | None = None
 
     def _in_frames(self, row: Ints, body: Ints, xy: Floats) -> Floats:
-        """Places of the vertices of all triangles in the frames of their fragments (m); ``row``: of each cell, -1 for none."""
+        """Positions of the vertices of all triangles in the frames of their fragments (m); ``row``: of each cell, -1 for none."""
         mesh, living = self._mesh, np.flatnonzero(row >= 0)
         # Each fragment has turned from the plane of its mesh by the angle that fits the centres best.
-        of, count = body[row[living]], int(body.max()) + 1
-        before, now = (places[:, 0] + 1j * places[:, 1] for places in (mesh.xy[living], xy[row[living]]))
-        size = np.bincount(of, minlength=count)
-        for places in (before, now):
-            mean = np.bincount(of, places.real, count) + 1j * np.bincount(of, places.imag, count)
-            places -= (mean / np.maximum(size, 1))[of]
-        product = before.conj() * now
-        turn = np.bincount(of, product.real, count) + 1j * np.bincount(of, product.imag, count)
+        fragment, count = body[row[living]], int(body.max()) + 1
+        mesh_position, position = (
+            positions[:, 0] + 1j * positions[:, 1] for positions in (mesh.xy[living], xy[row[living]])
+        )
+        size = np.bincount(fragment, minlength=count)
+        for positions in (mesh_position, position):
+            mean = np.bincount(fragment, positions.real, count) + 1j * np.bincount(fragment, positions.imag, count)
+            positions -= (mean / np.maximum(size, 1))[fragment]
+        product = mesh_position.conj() * position
+        turn = np.bincount(fragment, product.real, count) + 1j * np.bincount(fragment, product.imag, count)
         turn = np.where(turn == 0.0, 1.0, turn) / np.where(turn == 0.0, 1.0, abs(turn))
 
         # A triangle belongs to the fragment of an edge that is not free. Vertices of that fragment stand at the centres of
         # their cells, or in their place beside them; others keep their place relative to the ends of that edge.
         triangle = mesh.triangle
         end = np.take_along_axis(triangle, (np.argmin(self._freed, axis=1)[:, None] + 1) % 3, axis=1)
-        own = body[row[mesh.owner[end]]]
-        self._of_body = own[:, 0]
-        ours = (row[mesh.owner[triangle]] >= 0) & (body[row[mesh.owner[triangle]]] == own)
+        triangle_body = body[row[mesh.owner[end]]]
+        self._of_body = triangle_body[:, 0]
+        in_fragment = (row[mesh.owner[triangle]] >= 0) & (body[row[mesh.owner[triangle]]] == triangle_body)
         # Faces may close between centres of cells of one fragment; the rim of half a cell along the outline stays open.
-        self._within: Booleans = np.asarray((ours & (triangle < mesh.cells)).all(axis=1))
-        anchor = np.where(ours, mesh.owner[triangle], mesh.owner[end])
-        away = mesh.xy[triangle] - mesh.xy[anchor]
-        c, s = turn.real[own], turn.imag[own]
-        turned = np.stack([c * away[..., 0] - s * away[..., 1], s * away[..., 0] + c * away[..., 1]], axis=2)
+        self._within: Booleans = np.asarray((in_fragment & (triangle < mesh.cells)).all(axis=1))
+        anchor = np.where(in_fragment, mesh.owner[triangle], mesh.owner[end])
+        offset = mesh.xy[triangle] - mesh.xy[anchor]
+        c, s = turn.real[triangle_body], turn.imag[triangle_body]
+        turned = np.stack([c * offset[..., 0] - s * offset[..., 1], s * offset[..., 0] + c * offset[..., 1]], axis=2)
         vertex = np.asarray(xy[row[anchor]] + turned)
         self._middle = vertex.mean(axis=1)
         return vertex
@@ -346,8 +355,8 @@ class CellStiffness:
     def blocks(self) -> tuple[Floats, Floats]:
         """Blocks of the stiffness of all nodes, for displacements (m) and rotations (rad): see `stiffness_blocks`."""
         if self._blocks is None:
-            of = self.topology
-            self._blocks = stiffness_blocks(self._at, self._triangles.stiffness, of.start, of.second)
+            topology = self.topology
+            self._blocks = stiffness_blocks(self._at, self._triangles.stiffness, topology.start, topology.second)
         return self._blocks
 
     def break_bond(self, bond: int, scale: Floats) -> Floats:
@@ -355,46 +364,46 @@ class CellStiffness:
 
         ``scale`` turns all unknowns into lengths, in which the stiffness is taken.
         """
-        before, old = self._freed, self._triangles.stiffness
+        old_freed, stiffness = self._freed, self._triangles.stiffness
         self._broken[self.topology.bond_number[bond]] = True
         self._freed = freed_edges(self._mesh, self._broken) | self.topology.lost
         self._whole = np.asarray(~self._freed.any(axis=1))
-        changed = np.flatnonzero((self._freed != before).any(axis=1))
+        changed = np.flatnonzero((self._freed != old_freed).any(axis=1))
         new = find_triangles(self._vertex[changed], self._freed[changed], self._p.youngs_modulus, self._p.poisson)
-        left = new.stiffness * self._volume[changed, None, None]
-        at, place = np.unique(self._at[changed], return_inverse=True)
-        place, less = place.reshape(-1, 9), np.zeros((at.size, at.size))
-        np.add.at(less, (place[:, :, None], place[:, None, :]), old[changed] - left)
-        least = NEGLIGIBLE * float((old[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
-        old[changed], self._triangles.stress[changed] = left, new.stress
+        new_stiffness = new.stiffness * self._volume[changed, None, None]
+        at, index = np.unique(self._at[changed], return_inverse=True)
+        index, reduction = index.reshape(-1, 9), np.zeros((at.size, at.size))
+        np.add.at(reduction, (index[:, :, None], index[:, None, :]), stiffness[changed] - new_stiffness)
+        least = NEGLIGIBLE * float((stiffness[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
+        stiffness[changed], self._triangles.stress[changed] = new_stiffness, new.stress
         self._blocks = self._outline = self._faces = self._tables = None
-        value, vector = np.linalg.eigh(less * np.outer(scale[at], scale[at]))
+        value, vector = np.linalg.eigh(reduction * np.outer(scale[at], scale[at]))
         columns = np.zeros((int((value > least).sum()), scale.size))
         columns[:, at] = (vector[:, value > least] * np.sqrt(value[value > least])).T
         return columns
 
     def displacements(self, of_elements: Floats) -> Floats:
-        """Displacements of all nodes (m, m, rad) by those of the elements; shape (nodes, 3)."""
+        """Displacements of all nodes (m, m, rad) by the displacements of the elements; shape (nodes, 3)."""
         return node_displacements(self._nodes_on_outline(), of_elements)
 
     def _nodes_on_outline(self) -> OutlineNodes:
         if self._outline is None:
             # Of the triangles at the outline: no others touch these nodes.
-            of, rows = self.topology, np.flatnonzero((self._at >= 3 * self.topology.elements).any(axis=1))
-            blocks = stiffness_blocks(self._at[rows], self._triangles.stiffness[rows], of.start, of.second)
-            self._outline = outline_nodes(of, *blocks)
+            topology, rows = self.topology, np.flatnonzero((self._at >= 3 * self.topology.elements).any(axis=1))
+            blocks = stiffness_blocks(self._at[rows], self._triangles.stiffness[rows], topology.start, topology.second)
+            self._outline = outline_nodes(topology, *blocks)
         return self._outline
 
     @property
     def faces(self) -> ClosingFaces:
         """Faces of broken bonds that may close."""
         if self._faces is None:
-            of, bond = self._mesh, self._mesh.edge_bond
+            mesh, bond = self._mesh, self._mesh.edge_bond
             faces = (bond >= 0) & self._broken[bond] & self._freed & self._within[:, None]
             row = np.flatnonzero(faces.any(axis=1) & ~self._freed.all(axis=1))
             normal = self.topology.crack_normals(self._bonds)[bond[row]]
             # As it lies on the plane of the mesh, where all of a crack is in one place.
-            across = shares_of_gap(of.xy[of.triangle[row]], self._freed[row], faces[row], normal)
+            across = find_gap_shares(mesh.xy[mesh.triangle[row]], self._freed[row], faces[row], normal)
             youngs, poisson = self._p.youngs_modulus, self._p.poisson
             self._faces = ClosingFaces(
                 row, self._at[row], self._vertex[row], self._freed[row], across, self._volume[row], youngs, poisson
@@ -403,58 +412,58 @@ class CellStiffness:
 
     def stresses(self, lattice: ElasticLattice, rows: Ints, of_elements: Floats, load: Floats) -> CellStresses:
         """Stress at intact bonds (rows of the state) and in all triangles, by displacements of the elements and their loads."""
-        if self._tables is None or self._tables[0] is not rows:  # nearly always they are those of the step before
+        if self._tables is None or self._tables[0] is not rows:  # nearly always the rows of the previous step
             self._tables = rows, self._stress_tables(lattice, rows)
         tables, tensor, stress = self._tables[1], np.empty((rows.size, 3)), np.empty((rows.size, 2))
         triangle = find_stresses(tables, of_elements, load, tensor, stress)
         return CellStresses(triangle, tensor, stress, tables.bridges.bond)
 
     def _stress_tables(self, lattice: ElasticLattice, rows: Ints) -> StressTables:
-        of, number = self.topology, self.topology.bond_number[rows]
+        topology, number = self.topology, self.topology.bond_number[rows]
         row = np.full(self._broken.size, -1)
         row[number] = np.arange(rows.size)
-        beside = np.stack([row[of.bond_beside], of.node_beside])
+        beside = np.stack([row[topology.bond_beside], topology.node_beside])
         width = lattice.width[rows] * self.facet[lattice.first[rows]]
         return StressTables(
             self._nodes_on_outline(), self._at, self._triangles.stress, self.faces.tables,
-            of.at_bond.but_freed(self._whole), of.at_node.but_freed(self._whole), number, beside[:, beside[0] >= 0],
-            (self._broken.size, of.outer_nodes), self._bridges(lattice, rows),
-            (lattice.first, lattice.second, rows, self._xy, of.held), lattice.thickness[rows] * width**2,
+            topology.at_bond.exclude_freed(self._whole), topology.at_node.exclude_freed(self._whole), number,
+            beside[:, beside[0] >= 0], (self._broken.size, topology.outer_nodes), self._bridges(lattice, rows),
+            (lattice.first, lattice.second, rows, self._xy, topology.held), lattice.thickness[rows] * width**2,
         )  # fmt: skip
 
     def _bridges(self, lattice: ElasticLattice, rows: Ints) -> Bridges:
-        """Find the bonds by which alone a part hangs: no held tie joins it to the rest along the outline."""
-        of = self.topology
-        beside = of.on_outline[held_ties(self._mesh, self._broken)[of.outline_tie]]
+        """Find the bonds by which alone some ice hangs: no held tie joins it to the rest along the outline."""
+        topology = self.topology
+        beside = topology.on_outline[held_ties(self._mesh, self._broken)[topology.outline_tie]]
         first, second = np.append(lattice.first, beside[:, 0]), np.append(lattice.second, beside[:, 1])
         joints = np.append(rows, lattice.first.size + np.arange(len(beside)))
-        return find_bridges(first, second, joints, of.elements)
+        return find_bridges(first, second, joints, topology.elements)
 
     def facet_area(self, lattice: ElasticLattice, bond: int) -> float:
         """Area (m2) along which the cells of a bond meet."""
         return float(lattice.width[bond] * self.facet[lattice.first[bond]] * lattice.thickness[bond])
 
-    def triangles_near(self, body: int, place: Floats, radius: float) -> LaidTriangles:
-        """Return the triangles of a fragment whose middle lies within a radius (m) of a place."""
-        rows = np.flatnonzero((self._of_body == body) & (np.hypot(*(self._middle - place).T) <= radius))
+    def triangles_near(self, body: int, point: Floats, radius: float) -> LaidTriangles:
+        """Return the triangles of a fragment whose middle lies within a radius (m) of a point."""
+        rows = np.flatnonzero((self._of_body == body) & (np.hypot(*(self._middle - point).T) <= radius))
         area = (self._mesh.weight * self._mesh.area)[rows]
         return LaidTriangles(
             self._vertex[rows], self._at[rows, 0:6:2] // 3, self._volume[rows], area, self._whole[rows]
         )
 
     def mean_ahead(
-        self, stress: Floats, body: int, place: Floats, direction: Floats, radius: float
+        self, stress: Floats, body: int, point: Floats, direction: Floats, radius: float
     ) -> tuple[Floats, float]:
-        """Stress (Pa; xx, yy, xy) of the ice ahead of a place in a fragment, and how much of the disc around it is ice.
+        """Stress (Pa; xx, yy, xy) of the ice ahead of a point in a fragment, and how much of the disc around it is ice.
 
         Weighted by area and by exp(-d^2 / 2 r^2), up to 3 r (after Wells and Sluys 2001, Int. J. Numer. Methods Eng. 50).
         """
-        away = self._middle - place
-        square = (away**2).sum(axis=1)
+        offset = self._middle - point
+        square = (offset**2).sum(axis=1)
         weight = self._mesh.weight * self._mesh.area * np.exp(-0.5 * square / radius**2)
         weight *= (self._of_body == body) & (square <= 9.0 * radius**2)
         filled = float(weight.sum()) / (2.0 * math.pi * radius**2 * (1.0 - math.exp(-4.5)))
-        weight *= away @ direction > 0.0
+        weight *= offset @ direction > 0.0
         total = float(weight.sum())
         return (np.asarray(weight @ stress / total) if total > 0.0 else np.zeros(3)), filled
 

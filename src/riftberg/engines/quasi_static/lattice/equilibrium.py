@@ -1,6 +1,6 @@
 """Loads of fragments in equilibrium, inertia included (D'Alembert), and the bonds that they strain.
 
-The ice of the elements bears the loads (`riftberg.engines.quasi_static.lattice.cell_stiffness`); what a bond is strained by
+The ice of the elements bears the loads (`riftberg.engines.quasi_static.lattice.cell_stiffness`); the strain of a bond
 follows from the displacements d of its ends. With its direction n (from the second end to the first) and length l:
 
     extension  e = n . (d1 - d2)
@@ -82,7 +82,7 @@ def bond_deformations(lattice: ElasticLattice, intact: Ints, displacement: Float
 
 @borrower
 def _deformations(lattice: ElasticLattice, intact: Ints, displacement: Floats, deformation: Floats) -> None:
-    """Fill what `bond_deformations` returns."""
+    """Fill the result of `bond_deformations`."""
     for k in range(intact.size):
         b = intact[k]
         i, j, nx, ny = lattice.first[b], lattice.second[b], lattice.nx[b], lattice.ny[b]
@@ -162,7 +162,7 @@ class Supports:
     def gauge_springs(self, body: Ints, xy: Floats) -> Ints:
         """Freedoms for gauge springs: of each fragment as many as it has rigid motions left.
 
-        Those of the element nearest to its centre; with supports, those of the first supported element.
+        Of the element nearest to its centre; with supports, of the first supported element.
         """
         count = int(body.max()) + 1
         distance = np.hypot(xy[:, 0], xy[:, 1])
@@ -175,13 +175,13 @@ class Supports:
             inside = np.flatnonzero((body == b) & self._supported)
             rows = [rigid_mode_row(xy[e], k) for e in inside for k in range(3) if self.free[3 * e + k] == 0.0]
             for k in range(3):
-                # A spring that would take nothing beyond what the supports take is left out: it would carry load.
+                # A spring on a motion that the supports take already is left out: it would carry load.
                 trial = [*rows, rigid_mode_row(xy[inside[0]], k)]
                 if self.free[3 * inside[0] + k] > 0.0 and _rank(trial) > _rank(rows):
                     chosen.append(int(3 * inside[0] + k))
                     rows = trial
-        whole = (3 * central[unsupported][:, None] + np.arange(3)).ravel()
-        return np.sort(np.concatenate([whole, np.array(chosen, np.int64)])).astype(np.int64)
+        unsupported_freedoms = (3 * central[unsupported][:, None] + np.arange(3)).ravel()
+        return np.sort(np.concatenate([unsupported_freedoms, np.array(chosen, np.int64)])).astype(np.int64)
 
     def rigid_modes(self, inside: Ints, xy: Floats) -> Floats:
         """Rigid motions (columns; rows: east, north, rotation) that the supports of one fragment allow."""
@@ -195,9 +195,9 @@ class Supports:
         return np.asarray(axes[rank:].T / np.array([1.0, 1.0, length])[:, None])
 
 
-def rigid_mode_row(place: Floats, freedom: int) -> Floats:
-    """Displacement of a freedom of an element at a place (m) by a unit of each rigid motion (east, north, rotation)."""
-    return np.array([[1.0, 0.0, -place[1]], [0.0, 1.0, place[0]], [0.0, 0.0, 1.0]][freedom])
+def rigid_mode_row(position: Floats, freedom: int) -> Floats:
+    """Displacement of a freedom of an element at a position (m) by a unit of each rigid motion (east, north, rotation)."""
+    return np.array([[1.0, 0.0, -position[1]], [0.0, 1.0, position[0]], [0.0, 0.0, 1.0]][freedom])
 
 
 def _rank(rows: list[Floats]) -> int:
@@ -210,14 +210,14 @@ def _rank(rows: list[Floats]) -> int:
 def supported_loads(
     inside: Ints, z: Floats, xy: Floats, turn: Floats, force: Floats, mass: Floats, inertia: Floats
 ) -> Floats:
-    """Loads on a fragment with supports: forces less what moves it in the rigid motions ``z`` that they allow."""
+    """Loads on a fragment with supports: forces less the inertia of the rigid motions ``z`` that they allow."""
     c, s, f, m = turn[inside, 0], turn[inside, 1], force[inside], mass[inside]
     load = np.column_stack([c * f[:, 0] + s * f[:, 1], c * f[:, 1] - s * f[:, 0], f[:, 2]])
     if not z.size:
         return load
     x, y = xy[inside].T
-    one, none = np.ones(inside.size), np.zeros(inside.size)
-    rows = np.stack([np.array([one, none, -y]), np.array([none, one, x]), np.array([none, none, one])])
+    ones, zeros = np.ones(inside.size), np.zeros(inside.size)
+    rows = np.stack([np.array([ones, zeros, -y]), np.array([zeros, ones, x]), np.array([zeros, zeros, ones])])
     weight = np.stack([m, m, inertia[inside]])
     matrix = np.einsum("ran,rn,rbn->ab", rows, weight, rows)
     sums = np.einsum("ran,nr->a", rows, load)
@@ -230,11 +230,11 @@ def elastic_energy(displacement: Floats, load: Floats) -> float:
     return 0.5 * float((displacement * load).sum())
 
 
-def released_energy(before: Floats, load_before: Floats, after: Floats, load_after: Floats) -> float:
-    """Energy (J) that a crack releases: what the lattice stores and its loads do on the way to the equilibrium with the crack.
+def released_energy(old: Floats, old_load: Floats, new: Floats, new_load: Floats) -> float:
+    """Energy (J) that a crack releases: stored energy and work of the loads, on the way to the equilibrium with the crack.
 
-    With U = d.f / 2 it is ``U(before) - U(after) + f(after).(d(after) - d(before))``, which is never negative; under loads that
-    stay it is half of what they do, and the lattice stores as much more. Where a piece parts, the loads after are those of the
-    pieces, each balanced by its own inertia: they do nothing as the pieces move apart.
+    With U = d.f / 2 it is ``U(old) - U(new) + f(new).(d(new) - d(old))``, which is never negative; under constant
+    loads it is half of their work, and the lattice stores the other half. Where a piece parts, the new loads act on the
+    pieces, each balanced by its own inertia: they do no work as the pieces move apart.
     """
-    return elastic_energy(before, load_before - load_after) + elastic_energy(after - before, load_after)
+    return elastic_energy(old, old_load - new_load) + elastic_energy(new - old, new_load)

@@ -53,69 +53,69 @@ ONWARD: Final = 2.0
 """Way straight on beyond the last crossing of a crack, over the side of an element: to the outline, or to the face of another."""
 
 SHORTEST_EDGE: Final = 1e-5
-"""Shortest edge of a footprint, as a part of the radius: a few times what moving the centres makes of a corner."""
+"""Shortest edge of a footprint, as a part of the radius: a few times the edges that the moved centres leave at a corner."""
 
 
-def with_new_footprints(
+def add_new_footprints(
     footprints: Footprints | None, el: Elements, bonds: Bonds, outlines: Sequence[Any], p: KernelParameters
 ) -> Footprints:
-    """Return the footprints with those of elements that are new.
+    """Return the footprints, with new ones for new elements.
 
     ``outlines``: polygons (shapely) in the coordinates of positions, each of which its elements fill. Ice without one ends
     where its elements do.
     """
-    known = np.zeros(el.size, bool) if footprints is None else rows_of(footprints.element, el.body.id)[1]
-    if footprints is not None and known.all():
+    has_footprint = np.zeros(el.size, bool) if footprints is None else rows_of(footprints.element, el.body.id)[1]
+    if footprints is not None and has_footprint.all():
         return footprints
     radius = interaction_sizes(el, p).radius
-    parts = [] if footprints is None else [footprints]
-    alone = ~known
-    alone[bonds.first] = alone[bonds.second] = False
+    footprint_sets = [] if footprints is None else [footprints]
+    is_lone = ~has_footprint
+    is_lone[bonds.first] = is_lone[bonds.second] = False
     for outline in outlines:
-        alone &= ~shapely.contains_xy(outline, el.lon, el.lat)
-    if alone.any():
-        known |= alone
-        parts.append(_footprints_of_lone(el, np.flatnonzero(alone), radius[alone], p))
-    for whole, outline in lattices(el, bonds, ~known, outlines):
-        rows = whole[~known[whole]]
-        parts.append(_footprints_of(el, bonds, rows, float(radius[rows].mean()), outline, p))
-    return _joined(parts)
+        is_lone &= ~shapely.contains_xy(outline, el.lon, el.lat)
+    if is_lone.any():
+        has_footprint |= is_lone
+        footprint_sets.append(_make_lone_footprints(el, np.flatnonzero(is_lone), radius[is_lone], p))
+    for lattice_rows, outline in lattices(el, bonds, ~has_footprint, outlines):
+        rows = lattice_rows[~has_footprint[lattice_rows]]
+        footprint_sets.append(_make_footprints(el, bonds, rows, float(radius[rows].mean()), outline, p))
+    return _join_footprints(footprint_sets)
 
 
-def _footprints_of_lone(el: Elements, rows: Ints, radius: Floats, p: KernelParameters) -> Footprints:
+def _make_lone_footprints(el: Elements, rows: Ints, radius: Floats, p: KernelParameters) -> Footprints:
     """Footprints of bergs of one element, all at once: squares or hexagons about circles of ``radius`` (m)."""
     kinds, kind = np.unique(el.body.sides[rows], return_inverse=True)
     sides = np.array([6 if sides_of(int(number), p) == 6 else 4 for number in kinds])[kind]
     owner = np.repeat(np.arange(rows.size), sides)
     start = np.concatenate([[0], np.cumsum(sides)]).astype(np.int64)
     angle = (np.arange(owner.size) - start[owner] + 0.5) * (2.0 * np.pi / sides[owner])
-    away = (radius / np.cos(np.pi / sides))[owner]
+    distance = (radius / np.cos(np.pi / sides))[owner]
     size = el.body.length[rows] * el.body.width[rows]
-    corner = np.column_stack([away * np.cos(angle), away * np.sin(angle)])
+    corner = np.column_stack([distance * np.cos(angle), distance * np.sin(angle)])
     return Footprints(el.body.id[rows], np.zeros((rows.size, 2)), size, np.arange(rows.size), start, corner, NO_BONDS)
 
 
-def _footprints_of(
+def _make_footprints(
     el: Elements, bonds: Bonds, rows: Ints, radius: float, outline: Any, p: KernelParameters
 ) -> Footprints:
     """Footprints of some elements on a plane of their own."""
     plane, xy = laid_flat(el, rows, p)
     if outline is None:
-        place = np.full(el.size, -1)
-        place[rows] = np.arange(rows.size)
-        bonded = np.flatnonzero((place[bonds.first] >= 0) & (place[bonds.second] >= 0))
-        along = xy[place[bonds.second[bonded[0]]]] - xy[place[bonds.first[bonded[0]]]] if bonded.size else (1.0, 0.0)
+        index = np.full(el.size, -1)
+        index[rows] = np.arange(rows.size)
+        bonded = np.flatnonzero((index[bonds.first] >= 0) & (index[bonds.second] >= 0))
+        along = xy[index[bonds.second[bonded[0]]]] - xy[index[bonds.first[bonded[0]]]] if bonded.size else (1.0, 0.0)
         hexagonal = sides_of(int(el.body.sides[rows[0]]), p) == 6
         packing = "hexagonal" if hexagonal else "square"
         ice = outline_of_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
     size = el.body.length[rows] * el.body.width[rows]
-    return Footprints(el.body.id[rows], xy, size, *_parts_of_ice(xy.tobytes(), ice, radius), NO_BONDS)
+    return Footprints(el.body.id[rows], xy, size, *_divide_ice(xy.tobytes(), ice, radius), NO_BONDS)
 
 
 @lru_cache(maxsize=4)  # the members of a sweep begin with the same berg
-def _parts_of_ice(centres: bytes, ice: Any, radius: float) -> tuple[Ints, Ints, Floats]:
+def _divide_ice(centres: bytes, ice: Any, radius: float) -> tuple[Ints, Ints, Floats]:
     """Divide ice among centres: owner of each convex part, where its corners begin, and the corners (m)."""
     xy = np.frombuffer(centres).reshape(-1, 2)
     owner, rings = [], []
@@ -158,21 +158,21 @@ def _nearest_regions(xy: Floats, ice: Any, spacing: float) -> list[Any]:
     return list(shapely.get_parts(shapely.voronoi_polygons(shapely.multipoints(moved), extend_to=frame, ordered=True)))
 
 
-def _joined(parts: list[Footprints]) -> Footprints:
-    """Return several as one."""
-    elements = np.cumsum([0, *(part.element.size for part in parts)])
-    corners = np.cumsum([0, *(len(part.corner) for part in parts)])
-    start = [part.start[:-1] + n for part, n in zip(parts, corners, strict=False)]
+def _join_footprints(sets: list[Footprints]) -> Footprints:
+    """Return several sets of footprints as one."""
+    elements = np.cumsum([0, *(footprints.element.size for footprints in sets)])
+    corners = np.cumsum([0, *(len(footprints.corner) for footprints in sets)])
+    start = [footprints.start[:-1] + n for footprints, n in zip(sets, corners, strict=False)]
     return Footprints(
-        np.concatenate([part.element for part in parts]), np.vstack([part.centre for part in parts]),
-        np.concatenate([part.size for part in parts]),
-        np.concatenate([part.owner + n for part, n in zip(parts, elements, strict=False)]),
-        np.concatenate([*start, corners[-1:]]), np.vstack([part.corner for part in parts]),
-        np.concatenate([part.cracked for part in parts]),
+        np.concatenate([footprints.element for footprints in sets]), np.vstack([footprints.centre for footprints in sets]),
+        np.concatenate([footprints.size for footprints in sets]),
+        np.concatenate([footprints.owner + n for footprints, n in zip(sets, elements, strict=False)]),
+        np.concatenate([*start, corners[-1:]]), np.vstack([footprints.corner for footprints in sets]),
+        np.concatenate([footprints.cracked for footprints in sets]),
     )  # fmt: skip
 
 
-def divided_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Footprints:
+def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Footprints:
     """Return the footprints, divided along the lines of cracks that have parted fragments since the last time.
 
     The ice beyond a line goes to the nearest element there.
@@ -185,8 +185,8 @@ def divided_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foo
     for owner, ring in zip(footprints.owner, np.split(footprints.corner, footprints.start[1:-1]), strict=True):
         rings[owner].append(ring)
     berg = np.zeros(footprints.element.size, np.int64)  # 0: melted away
-    rows, known = rows_of(el.body.id, footprints.element)
-    berg[known] = el.berg[rows[known]]
+    rows, is_present = rows_of(el.body.id, footprints.element)
+    berg[is_present] = el.berg[rows[is_present]]
     for crack in np.unique(bonds.crack[new]).tolist():
         rows = parted[bonds.crack[parted] == crack]
         rows = rows[np.argsort(bonds.crack_order[rows])]
@@ -194,45 +194,45 @@ def divided_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foo
             if run.size > 1 and np.isin(run, new).any():  # a line of one crossing has no direction
                 i, j = (rows_of(footprints.element, el.body.id[ends[run]])[0] for ends in (bonds.first, bonds.second))
                 _divide(rings, footprints, berg, i, j, bonds.crack_part[run])
-    every = [ring for of in rings for ring in of]
+    all_rings = [ring for element_rings in rings for ring in element_rings]
     return footprints._replace(
-        owner=np.repeat(np.arange(len(rings)), [len(of) for of in rings]),
-        start=np.concatenate([[0], np.cumsum([len(ring) for ring in every])]).astype(np.int64),
-        corner=np.vstack(every), cracked=np.concatenate([footprints.cracked, bonds.id[new]]),
+        owner=np.repeat(np.arange(len(rings)), [len(element_rings) for element_rings in rings]),
+        start=np.concatenate([[0], np.cumsum([len(ring) for ring in all_rings])]).astype(np.int64),
+        corner=np.vstack(all_rings), cracked=np.concatenate([footprints.cracked, bonds.id[new]]),
     )  # fmt: skip
 
 
-def _divide(rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: Ints, j: Ints, part: Floats) -> None:
-    """Divide polygons along a crack, which crosses the lines between the elements ``i`` and ``j`` at a part of each way."""
+def _divide(rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: Ints, j: Ints, fraction: Floats) -> None:
+    """Divide polygons along a crack, which crosses the lines from the elements ``i`` to ``j`` at a fraction of each."""
     centre = footprints.centre
-    part = np.clip(part, NEAREST_CRACK, 1.0 - NEAREST_CRACK)[:, None]
-    way = (1.0 - part) * centre[i] + part * centre[j]
-    side, ends = math.sqrt(float(footprints.size[i].mean())), way[[0, -1]] - way[[1, -2]]
-    ends = way[[0, -1]] + ONWARD * side * ends / np.hypot(*ends.T)[:, None]
-    crack = shapely.LineString([ends[0], *way, ends[1]])
-    beside = np.flatnonzero(np.isin(berg, berg[np.union1d(i, j)]))
-    beside = beside[shapely.dwithin(shapely.points(centre[beside]), crack, 2.0 * side)]
+    fraction = np.clip(fraction, NEAREST_CRACK, 1.0 - NEAREST_CRACK)[:, None]
+    crossing = (1.0 - fraction) * centre[i] + fraction * centre[j]
+    side, ends = math.sqrt(float(footprints.size[i].mean())), crossing[[0, -1]] - crossing[[1, -2]]
+    ends = crossing[[0, -1]] + ONWARD * side * ends / np.hypot(*ends.T)[:, None]
+    crack = shapely.LineString([ends[0], *crossing, ends[1]])
+    neighbours = np.flatnonzero(np.isin(berg, berg[np.union1d(i, j)]))
+    neighbours = neighbours[shapely.dwithin(shapely.points(centre[neighbours]), crack, 2.0 * side)]
 
-    def lies_beyond(place: Floats, e: int) -> bool:
-        """Whether the crack runs between a place and an element."""
-        crossings = shapely.intersection(shapely.LineString([place, centre[e]]), crack)
+    def lies_beyond(point: Floats, e: int) -> bool:
+        """Whether the crack runs between a point and an element."""
+        crossings = shapely.intersection(shapely.LineString([point, centre[e]]), crack)
         return bool(shapely.get_num_coordinates(crossings) % 2)
 
-    given: dict[int, list[Floats]] = {}
-    for e in beside.tolist():
+    transferred: dict[int, list[Floats]] = {}
+    for e in neighbours.tolist():
         polygons = [shapely.Polygon(ring) for ring in rings[e]]
         if not shapely.intersects(polygons, crack).any():
             continue
         rings[e] = []
         for piece in (piece for polygon in polygons for piece in split(polygon, crack).geoms):
-            middle, to = np.array(piece.centroid.coords[0]), e
+            middle, target = np.array(piece.centroid.coords[0]), e
             if lies_beyond(middle, e):
-                others = beside[berg[beside] != berg[e]]
+                others = neighbours[berg[neighbours] != berg[e]]
                 nearest = others[np.argsort(np.hypot(*(centre[others] - middle).T))].tolist()
-                to = next((other for other in nearest if not lies_beyond(middle, other)), e)
-            (rings[e] if to == e else given.setdefault(to, [])).extend(_convex_rings(piece, side))
-    for e, more in given.items():
-        rings[e].extend(more)
+                target = next((other for other in nearest if not lies_beyond(middle, other)), e)
+            (rings[e] if target == e else transferred.setdefault(target, [])).extend(_convex_rings(piece, side))
+    for e, added in transferred.items():
+        rings[e].extend(added)
 
 
 class BodyFootprint(NamedTuple):
@@ -252,40 +252,49 @@ def body_footprint(
     ``body``: fragment of each of the elements ``rows``; one where none is given. ``shrinks``: whether they have melted from the
     sides since they were made.
     """
-    at, known = rows_of(footprints.element, el.body.id[rows])
-    assert known.all()
+    footprint_row, has_footprint = rows_of(footprints.element, el.body.id[rows])
+    assert has_footprint.all()
     body = np.zeros(rows.size, np.int64) if body is None else body
     count, number = int(body.max(initial=0)) + 1, np.bincount(body)
     # A fragment has turned from the plane of its footprints by the angle that fits the centres best.
-    before, now = footprints.centre[at] @ (1.0, 1.0j), xy[rows] @ (1.0, 1.0j)
+    old_centre, new_centre = footprints.centre[footprint_row] @ (1.0, 1.0j), xy[rows] @ (1.0, 1.0j)
 
     def total(values: Any) -> Any:
         return np.bincount(body, values.real, count) + 1j * np.bincount(body, values.imag, count)
 
     size = np.maximum(number, 1)
-    away, there = before - (total(before) / size)[body], now - (total(now) / size)[body]
-    turn = total(away.conj() * there)
+    old_offset, new_offset = (
+        old_centre - (total(old_centre) / size)[body],
+        new_centre - (total(new_centre) / size)[body],
+    )
+    turn = total(old_offset.conj() * new_offset)
     turn = np.where(abs(turn) > 0.0, turn, 1.0)
     turn = (turn / abs(turn))[body]
-    place = np.full(footprints.element.size, -1)
-    place[at] = np.arange(rows.size)
-    mine = np.flatnonzero(place[footprints.owner] >= 0)
-    owner, corners = place[footprints.owner[mine]], np.diff(footprints.start)[mine]
+    new_row = np.full(footprints.element.size, -1)
+    new_row[footprint_row] = np.arange(rows.size)
+    polygons = np.flatnonzero(new_row[footprints.owner] >= 0)
+    owner, corners = new_row[footprints.owner[polygons]], np.diff(footprints.start)[polygons]
     start = np.concatenate([[0], np.cumsum(corners)]).astype(np.int64)
-    index = np.arange(start[-1]) - np.repeat(start[:-1] - footprints.start[mine], corners)
-    of = np.repeat(owner, corners)
-    # What melts from the sides of an element leaves it smaller about its centre.
+    index = np.arange(start[-1]) - np.repeat(start[:-1] - footprints.start[polygons], corners)
+    corner_row = np.repeat(owner, corners)
+    # Melt from the sides of an element leaves it smaller about its centre.
     shrunk = (
-        np.sqrt(el.body.length[rows] * el.body.width[rows] / footprints.size[at]) if shrinks else np.ones(rows.size)
+        np.sqrt(el.body.length[rows] * el.body.width[rows] / footprints.size[footprint_row])
+        if shrinks
+        else np.ones(rows.size)
     )
-    corner = now[of] + (footprints.corner[index] @ (1.0, 1.0j) - before[of]) * (turn * shrunk)[of]
+    corner = (
+        new_centre[corner_row]
+        + (footprints.corner[index] @ (1.0, 1.0j) - old_centre[corner_row]) * (turn * shrunk)[corner_row]
+    )
     return BodyFootprint(rows, owner, start, np.column_stack([corner.real, corner.imag]))
 
 
 class FootprintBook:
     """The footprints of a run, which grow with its elements: one for all laws that need them.
 
-    ``divided``: how often cracks have divided them. What is made of the footprints of known elements holds as long as it stays.
+    ``divided``: how often cracks have divided them. Results from the footprints of the same elements hold
+    until it changes.
     """
 
     def __init__(self, model: RunState) -> None:
@@ -295,24 +304,24 @@ class FootprintBook:
             self.begin_step(model)
 
     def begin_step(self, model: RunState) -> None:
-        """Bring them up to date: all of a time step sees the same, whoever asks first, and a resumed run those of the other."""
+        """Bring them up to date, so that all of a time step sees the same footprints, and a resumed run too."""
         # Without contact, a bed of sediment and bonds nothing asks for them.
         if model.constants.interactions or model.parameters.grounding.law == "seabed" or model.bonds.first.size:
             self.follow(model)
 
     def follow(self, model: RunState) -> Footprints:
         """Make the footprints of elements that are new, and divide them by cracks."""
-        whole = with_new_footprints(self._footprints, model.elements, model.bonds, model.outlines, model.constants)
-        self._footprints = divided_by_cracks(whole, model.elements, model.bonds)
-        self.divided += self._footprints is not whole
+        footprints = add_new_footprints(self._footprints, model.elements, model.bonds, model.outlines, model.constants)
+        self._footprints = divide_by_cracks(footprints, model.elements, model.bonds)
+        self.divided += self._footprints is not footprints
         return self._footprints
 
     def state_dict(self) -> dict[str, Any]:
-        """Return what a restart file must hold beside the state."""
+        """Return the arrays that a restart file must hold beside the state."""
         return {} if self._footprints is None else dict(zip(FOOTPRINT_NAMES, self._footprints, strict=True))
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Restore what `state_dict` gave."""
+        """Restore the arrays of `state_dict`."""
         # Earlier versions did not divide footprints by cracks.
         arrays = [np.array(saved[name]) for name in FOOTPRINT_NAMES if name in saved]
         if len(arrays) >= len(FOOTPRINT_NAMES) - 1:

@@ -1,8 +1,8 @@
 """The outlines of fragments as points with normals, at which the water drags on their sides.
 
-The outline of a fragment is that of the footprints of its elements. A crack runs between footprints, in steps where it crosses
+The outline of a fragment encloses the footprints of its elements. A crack runs between footprints, in steps where it crosses
 the lattice; `SMOOTHING` makes it a line, for pressure knows the way of a side and not the steps of its cells. Each element bears
-what acts on the part of the outline that is nearest to its centre, at two points of Gauss's rule: the integral over a straight
+the force on the stretch of outline that is nearest to its centre, at two points of Gauss's rule: the integral over a straight
 side of (normal speed)^2 and of its lever is exact as long as the speed keeps its sign.
 """
 
@@ -54,25 +54,25 @@ class FragmentSides:
         if key not in self._latest:
             if len(self._latest) == MOST_GROUPS:
                 del self._latest[next(iter(self._latest))]
-            self._latest[key] = self._found(model, body, xy)
+            self._latest[key] = self._find_sides(model, body, xy)
         return self._latest[key]
 
-    def _found(self, model: RunState, body: Ints, xy: Floats) -> Floats:
+    def _find_sides(self, model: RunState, body: Ints, xy: Floats) -> Floats:
         """Find the points, of fragments that are new alone."""
         el = model.elements
-        several = np.flatnonzero(np.bincount(body)[body] > 1)
-        if not several.size:
+        bonded = np.flatnonzero(np.bincount(body)[body] > 1)
+        if not bonded.size:
             return np.zeros((el.size, 0, 4))
-        order = several[np.argsort(body[several], kind="stable")]
+        order = bonded[np.argsort(body[bonded], kind="stable")]
         owners, points = [], []
         if len(self._fragments) > MOST_FRAGMENTS:
             self._fragments.clear()
         for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1):
             key = self._footprints.divided, el.body.id[rows].tobytes(), xy[rows].tobytes()
-            found = self._fragments.get(key) or self._points_of(model, rows, xy)
-            self._fragments[key] = found
-            owners.append(rows[found[0]])
-            points.append(found[1])
+            fragment = self._fragments.get(key) or self._find_points(model, rows, xy)
+            self._fragments[key] = fragment
+            owners.append(rows[fragment[0]])
+            points.append(fragment[1])
         owner, point = np.concatenate(owners), np.vstack(points)
         order = np.argsort(owner, kind="stable")
         owner, point, number = owner[order], point[order], np.bincount(owner, minlength=el.size)
@@ -80,7 +80,7 @@ class FragmentSides:
         sides[owner, np.arange(owner.size) - np.repeat(np.cumsum(number) - number, number)] = point
         return sides
 
-    def _points_of(self, model: RunState, rows: Ints, xy: Floats) -> tuple[Ints, Floats]:
+    def _find_points(self, model: RunState, rows: Ints, xy: Floats) -> tuple[Ints, Floats]:
         """Points on the outline of one fragment, and of which of its elements they are."""
         el = model.elements
         footprints = self._footprints.follow(model)
@@ -95,20 +95,20 @@ class FragmentSides:
         length, centre = np.hypot(*along.T), xy[rows]
         owner = np.asarray(cKDTree(centre).query(start + 0.5 * along)[1], np.int64)
         normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]  # the ice lies on the left
-        # Elements are equal, their footprints are not: their centre is brought to that of the ice, or a current would turn it.
+        # Elements are equal, their footprints are not: their centre is moved to that of the ice, or a current would turn it.
         middle = np.average(centre, axis=0, weights=size**2) - np.array(ice.centroid.coords[0])
-        found = []
-        for part in (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)):
-            away = start + middle + part * along - centre[owner]
-            arm = away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0]
-            found.append(np.column_stack([normal, arm, 0.5 * length / size[owner]]))
-        return np.tile(owner, 2), np.vstack(found)
+        points = []
+        for fraction in (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)):
+            offset = start + middle + fraction * along - centre[owner]
+            arm = offset[:, 0] * normal[:, 1] - offset[:, 1] * normal[:, 0]
+            points.append(np.column_stack([normal, arm, 0.5 * length / size[owner]]))
+        return np.tile(owner, 2), np.vstack(points)
 
 
 def _sizes(footprints: Any, el: Elements, rows: Ints) -> Floats:
     """Plan area (m2) of elements when their footprints were made."""
-    place = {int(number): k for k, number in enumerate(footprints.element)}
-    return np.asarray(footprints.size[[place[int(number)] for number in el.body.id[rows]]])
+    row = {int(number): k for k, number in enumerate(footprints.element)}
+    return np.asarray(footprints.size[[row[int(number)] for number in el.body.id[rows]]])
 
 
 def _union(footprint: Any, spacing: float) -> Any:
@@ -123,9 +123,9 @@ def _outlines(ice: Any, spacing: float) -> list[Any]:
     """Return the outer rings (shapely, counter-clockwise) of a fragment without the steps of its lattice."""
     detail = min(SMOOTHING * spacing, SHARE_OF_SIZE * math.sqrt(ice.area))
     rings = []
-    for part in shapely.get_parts(shapely.orient_polygons(ice)):
-        corner, middle = np.asarray(part.exterior.coords)[:-1, :2], np.array(part.centroid.coords[0])
+    for polygon in shapely.get_parts(shapely.orient_polygons(ice)):
+        corner, middle = np.asarray(polygon.exterior.coords)[:-1, :2], np.array(polygon.centroid.coords[0])
         # The first point of a ring stays: that farthest out is a corner, and not one within a side.
         corner = np.roll(corner, -int(np.argmax(np.hypot(*(corner - middle).T))), axis=0)
-        rings += [one.exterior for one in shapely.get_parts(shapely.simplify(shapely.Polygon(corner), detail))]
+        rings += [simple.exterior for simple in shapely.get_parts(shapely.simplify(shapely.Polygon(corner), detail))]
     return [ring for ring in rings if not ring.is_empty]

@@ -2,7 +2,7 @@
 
 ``K d = b`` with K the stiffness of the triangles of all cells, and d the displacements of the elements and of the nodes on the
 outline. K is singular by the rigid motions of each fragment, so three gauge springs fix one element of each: as the loads are in
-balance they carry nothing, and what they carry is the residual of every solve. Rotations are measured as paths at the rim of the
+balance they carry nothing, and any force on them is the residual of the solve. Rotations are measured as paths at the rim of the
 element (m), so that all unknowns are of one size.
 
 K is factored by blocks of one node (`riftberg.engines.quasi_static.lattice.block_ldl`). A bond that breaks takes some
@@ -46,37 +46,37 @@ class StiffnessSolver:
     def __init__(
         self, cells: CellStiffness, lattice: ElasticLattice, intact: Ints, supports: Supports, gauge_springs: Ints
     ) -> None:
-        self._cells, of, elements = cells, cells.topology, lattice.radius.size
-        radius, free = np.ones(of.nodes), np.ones((of.nodes, 3))
+        self._cells, topology, elements = cells, cells.topology, lattice.radius.size
+        radius, free = np.ones(topology.nodes), np.ones((topology.nodes, 3))
         radius[:elements], free[:elements] = lattice.radius, supports.free.reshape(-1, 3)
-        free[elements:, :2][of.static[elements:]] = 0.0
+        free[elements:, :2][topology.static[elements:]] = 0.0
         self._radius, self._free = radius, free.ravel()
-        self._scale = np.column_stack([np.ones((of.nodes, 2)), 1.0 / radius]).ravel()
+        self._scale = np.column_stack([np.ones((topology.nodes, 2)), 1.0 / radius]).ravel()
         diagonal, between = cells.blocks()
-        kept = self._scale.reshape(-1, 3) * free
-        diagonal = diagonal * kept[:, :, None] * kept[:, None, :]
-        between = between * kept[of.first][:, :, None] * kept[of.second][:, None, :]
+        scaling = self._scale.reshape(-1, 3) * free
+        diagonal = diagonal * scaling[:, :, None] * scaling[:, None, :]
+        between = between * scaling[topology.first][:, :, None] * scaling[topology.second][:, None, :]
         # Springs are added on the diagonal, all of the mean stiffness of the bonds: soft ones would let round-off in the loads
         # move a fragment far, stiff ones would worsen the condition of K.
         #
         # Unknowns without any stiffness (supported freedoms, rotations of nodes on the outline, ice that has melted away) are
         # uncoupled and without load, so their displacement is 0 and any stiffness will do.
         # Gauge springs carry nothing where the loads are in balance, which `solve` checks.
-        # Elements without bonds: nothing else couples them, so each gets a spring for all three freedoms. What these springs
-        # carry is the imbalance of the load of one element, which is round-off, so the check leaves them out.
+        # Elements without bonds: nothing else couples them, so each gets a spring for all three freedoms. These springs
+        # carry the imbalance of the load of one element, which is round-off, so the check leaves them out.
         self.gauge_stiffness = float(lattice.stiffness[intact].mean())
-        added = np.zeros((of.nodes, 3))
-        added.reshape(-1)[gauge_springs] = self.gauge_stiffness
+        spring = np.zeros((topology.nodes, 3))
+        spring.reshape(-1)[gauge_springs] = self.gauge_stiffness
         bondless = np.ones(elements, bool)
         bondless[lattice.first[intact]] = bondless[lattice.second[intact]] = False
-        added[:elements][bondless] = self.gauge_stiffness
-        added[np.einsum("nii->ni", diagonal) == 0.0] = self.gauge_stiffness
+        spring[:elements][bondless] = self.gauge_stiffness
+        spring[np.einsum("nii->ni", diagonal) == 0.0] = self.gauge_stiffness
         self._gauge = gauge_springs[~bondless[gauge_springs // 3]]
-        diagonal[:, range(3), range(3)] += added
-        self._ldl = BlockLDL(of.first, of.second, diagonal, between)
+        diagonal[:, range(3), range(3)] += spring
+        self._ldl = BlockLDL(topology.first, topology.second, diagonal, between)
         self._columns: list[Floats] = []  # w of K + sum of -w w^T
         self._solved: list[Floats] = []  # K^-1 w
-        self._correction: tuple[Floats, Floats, Floats] | None = None  # W, A and W A - 1 of `_corrected`
+        self._correction: tuple[Floats, Floats, Floats] | None = None  # W, A and W A - 1 of `_correct_displacement`
         # By which faces are closed, with W the rows w of K + sum of w w^T and A = K^-1 W^T: A, and (1 + W A)^-1 W.
         self._pressed: dict[bytes, tuple[Floats, Floats]] = {}
 
@@ -95,36 +95,36 @@ class StiffnessSolver:
 
     def solve(self, load: Floats) -> Floats:
         """Displacements (m, m, rad), shape (elements, 3), under balanced loads (N, N, N m); outlines bear none."""
-        every = np.zeros((self._radius.size, 3))
-        every[: len(load)] = load
-        displacement, largest = self._displaced(every)
-        self._check_residual(displacement, largest, every)
+        node_load = np.zeros((self._radius.size, 3))
+        node_load[: len(load)] = load
+        displacement, largest = self._find_displacements(node_load)
+        self._check_residual(displacement, largest, node_load)
         displacement[:, 2] /= self._radius
         return displacement[: len(load)]
 
-    def _displaced(self, load: Floats) -> tuple[Floats, float]:
+    def _find_displacements(self, load: Floats) -> tuple[Floats, float]:
         """Displacements as lengths (m), and the largest load (N): faces that would pass through each other press.
 
         Newton's method for a convex energy that is quadratic in pieces: each round takes the faces that the displacements of
         the round before close, until these are the same. That takes a few rounds; faces that have closed after
         `MOST_ROUNDS` do not open again, so it ends in any case.
         """
-        open_ones = np.empty(load.shape)
-        largest = self._ldl.solve_scaled(load, self._radius, self._free, open_ones)
-        self._corrected(open_ones.reshape(-1))
-        faces, found = self._cells.faces, open_ones
+        open_displacement = np.empty(load.shape)
+        largest = self._ldl.solve_scaled(load, self._radius, self._free, open_displacement)
+        self._correct_displacement(open_displacement.reshape(-1))
+        faces, displacement = self._cells.faces, open_displacement
         if faces.tables.row.size == 0:
-            return found, largest
-        scale, before = self._scale.reshape(-1, 3), np.zeros(faces.tables.row.size, bool)
+            return displacement, largest
+        scale, previous = self._scale.reshape(-1, 3), np.zeros(faces.tables.row.size, bool)
         for n in range(2 * faces.tables.row.size + MOST_ROUNDS):
-            closed = faces.closed(found * scale)
-            closed = closed if n < MOST_ROUNDS else closed | before
-            if np.array_equal(closed, before):
+            closed = faces.closed(displacement * scale)
+            closed = closed if n < MOST_ROUNDS else closed | previous
+            if np.array_equal(closed, previous):
                 break
-            before, found = closed, self._with_closed(open_ones, closed)
-        return found, largest
+            previous, displacement = closed, self._close_faces(open_displacement, closed)
+        return displacement, largest
 
-    def _with_closed(self, displacement: Floats, closed: Booleans) -> Floats:
+    def _close_faces(self, displacement: Floats, closed: Booleans) -> Floats:
         """Displacements with some faces closed, by those with all of them open; a correction as for broken bonds."""
         key = closed.tobytes()
         if key not in self._pressed:
@@ -134,13 +134,13 @@ class StiffnessSolver:
             at, columns = faces.at[closed], faces.columns[closed]
             w = np.zeros((len(at), self._free.size))
             np.put_along_axis(w, at, columns * self._scale[at] * self._free[at], axis=1)
-            a = np.array([self._corrected(self._ldl.solve(one)) for one in w]).reshape(w.shape)
+            a = np.array([self._correct_displacement(self._ldl.solve(column)) for column in w]).reshape(w.shape)
             self._pressed[key] = a.T.copy(), np.linalg.solve(w @ a.T + np.eye(len(w)), w)
         a_t, pressing = self._pressed[key]
         d = displacement.reshape(-1)
         return np.asarray((d - a_t @ (pressing @ d)).reshape(-1, 3))
 
-    def _corrected(self, d: Floats) -> Floats:
+    def _correct_displacement(self, d: Floats) -> Floats:
         """Correct d = K^-1 b in place for bonds that have broken since."""
         if self._columns:
             # Woodbury: (K - W^T W)^-1 b = d + A (1 - W A)^-1 W d, with A = K^-1 W^T.
@@ -152,10 +152,12 @@ class StiffnessSolver:
         return d
 
     def _check_residual(self, displacement: Floats, largest: float, load: Floats) -> None:
-        give = float(max_gauge_displacement(displacement, self._gauge))
-        force = give * self.gauge_stiffness
+        gauge_displacement = float(max_gauge_displacement(displacement, self._gauge))
+        force = gauge_displacement * self.gauge_stiffness
         if not (
-            force <= EQUILIBRIUM_RTOL * largest or give <= GAUGE_ATOL or give <= ROUND_OFF * abs(displacement).max()
+            force <= EQUILIBRIUM_RTOL * largest
+            or gauge_displacement <= GAUGE_ATOL
+            or gauge_displacement <= ROUND_OFF * abs(displacement).max()
         ):
             unknown = np.flatnonzero(~np.isfinite(load).all(axis=1))
             if unknown.size:
@@ -171,11 +173,11 @@ class StiffnessSolver:
 @borrower
 def max_gauge_displacement(displacement: Floats, gauge_springs: Ints) -> float:
     """Largest displacement (m) of the freedoms with gauge springs; not a number where one of them is none."""
-    most = 0.0
+    largest = 0.0
     for n in range(gauge_springs.size):
         x = abs(displacement[gauge_springs[n] // 3, gauge_springs[n] % 3])
-        if not x <= most:
-            most = x
+        if not x <= largest:
+            largest = x
             if x != x:
                 break
-    return most
+    return largest

@@ -31,9 +31,9 @@ from riftberg.engines.quasi_static.lattice.cells import Booleans, CellMesh
 from riftberg.state import Floats, Ints
 
 DRILLING = 0.3
-"""beta: stiffness of the rotation of a cell against that of its ice, in parts of the shear modulus.
+"""beta: stiffness of a cell's rotation relative to its ice, in parts of the shear modulus.
 
-The sag of a beam of eight cells hardly knows it, but it is what resists bending in a neck of one bond. More would lock the
+The sag of a beam of eight cells hardly depends on it, but it alone resists bending in a neck of one bond. More would lock the
 rotations to the ice of coarse lattices.
 """
 
@@ -48,7 +48,7 @@ class Triangles(NamedTuple):
 
 
 class OpenEdges(NamedTuple):
-    """What it takes to close freed edges of triangles again."""
+    """Matrices to close freed edges of triangles again."""
 
     gap: Floats  # Gaps (m) by displacements and rotations; shape (triangles, 3, 9)
     give: Floats  # By how much a pull on an edge from within (N per volume, of each column) stretches the ice; (triangles, 3, 3)
@@ -66,27 +66,27 @@ def find_triangles(
 ) -> Triangles:
     """Find the matrices of triangles with their freed edges condensed out.
 
-    ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``freed``: shape (triangles, 3).
+    ``vertex``: positions of the vertices, m, shape (triangles, 3, 2); ``freed``: shape (triangles, 3).
     """
-    return _condensed(vertex, freed, youngs, poisson, drilling)[0]
+    return _condense_edges(vertex, freed, youngs, poisson, drilling)[0]
 
 
 def find_open_edges(vertex: Floats, freed: Booleans, youngs: float, poisson: float) -> tuple[Triangles, OpenEdges]:
     """Find the matrices of triangles, and how their freed edges close; arguments as of `find_triangles`."""
-    found, elongation, stretch, inner_stiffness, stress = _condensed(vertex, freed, youngs, poisson, DRILLING)
+    triangles, elongation, stretch, inner_stiffness, stress = _condense_edges(vertex, freed, youngs, poisson, DRILLING)
     of_freed = freed[:, :, None] & freed[:, None, :]
     give = np.asarray(np.linalg.inv(inner_stiffness) * of_freed, np.float64)
-    return found, OpenEdges(elongation - stretch, give, stress)
+    return triangles, OpenEdges(elongation - stretch, give, stress)
 
 
-def _condensed(
+def _condense_edges(
     vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float
 ) -> tuple[Triangles, Floats, Floats, Floats, Floats]:
     """Matrices of triangles; their elongations q and z by displacements, stiffness of the inner unknowns, stress by z."""
     count = len(vertex)
-    run = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
-    length = np.sqrt((run**2).sum(axis=2))
-    tx, ty = run[..., 0] / length, run[..., 1] / length
+    edge = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
+    length = np.sqrt((edge**2).sum(axis=2))
+    tx, ty = edge[..., 0] / length, edge[..., 1] / length
 
     # Elongations, turns and rotations of the ends of each edge by the nine freedoms, and by three inner unknowns s, which
     # only freed edges have.
@@ -109,16 +109,16 @@ def _condensed(
     drill = drilling * shear_modulus / 6.0  # 2 c
 
     # W in the freedoms x and the inner unknowns s: z = q for unfreed edges, z = s for freed ones.
-    whole, z = (~freed).astype(np.float64), np.zeros((count, 3, 12))
-    z[..., :9], z[:, range(3), range(9, 12)] = whole[:, :, None] * elongation, freed
+    is_unfreed, z = (~freed).astype(np.float64), np.zeros((count, 3, 12))
+    z[..., :9], z[:, range(3), range(9, 12)] = is_unfreed[:, :, None] * elongation, freed
     drilled = rotation - (turn - edge_shear @ z)[:, :, None]
-    weighted = drilled * (drill * whole)[:, :, None, None]
+    weighted = drilled * (drill * is_unfreed)[:, :, None, None]
     energy = z.transpose(0, 2, 1) @ natural @ z
     energy += drilled.reshape(count, 6, 12).transpose(0, 2, 1) @ weighted.reshape(count, 6, 12)
     xx, xs, ss = energy[:, :9, :9], energy[:, :9, 9:], energy[:, 9:, 9:]
 
     # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
-    ss += np.eye(3) * (whole * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
+    ss += np.eye(3) * (is_unfreed * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
     least = -np.linalg.solve(ss, xs.transpose(0, 2, 1))
     stiffness = xx + xs @ least
     stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
@@ -127,7 +127,7 @@ def _condensed(
 
 
 class FaceTables(NamedTuple):
-    """What compiled code needs of `ClosingFaces`; a row for each triangle."""
+    """Arrays of `ClosingFaces` for compiled code; a row for each triangle."""
 
     row: Ints  # Number of the triangle
     at: Ints  # Its nine freedoms
@@ -142,19 +142,21 @@ class ClosingFaces:
     leaves no gap and no pressure below 0.
 
     ``row``: number of the triangle; ``at``: its nine freedoms; ``vertex``: m; ``freed``: its edges that are freed, one or two;
-    ``across``: by how much the gap of the crack grows with that of each edge, shape (triangles, 3); ``volume``: m3.
+    ``across``: growth of the gap of the crack with the gap of each edge, shape (triangles, 3); ``volume``: m3.
     """
 
     def __init__(
         self, row: Ints, at: Ints, vertex: Floats, freed: Booleans, across: Floats, volume: Floats, youngs: float,
         poisson: float,
     ) -> None:  # fmt: skip
-        found, edges = find_open_edges(vertex, freed, youngs, poisson)
+        triangles, edges = find_open_edges(vertex, freed, youngs, poisson)
         # Closed: a pull across the crack takes away the gap that there is without it.
         gap = np.einsum("te,tef->tf", across, edges.gap)
         stretch = np.einsum("tef,tf->te", edges.give, across)
         give = np.einsum("te,te->t", across, stretch)[:, None]
-        stress = found.stress + np.einsum("tce,te->tc", edges.stress, stretch)[:, :, None] * (gap / give)[:, None, :]
+        stress = (
+            triangles.stress + np.einsum("tce,te->tc", edges.stress, stretch)[:, :, None] * (gap / give)[:, None, :]
+        )
         self.at, self.tables = at, FaceTables(row, at, gap, stress)
         self.columns = gap * np.sqrt(volume[:, None] / give)  # w: closing adds w w^T to the stiffness
 
@@ -165,8 +167,8 @@ class ClosingFaces:
 
 @kernel
 def put_closed_stress(faces: FaceTables, displacement: Floats, stress: Floats) -> None:
-    """Put the stress (Pa; xx, yy, xy) of triangles with closed faces in the place of that with open ones."""
-    row, at, if_closed, moved = faces.row, faces.at, faces.stress, displacement.ravel()
+    """Replace the stress (Pa; xx, yy, xy) of triangles with closed faces."""
+    row, at, if_closed, freedom = faces.row, faces.at, faces.stress, displacement.ravel()
     closed = closed_faces(faces, displacement)
     for t in range(row.size):
         if not closed[t]:
@@ -174,29 +176,29 @@ def put_closed_stress(faces: FaceTables, displacement: Floats, stress: Floats) -
         for c in range(3):
             stress[row[t], c] = 0.0
             for a in range(9):
-                stress[row[t], c] += if_closed[t, c, a] * moved[at[t, a]]
+                stress[row[t], c] += if_closed[t, c, a] * freedom[at[t, a]]
 
 
 @kernel
 def closed_faces(faces: FaceTables, displacement: Floats) -> Booleans:
     """Which cracks through triangles would be open by less than nothing."""
-    at, gap, moved = faces.at, faces.gap, displacement.ravel()
+    at, gap, freedom = faces.at, faces.gap, displacement.ravel()
     closed = np.empty(at.shape[0], np.bool_)
     for t in range(at.shape[0]):
         value = 0.0
         for a in range(9):
-            value += gap[t, a] * moved[at[t, a]]
+            value += gap[t, a] * freedom[at[t, a]]
         closed[t] = value < 0.0
     return closed
 
 
-def shares_of_gap(vertex: Floats, freed: Booleans, faces: Booleans, normal: Floats) -> Floats:
-    """By how much the gap of a crack grows with that of each freed edge of its triangle, shape (triangles, 3).
+def find_gap_shares(vertex: Floats, freed: Booleans, faces: Booleans, normal: Floats) -> Floats:
+    """Find the growth of the gap of a crack with the gap of each freed edge of its triangle, shape (triangles, 3).
 
-    ``vertex``: m; ``freed``: one or two edges of each triangle; ``faces``: those of them that belong to broken bonds;
-    ``normal``: of the crack where it crosses each edge, to either side, or 0 where its way is not known; shape (triangles, 3, 2).
+    ``vertex``: m; ``freed``: one or two edges of each triangle; ``faces``: freed edges that belong to broken bonds;
+    ``normal``: of the crack where it crosses each edge, to either side, or 0 where unknown; shape (triangles, 3, 2).
 
-    A crack through two edges parts the vertex that they share from the other two. The gap is that along the normal of the
+    A crack through two edges parts the vertex that they share from the other two. The gap is taken along the normal of the
     crack, so its faces slip freely, while edge by edge they would lock like the teeth of the lattice that they are made of.
     """
     shares, rows = freed.astype(np.float64), np.flatnonzero(freed.sum(axis=1) == 2)
@@ -210,16 +212,16 @@ def shares_of_gap(vertex: Floats, freed: Booleans, faces: Booleans, normal: Floa
     mean = (crack * counts).sum(axis=1)
     mean = np.where(mean.any(axis=1, keepdims=True), mean, (toward * counts).sum(axis=1))
     mean /= np.hypot(*mean.T)[:, None]
-    # No share below 0: what was no gap on one edge alone is none on both, so that no break stores energy.
-    of_two = np.linalg.solve(toward.transpose(0, 2, 1), mean[..., None])[..., 0]
-    shares[rows[:, None], edge] = np.maximum(of_two, 0.0)
+    # No share below 0: without a gap on one edge alone there is none on both, so that no break stores energy.
+    both_shares = np.linalg.solve(toward.transpose(0, 2, 1), mean[..., None])[..., 0]
+    shares[rows[:, None], edge] = np.maximum(both_shares, 0.0)
     return shares
 
 
 def volumes(mesh: CellMesh, thickness: Floats) -> Floats:
     """Volume (m3) of the ice of each triangle, with its weight; ``thickness`` (m) of the cells is linear between nodes.
 
-    It is not a number for cells that are gone: then that of the other vertices counts.
+    It is not a number for cells that are gone: then the other vertices count.
     """
     return np.asarray(mesh.weight * mesh.area * np.nanmean(thickness[mesh.owner[mesh.triangle]], axis=1))
 
@@ -237,53 +239,53 @@ def freedoms(node: Ints, owner: Ints) -> Ints:
 @kernel
 def triangle_stresses(at: Ints, stress: Floats, displacement: Floats) -> Floats:
     """Stress (Pa; xx, yy, xy) of each triangle; ``stress``: of `Triangles`; ``displacement``: of all nodes (m, m, rad)."""
-    found, moved = np.empty((at.shape[0], 3)), displacement.ravel()
+    result, freedom = np.empty((at.shape[0], 3)), displacement.ravel()
     for t in range(at.shape[0]):
         xx = yy = xy = 0.0  # three sums side by side: each by itself would wait for its last addition
         for a in range(9):
-            d = moved[at[t, a]]
+            d = freedom[at[t, a]]
             xx += stress[t, 0, a] * d
             yy += stress[t, 1, a] * d
             xy += stress[t, 2, a] * d
-        found[t, 0], found[t, 1], found[t, 2] = xx, yy, xy
-    return found
+        result[t, 0], result[t, 1], result[t, 2] = xx, yy, xy
+    return result
 
 
 class Neighbourhoods(NamedTuple):
-    """Triangles whose stress is averaged in each of some places; a row for each triangle of a place, place by place."""
+    """Triangles whose stress is averaged at each of some points; a row for each triangle of a point, point by point."""
 
-    place: Ints
+    point: Ints
     triangle: Ints
     share: Floats  # Area with its weight, m2
 
     @classmethod
-    def of_pairs(cls, mesh: CellMesh, place: Ints, triangle: Ints) -> Neighbourhoods:
-        """Take each pair of a place and a triangle once; places below 0 are none."""
-        count, chosen = len(mesh.triangle), place >= 0
-        pairs = np.unique(place[chosen] * count + triangle[chosen])
-        place, triangle = np.divmod(pairs, count)
-        return cls(place, triangle, (mesh.weight * mesh.area)[triangle])
+    def of_pairs(cls, mesh: CellMesh, point: Ints, triangle: Ints) -> Neighbourhoods:
+        """Take each pair of a point and a triangle once; points below 0 are none."""
+        count, is_valid = len(mesh.triangle), point >= 0
+        pairs = np.unique(point[is_valid] * count + triangle[is_valid])
+        point, triangle = np.divmod(pairs, count)
+        return cls(point, triangle, (mesh.weight * mesh.area)[triangle])
 
-    def but_freed(self, whole: Booleans) -> Neighbourhoods:
-        """Return those without a freed edge (``whole``: of the triangles), in places that have any.
+    def exclude_freed(self, is_unfreed: Booleans) -> Neighbourhoods:
+        """Return those without a freed edge (``is_unfreed``: of the triangles), at points that have any.
 
         Freed edges carry nothing, so a mean that takes their triangles in sees the relief of the flanks of a crack and hardly
         notices that a short one goes on.
         """
-        of_whole = whole[self.triangle]
-        some = np.bincount(self.place, self.share * of_whole) > 0.0
-        counts = of_whole | ~some[self.place]
-        return Neighbourhoods(self.place[counts], self.triangle[counts], self.share[counts])
+        unfreed = is_unfreed[self.triangle]
+        has_unfreed = np.bincount(self.point, self.share * unfreed) > 0.0
+        counts = unfreed | ~has_unfreed[self.point]
+        return Neighbourhoods(self.point[counts], self.triangle[counts], self.share[counts])
 
 
 @kernel
-def mean_stresses(near: Neighbourhoods, stress: Floats, places: int) -> Floats:
-    """Stress (Pa; xx, yy, xy) in each place: mean over its triangles by area; 0 where there are none."""
-    place, triangle, share = near.place, near.triangle, near.share
-    mean, n = np.zeros((places, 3)), 0
-    while n < place.size:
-        k, total, xx, yy, xy = place[n], 0.0, 0.0, 0.0, 0.0
-        while n < place.size and place[n] == k:
+def mean_stresses(neighbourhoods: Neighbourhoods, stress: Floats, count: int) -> Floats:
+    """Stress (Pa; xx, yy, xy) at each point: mean over its triangles by area; 0 where there are none."""
+    point, triangle, share = neighbourhoods.point, neighbourhoods.triangle, neighbourhoods.share
+    mean, n = np.zeros((count, 3)), 0
+    while n < point.size:
+        k, total, xx, yy, xy = point[n], 0.0, 0.0, 0.0, 0.0
+        while n < point.size and point[n] == k:
             t, area = triangle[n], share[n]
             total += area
             xx, yy, xy = xx + area * stress[t, 0], yy + area * stress[t, 1], xy + area * stress[t, 2]
