@@ -480,8 +480,8 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
         )
 
     left_out = set() if settings.sea_level in ("auto", "files") else {"ssh"}
-    held = {str(name) for ds in datasets for name in ds.data_vars}
-    if settings.wind == "none" or {"ua", "va"} <= held:
+    field_names = {str(name) for ds in datasets for name in ds.data_vars}
+    if settings.wind == "none" or {"ua", "va"} <= field_names:
         left_out |= {"taux", "tauy"} | ({"ua", "va"} if settings.wind == "none" else set())
     sources = sorted(
         (last_file(ds, str(name), number), number, str(name))

@@ -499,11 +499,11 @@ class ProductRecords:
 
     def _read(self, records: slice) -> Block:
         """Read some records; refuse those without a value, and values that cannot be true."""
-        part = self.ds.isel(time=records) if self.times else self.ds
-        block = {str(name): as_block(field, named(self.ds)) for name, field in part.data_vars.items()}
+        excerpt = self.ds.isel(time=records) if self.times else self.ds
+        block = {str(name): as_block(field, named(self.ds)) for name, field in excerpt.data_vars.items()}
         for name, values in block.items():
             check_not_empty(name, values, self.ds, self.dates[records])
-            check_believable(name, values, part, self.dates[records])
+            check_believable(name, values, excerpt, self.dates[records])
         if "taux" in block and "tauy" in block and "ua" not in block:
             block["ua"], block["va"] = wind_from_stress(block.pop("taux"), block.pop("tauy"))
         if "wave_direction" in block:  # from where they come; its parts can be interpolated, degrees cannot
