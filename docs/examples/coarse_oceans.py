@@ -18,7 +18,7 @@ from riftberg import Iceberg, Model, Parameters
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
-from riftberg.ocean.formulas import Eddy, Sum, Uniform, metres_from
+from riftberg.ocean.formulas import Eddy, Sum, Uniform, metric_offsets
 
 SPACINGS = {"1/12": 1 / 12, "1/4": 1 / 4, "1/2": 1 / 2, "1": 1.0}
 """Cells (degrees of longitude and latitude) of the oceans."""
@@ -44,7 +44,7 @@ def level(lon: np.ndarray, lat: np.ndarray) -> np.ndarray:
     radius = 6_363_827.0  # of the sphere on which bergs drift
     total = 2.0 * EARTH_ROTATION * radius / GRAVITY * MEAN_FLOW * np.cos(np.radians(lat))
     for k, centre in enumerate(CENTRES):
-        x, y = metres_from(centre, lon, lat, True)
+        x, y = metric_offsets(centre, lon, lat, True)
         coriolis = 2.0 * EARTH_ROTATION * np.sin(np.radians(centre[1]))
         stream = -SPEED * (-1) ** k * RADIUS * np.exp(0.5 * (1.0 - (x * x + y * y) / RADIUS**2))
         total = total + coriolis * stream / GRAVITY

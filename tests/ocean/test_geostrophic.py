@@ -13,7 +13,7 @@ from ocean.test_files_forcing import EXPERIMENT, LEVELS, field, folder, mean_to,
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.experiments import build
-from riftberg.ocean.datasets import DatasetForcing, balance_of, product_part
+from riftberg.ocean.datasets import DatasetForcing, averaged_product, product_part
 from riftberg.products import open_all
 from riftberg.state import Elements, Floats, new_elements
 
@@ -107,7 +107,7 @@ def test_against_the_sea_level_of_oras5(shared: Path) -> None:
         sea = open_all(files["ocean_surf"], product)
         parts = [product_part(ds, START) for ds in (*sea, *open_all(files["ssh"]))]
         truth = sampled(DatasetForcing(parts), lon, lat)
-        forcing = DatasetForcing(parts[:1], balance=balance_of(parts[0]))
+        forcing = DatasetForcing(parts[:1], balance=averaged_product(parts[0]))
         e = sampled(forcing, lon, lat)
         off = per_slope * np.hypot(e.slope_x - truth.slope_x, e.slope_y - truth.slope_y)
         errors[product] = float(np.sqrt(np.mean(off**2)))

@@ -77,7 +77,7 @@ def test_every_kind_answers_all_that_a_run_may_ask(kind: str) -> None:
     assert all(
         isinstance(text, str) for text in (*sea.notices, *sea.citations, *sea.slope_remarks, sea.title, sea.level_gaps)
     )
-    assert sea.level_of_files == kind.startswith(("product", "errors"))
+    assert sea.has_own_level_datum == kind.startswith(("product", "errors"))
     assert sea.depth_spacing() is None or sea.depth_spacing() > 1e3
     assert len(sea.components()) >= 1
     assert type(sea).__name__ in repr(sea)

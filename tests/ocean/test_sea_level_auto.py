@@ -13,7 +13,7 @@ import xarray as xr
 from riftberg import DatasetForcing, Forcing, Iceberg, Model, Parameters
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.ocean.balance import APART, MEAN, balancing_slope, drift_in_current, mean_currents, shares_of_mean
+from riftberg.ocean.balance import APART, MEAN, balancing_slope, drift_in_current, mean_currents, mean_record_weights
 from riftberg.ocean.product_records import ProductRecords
 from riftberg.state import Elements, Floats, new_elements
 
@@ -257,7 +257,7 @@ def test_means_are_those_of_a_slow_twin(hours: Floats) -> None:
 
 def test_weights_are_a_triangle_of_fifty_hours() -> None:
     times = 3600.0 * np.arange(0.0, 200.0, 0.5)
-    first, weights = shares_of_mean(times, times[200])
+    first, weights = mean_record_weights(times, times[200])
     assert (first, weights.size) == (175, 51)
     assert weights.sum() == pytest.approx(1.0)
     means = mean_currents(

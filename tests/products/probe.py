@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.ocean.datasets import product_part
-from riftberg.ocean.files_forcing import place_points, values_at
+from riftberg.ocean.files_forcing import interpolate_levels, place_points
 
 
 def at_points(ds: xr.Dataset, lon: Any, lat: Any, times: Any = None) -> xr.Dataset:
@@ -22,7 +22,7 @@ def at_points(ds: xr.Dataset, lon: Any, lat: Any, times: Any = None) -> xr.Datas
     dates = records if times is None else np.array(times, "M8[ns]")
     seconds = (dates - records[0]) / np.timedelta64(1, "s")
     fields = {
-        name: np.stack([values_at(part, name, time, places).reshape(-1, *lon.shape) for time in seconds])
+        name: np.stack([interpolate_levels(part, name, time, places).reshape(-1, *lon.shape) for time in seconds])
         for name in part.records.names
     }
     levels = {"depth": ds["depth"].values} if "depth" in ds.dims else {}

@@ -179,7 +179,7 @@ def test_what_the_sea_level_of_files_adds_to_a_chart_is_told_once() -> None:
 class LeveledForcing(FakeForcing):
     """A chart with a sea level from files."""
 
-    level_of_files = True
+    has_own_level_datum = True
 
     def __init__(self, level: float) -> None:
         self.level = level

@@ -27,7 +27,7 @@ from riftberg.life.process import PROCESSES, LifeModel, date_of_birth, missing_w
 from riftberg.model import BareModel
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
-from riftberg.ocean.gridded import corners_at_elements
+from riftberg.ocean.gridded import interpolate_corners
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 
@@ -510,7 +510,7 @@ class Exchange:
         """Return the mean drag of the water (N) in the last step of the bergs, along and across the rows of the grid."""
         east, north = self.model.applied_forces(elements)[:, FORCES.index("water")].T
         g, mirrored = self.grid.arrays, bool(self.forcing.rules.mirrored)
-        c, s = (corners_at_elements(angle, elements, mirrored) for angle in (g.cos_angle, g.sin_angle))
+        c, s = (interpolate_corners(angle, elements, mirrored) for angle in (g.cos_angle, g.sin_angle))
         return np.stack([c * east - s * north, s * east + c * north])
 
     def _add_departed(self, elements: Elements, fluxes: dict[str, Floats]) -> None:

@@ -61,14 +61,14 @@ MEMBERS: Final = 200
 def product_members(experiment: object, data: Path | None = None) -> dict[str, int]:
     """Return of how many members the files of an experiment give a quantity, by its canonical name."""
     from riftberg.experiments.yaml_file import read_file
-    from riftberg.ocean.files_forcing import members_of_files
+    from riftberg.ocean.files_forcing import count_members
     from riftberg.ocean.files_schema import FileForcing
 
     try:
         forcing = read_file(Path(str(experiment)), data=data)[0].forcing
         if not isinstance(forcing, FileForcing):
             return {}
-        return members_of_files(forcing, data or Path(str(experiment)).parent)
+        return count_members(forcing, data or Path(str(experiment)).parent)
     except RiftbergError:  # said where the experiment is built, with the options that it is built with
         return {}
 

@@ -12,7 +12,7 @@ from riftberg.config.values import ICE_UNITS, Pair, SeaIce, Section, Velocity, W
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import OVER_KEEL
-from riftberg.ocean.forcing import flows_text, ice_text, pair_text, said
+from riftberg.ocean.forcing import flows_text, ice_text, join_texts, pair_text
 from riftberg.ocean.formulas import SUMMED, UNKNOWN, Formula
 from riftberg.parameters import Earth
 from riftberg.state import Elements, Floats, new_elements
@@ -44,7 +44,7 @@ class Steady(Formula):
     Attributes
     ----------
     provides : frozenset of str
-        What is known of the sea beside its motion: ``sst``, ``sss``.
+        Water properties that are known: ``sst``, ``sss``.
 
     Raises
     ------
@@ -73,8 +73,8 @@ class Steady(Formula):
         self.ice_fraction = self._water[2]
         self.temperature = None if temperature is None else self._water[0]
         self.salinity = None if salinity is None else self._water[1]
-        said = (("sst", temperature), ("sss", salinity))
-        self.provides = frozenset(name for name, value in said if value is not None)
+        water_values = (("sst", temperature), ("sss", salinity))
+        self.provides = frozenset(name for name, value in water_values if value is not None)
         self.current: tuple[float, float] = steady("current", current)
         self.wind: tuple[float, float] = steady("wind", wind)
         self.slope: tuple[float, float] = steady("slope", slope)
@@ -114,14 +114,14 @@ class Steady(Formula):
         e.sst[:], e.sss[:], e.ice_fraction[:] = self._water
 
     def add_to(self, elements: Elements, time: float) -> None:
-        """Add what `sample` of this class gives."""
+        """Add the values that `sample` of this class gives."""
         e, gives = elements.environment, self._values(elements, time)
         for name in SUMMED:
             getattr(e, name)[:] += gives[name]
         np.minimum(e.depth, gives["depth"], out=e.depth)
         for name in self.provides:
             getattr(e, name)[:] = gives[name]
-            getattr(e, OVER_KEEL[name])[:] = np.nan  # that of the surface holds, whatever another part has said
+            getattr(e, OVER_KEEL[name])[:] = np.nan  # the value at the surface counts, whatever another term has set
         np.maximum(e.ice_fraction, self._water[2], out=e.ice_fraction)
 
     def _values(self, elements: Elements, time: float) -> Mapping[str, Floats | float]:
@@ -133,10 +133,10 @@ class Steady(Formula):
                 "depth": self.water,
                 **dict(zip(UNKNOWN, self._water, strict=True)),
             }
-        own = new_elements(elements.size)
-        own.place.lon[:], own.place.lat[:] = elements.place.lon, elements.place.lat
-        self.sample(own, time)
-        return {name: getattr(own.environment, name) for name in (*SUMMED, "depth", *UNKNOWN)}
+        sampled = new_elements(elements.size)
+        sampled.place.lon[:], sampled.place.lat[:] = elements.place.lon, elements.place.lat
+        self.sample(sampled, time)
+        return {name: getattr(sampled.environment, name) for name in (*SUMMED, "depth", *UNKNOWN)}
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
@@ -150,11 +150,11 @@ class Steady(Formula):
         """Return the values in words."""
         depth = f"{self.water:g} m deep" if self.water != DEEP else ""
         ice = ice_text(self.sea_ice, self.ice_fraction)
-        return "steady and uniform: " + said(flows_text(self.current, self.wind), ice, depth)
+        return "steady and uniform: " + join_texts(flows_text(self.current, self.wind), ice, depth)
 
 
 def _checked_water(temperature: Any, salinity: Any, ice_fraction: Any) -> tuple[float, float, float]:
-    """Return temperature, salinity and cover after a check; what is not given has the value of an unknown sea."""
+    """Return temperature, salinity and cover after a check; values not given are the defaults for an unknown sea."""
     temperature = None if temperature is None else number(temperature, "degC", where="temperature", kind=ForcingError)
     salinity = None if salinity is None else number(salinity, "1", where="salinity", kind=ForcingError)
     ice_fraction = number(ice_fraction, "1", where="ice_fraction", kind=ForcingError)
@@ -183,7 +183,7 @@ class Convergence(Steady):
     """A uniform current along x that converges on a line in part of each period (equations 10.2).
 
     The northward current falls from ``speed`` south of the line to ``-speed`` north of it over ``ramp`` metres on either
-    side, and sets in and ends over ``ramp`` along x: what bilinear interpolation gives on a grid of that spacing.
+    side, and sets in and ends over ``ramp`` along x, as bilinear interpolation does on a grid of that spacing.
 
     ``current``: uniform current, m s-1; ``speed``: speed towards the line, m s-1; ``line``: y of the line, m; ``span``:
     where along x the current converges, m; ``ramp``: width of the transition, m; ``period``: zonal period, m;
@@ -204,7 +204,7 @@ class Convergence(Steady):
         self.speed, self.line, self.span, self.ramp, self.period = speed, line, span, ramp, period
 
     def sample(self, elements: Elements, time: float) -> None:
-        """Fill the environment of the elements; the vorticity is that of the northward current."""
+        """Fill the environment of the elements; the vorticity comes from the northward current alone."""
         super().sample(elements, time)
         e = elements
         e.uo[:], e.vo[:] = self.currents(e.lon, e.lat, time)

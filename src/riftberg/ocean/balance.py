@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from riftberg.parameters import Parameters
 
 SeaLevel = Literal["auto", "files", "geostrophic", "none"]
-"""Where the slope of the sea surface comes from; `decided` says what ``auto`` is."""
+"""Where the slope of the sea surface comes from; `decided` resolves ``auto``."""
 
 MEAN: Final = 25.0 * 3600.0
 """Length (s) of each of the two means: two periods of the lunar tide, nearly two of inertial motion at 60 degrees."""
 
 APART: Final = 5.0 * 3600.0
-"""Means are taken at records about so far apart (s), and are linear between: what is left of them changes over days."""
+"""Means are taken at records about so far apart (s), and are linear between: their remainder changes over days."""
 
 KEPT_BYTES: Final = 128e6
 """Memory for means that are kept, for the members of an ensemble that share them."""
@@ -46,14 +46,14 @@ FEWEST: Final = 16
 
 
 def decided(choice: str, fields: Collection[str], *, where: str, level_wanted: str, currents_wanted: str) -> SeaLevel:
-    """Return ``files``, ``geostrophic`` or ``none``: what a choice means for data that give these fields, as a whole.
+    """Return ``files``, ``geostrophic`` or ``none``: the meaning of a choice for data that give these fields.
 
-    ``level_wanted``, ``currents_wanted``: remedies where the choice asks for what nothing gives.
+    ``level_wanted``, ``currents_wanted``: remedies where no data give the field that the choice needs.
 
     Raises
     ------
     ForcingError
-        If there is no such choice, or the data do not give what it asks for.
+        If there is no such choice, or the data lack the field that it needs.
     """
     if choice not in get_args(SeaLevel):
         raise ForcingError(f"{choice!r} is no choice", where=where, remedy="auto, files, geostrophic or none")
@@ -96,20 +96,20 @@ def wind_drift(lat: Floats, ua: Floats, va: Floats, share: float) -> tuple[Float
     ua, va : array
         Eastward and northward wind at 10 m, m s-1.
     share : float
-        Speed of the layer over that of the wind.
+        Speed of the layer over the speed of the wind.
     """
     turn = np.where(np.asarray(lat) < 0.0, 1.0, -1.0)
-    part = share * math.sqrt(0.5)
-    return part * (ua - turn * va), part * (va + turn * ua)
+    component = share * math.sqrt(0.5)
+    return component * (ua - turn * va), component * (va + turn * ua)
 
 
 MOST_OF_WIND: Final = 0.05
 """Share of the wind that no drift of the sea surface exceeds."""
 
 
-def share_of_wind(given: Any) -> float:
+def checked_wind_layer(value: Any) -> float:
     """Return the share of the wind whose layer is taken out of the current."""
-    share = checked_number(given, "1", where="wind_layer", kind=ForcingError)
+    share = checked_number(value, "1", where="wind_layer", kind=ForcingError)
     if not 0.0 <= share <= MOST_OF_WIND:
         raise ForcingError(
             f"{share:g} is no share of the wind", where="wind_layer", remedy=f"0 to {MOST_OF_WIND:g}, such as 0.005"
@@ -118,7 +118,7 @@ def share_of_wind(given: Any) -> float:
 
 
 def layer_text(share: float) -> str:
-    """Return what is taken out of the current."""
+    """Return the notice that a wind layer is taken out of the current."""
     return (
         f"wind_layer: {share:g} of the wind, 45 degrees to its left in the south and to its right in the north, is taken out of "
         "the current and of the slope that balances it"
@@ -132,7 +132,7 @@ class Shares(NamedTuple):
     weights: Floats
 
 
-def shares_of_mean(times: Floats, middle: float) -> Shares:
+def mean_record_weights(times: Floats, middle: float) -> Shares:
     """Return the weights of records in the mean over 25 hours around a time (s), of a series that is linear between them.
 
     At the ends of the series the mean shifts inwards; a shorter series is averaged as a whole.
@@ -141,16 +141,16 @@ def shares_of_mean(times: Floats, middle: float) -> Shares:
     end = min(begin + MEAN, times[-1])
     first = max(int(np.searchsorted(times, begin, side="right")) - 1, 0)
     last = max(int(np.searchsorted(times, end, side="left")), first + 1)
-    near = times[first : last + 1]
-    low, high = np.maximum(near[:-1], begin), np.minimum(near[1:], end)
-    length, after = high - low, (0.5 * (low + high) - near[:-1]) / np.diff(near)
-    weights = np.zeros(near.size)
+    node_times = times[first : last + 1]
+    low, high = np.maximum(node_times[:-1], begin), np.minimum(node_times[1:], end)
+    length, after = high - low, (0.5 * (low + high) - node_times[:-1]) / np.diff(node_times)
+    weights = np.zeros(node_times.size)
     weights[:-1] += length * (1.0 - after)
     weights[1:] += length * after
     return Shares(first, weights / (end - begin))
 
 
-def shares_of_slow_current(times: Floats) -> tuple[list[int], list[Shares]]:
+def slow_current_weights(times: Floats) -> tuple[list[int], list[Shares]]:
     """Return the records at which the current that the sea surface balances is taken, and the weights of all records in each.
 
     It is the mean over 25 hours, taken twice; ``times``: of the records, s.
@@ -159,7 +159,7 @@ def shares_of_slow_current(times: Floats) -> tuple[list[int], list[Shares]]:
     while numbers[-1] < times.size - 1:
         within = int(np.searchsorted(times, times[numbers[-1]] + APART, side="right")) - 1
         numbers.append(max(within, numbers[-1] + 1))
-    once = [shares_of_mean(times, float(time)) for time in times]
+    once = [mean_record_weights(times, float(time)) for time in times]
     twice = []
     for number in numbers:
         outer = once[number]
@@ -173,19 +173,19 @@ def shares_of_slow_current(times: Floats) -> tuple[list[int], list[Shares]]:
 
 
 @kernel
-def add_share(values: Floats, weight: float, total: Floats, known: Floats) -> None:
-    """Add a record with its weight to a mean, where it is known."""
+def add_share(values: Floats, weight: float, total: Floats, known_weight: Floats) -> None:
+    """Add a record with its weight to a mean where the record has a value."""
     for n in range(values.size):
         value = values[n]
         total[n] += weight * value if value == value else 0.0
-        known[n] += weight if value == value else 0.0
+        known_weight[n] += weight if value == value else 0.0
 
 
 class _Sums(NamedTuple):
-    """A mean that is being taken: weighted sum and weight of what is known, by component; flat."""
+    """A mean that is being taken: weighted sum and weight of the known values, by component; flat."""
 
     total: dict[str, Floats]
-    known: dict[str, Floats]
+    known_weight: dict[str, Floats]
 
 
 class MeanCurrents(ProductRecords):
@@ -202,7 +202,7 @@ class MeanCurrents(ProductRecords):
         self._next = -1  # The record that is to be added next to the sums that are open
         super().__init__(of.ds[self._pair], of.start, keel=float(of.limits[-1]))
         times = np.asarray(of.times)
-        numbers, self._shares = shares_of_slow_current(times)
+        numbers, self._shares = slow_current_weights(times)
         self.dates, self.times = of.dates[numbers], [float(t) for t in times[numbers]]
         self._firsts = np.array([share.first for share in self._shares])
         self._ends = np.array([share.first + share.weights.size for share in self._shares])
@@ -229,7 +229,7 @@ class MeanCurrents(ProductRecords):
                 self._record(number)
 
     def _check_gap(self, record: int, time: float) -> None:
-        """Pass: gaps are those of the currents, which their own records check."""
+        """Pass: the records of the currents check their own gaps."""
 
     def _record(self, number: int) -> Block:
         mean = self._means.get(number)
@@ -249,9 +249,9 @@ class MeanCurrents(ProductRecords):
 
     def _add_record(self, record: int) -> None:
         """Add a record to all means that hold it and have had those before it; keep the means that it completes."""
-        whole = self._of._record(record)
+        full_record = self._of._record(record)
         block = {
-            name: whole[name][: self._limits.size - 1] for name in self.names
+            name: full_record[name][: self._limits.size - 1] for name in self.names
         }  # another thread may have gone deeper
         behind, ahead = np.searchsorted(self._ends, record, "right"), np.searchsorted(self._firsts, record, "right")
         for number in range(int(behind), int(ahead)):
@@ -262,7 +262,7 @@ class MeanCurrents(ProductRecords):
                 continue
             sums = self._open[number]
             for name in self.names:
-                add_share(block[name].reshape(-1), weights[record - first], sums.total[name], sums.known[name])
+                add_share(block[name].reshape(-1), weights[record - first], sums.total[name], sums.known_weight[name])
             if record == first + weights.size - 1:
                 self._keep(number, self._open.pop(number), block)
 
@@ -270,9 +270,11 @@ class MeanCurrents(ProductRecords):
         """Keep a mean; the farthest in time are forgotten where there is no room."""
         mean = {}
         for name in self.names:
-            known = sums.known[name]
+            known_weight = sums.known_weight[name]
             with np.errstate(invalid="ignore", divide="ignore"):
-                mean[name] = np.where(known > 0.0, sums.total[name] / known, np.nan).reshape(like[name].shape)
+                mean[name] = np.where(known_weight > 0.0, sums.total[name] / known_weight, np.nan).reshape(
+                    like[name].shape
+                )
         most = max(FEWEST, int(KEPT_BYTES // max(1, sum(values.nbytes for values in mean.values()))))
         # The dictionary is replaced, never changed: other threads look into it without the lock.
         spared = sorted(self._means, key=lambda old: abs(old - number))[: most - 1]
@@ -280,14 +282,14 @@ class MeanCurrents(ProductRecords):
 
 
 def mean_currents(records: ProductRecords, pair: tuple[str, str] = ("uo", "vo")) -> ProductRecords:
-    """Return currents (or winds) as the sea surface balances them: means over 25 hours twice; of a day and longer as they are."""
+    """Return currents (or winds) that the sea surface balances: means over 25 hours twice, if records are shorter than a day."""
     times = np.asarray(records.times)
     if times.size < 2 or np.median(np.diff(times)) >= SECONDS_PER_DAY:
         return records
     return MeanCurrents(records, pair)
 
 
-# ---- what is said of it -----------------------------------------------------------------------------------------------------
+# ---- notices on the slope ----------------------------------------------------------------------------------------------------
 
 SHOWN_SPEED: Final = 0.2
 """Current (m s-1) in which `slope_notice` says how far a berg drifts."""
@@ -316,18 +318,18 @@ def drift_in_current(size: float, thickness: float, density: float, lat: float, 
     draft, scale = float(draft_of(thickness, density)), drag.ocean_scale
     coefficient = ocean_drag(mass, size, size, size, draft, 1.0, scale, drag.water_side, drag.water_base)  # m-1
     turning = 2.0j * EARTH_ROTATION * math.sin(lat * DEGREE)  # Velocities are complex: east + i north
-    step, speed, way = 600.0, 0.0j, 0.0
+    step, speed, distance = 600.0, 0.0j, 0.0
     for _ in range(round(SHOWN_DAYS * SECONDS_PER_DAY / step)):
         rate = coefficient * abs(speed - SHOWN_SPEED)
         push = (turning * slope + rate) * SHOWN_SPEED
         after = ((1.0 - 0.5 * step * turning) * speed + step * push) / (1.0 + 0.5 * step * turning + step * rate)
-        way += 0.5 * step * (speed + after).real
+        distance += 0.5 * step * (speed + after).real
         speed = after
-    return way
+    return distance
 
 
 def slope_notice(forcing: Forcing, elements: Elements, largest: Ints, parameters: Parameters) -> str:
-    """Return what `auto` assumes of the sea level and what that means for a berg, or that the given one has gaps.
+    """Return the sea level that `auto` assumes and its effect on a berg, or that the given one has gaps.
 
     ``largest``: rows of the elements of the largest berg.
     """
@@ -336,12 +338,14 @@ def slope_notice(forcing: Forcing, elements: Elements, largest: Ints, parameters
     body, lat = elements.body, float(np.mean(elements.place.lat[largest]))
     area, density = float((body.length[largest] * body.width[largest]).sum()), parameters.ice.density
     size, thickness = math.sqrt(area), float(body.mass[largest].sum()) / (density * area)
-    ways = [
+    distances = [
         drift_in_current(size, thickness, density, lat, slope=slope, drag=parameters.drag) for slope in (True, False)
     ]
-    with_it, without = (f"{way / 1e3:.3g}" if abs(way) >= 1e3 else f"{way / 1e3:.1f}" for way in ways)
+    with_it, without = (
+        f"{distance / 1e3:.3g}" if abs(distance) >= 1e3 else f"{distance / 1e3:.1f}" for distance in distances
+    )
     big = f"{size / 1e3:.3g} km" if size >= 1e3 else f"{size:.3g} m"
-    said = (
+    message = (
         f"no sea level is given: its slope balances the current (in {SHOWN_SPEED:g} m/s a berg of {big} moves {with_it} km in "
         f"two days with it, {without} without)"
     )
@@ -349,4 +353,4 @@ def slope_notice(forcing: Forcing, elements: Elements, largest: Ints, parameters
     depth = np.asarray(forcing.depth(elements.place.lon[largest[:1]], elements.place.lat[largest[:1]]), float)
     if (depth >= FIELD_DEFAULTS["depth"]).all():
         clauses.append("no depth is given either, so the berg runs aground nowhere")
-    return "; ".join([said, *clauses, "sea_level says otherwise: files, geostrophic or none"])
+    return "; ".join([message, *clauses, "sea_level says otherwise: files, geostrophic or none"])

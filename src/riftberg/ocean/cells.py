@@ -1,4 +1,4 @@
-"""The cells of a grid: which one holds a point, how elements move between them, and what the fields are at the elements.
+"""The cells of a grid: which one holds a point, how elements move between them, and the fields at the elements.
 
 Land stops elements, and periodic ends join. Currents and wind are bilinear; the slope of the sea surface, the depth and the drift
 near land have rules of their own (equations 3.2).
@@ -248,7 +248,7 @@ def _neighbour(mask: Floats, i: int, j: int) -> float:
 
 
 @kernel
-def _pulled_in(position: float, inset: float) -> float:
+def _inset_position(position: float, inset: float) -> float:
     if position >= 1.0:
         return 1.0 - inset
     return inset if position < 0.0 else position
@@ -274,14 +274,14 @@ def adjust_cell(
         if bounced:
             # After land was met the point goes back into the cell before the next one is looked for, as in the
             # reference.
-            xi, eta = _pulled_in(xi, inset), _pulled_in(eta, inset)
+            xi, eta = _inset_position(xi, inset), _inset_position(eta, inset)
             x, y = position_from_cell(xi, eta, i, j, grid)
         xi, eta, inside = position_in_cell(x, y, i, j, grid)
         if inside:
             break
     if inside and not bounced and mask[j, i] > 0.0:
         return x, y, i, j, xi, eta, False
-    xi = _pulled_in(xi, inset)
+    xi = _inset_position(xi, inset)
     # The reference compares eta otherwise than xi: exactly 1 stays, exactly 0 does not.
     eta = 1.0 - inset if eta > 1.0 else (inset if eta <= 0.0 else eta)
     x, y = position_from_cell(xi, eta, i, j, grid)
@@ -366,7 +366,7 @@ def _guess_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
 
 
 @kernel
-def _nearest_of_some(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
+def _nearest_coarse_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
     """Cell whose centre is nearest to a point, among every `COARSE`-th cell in both directions."""
     h, lon, lat = grid.halo, grid.lon_centre, grid.lat_centre
     narrowing = math.cos(y * DEGREE) if grid.latlon else 1.0
@@ -409,7 +409,7 @@ def search_nearby(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
     # First in one stride, which is exact on a regular grid; on a bent one from a place that is near, in small ones.
     i, j, cell = _walk(x, y, i, j, 1e6, grid)
     if not cell:
-        i, j = _nearest_of_some(x, y, grid)
+        i, j = _nearest_coarse_cell(x, y, grid)
         i, j, cell = _walk(x, y, i, j, 4.0, grid)
     return (i, j) if cell else (-1, -1)
 
@@ -469,9 +469,9 @@ ZONE_DEPTH = 1000.0
 
 
 @kernel
-def _face_slope(before: float, after: float, wet: float, span: float) -> float:
+def _face_slope(first: float, second: float, wet: float, span: float) -> float:
     """Slope at a face between two cells; exactly 0 next to land, whatever stands there."""
-    return 2.0 * (after - before) / span * wet if wet != 0.0 else 0.0
+    return 2.0 * (second - first) / span * wet if wet != 0.0 else 0.0
 
 
 @kernel
@@ -544,17 +544,17 @@ def _stencil_position(
 @kernel
 def biquadratic_depth(
     depth: Floats, ssh: Floats, lon: Floats, lat: Floats, boxes: bool, period: float, anchor: tuple[int, bool],
-    point: Point, cell: tuple[int, int], place: Point,
+    point: Point, cell: tuple[int, int], position: Point,
 ) -> float:  # fmt: skip
     """Return the biquadratic depth of water (m) at a point: sea floor plus sea level (equations 3.2).
 
     ``depth``, ``ssh``: depth of the floor and sea level at cell centres, m; ``lon``, ``lat``: cell centres, degrees or m;
     ``anchor``: width of the halo in cells, and whether stencils are anchored at even cells; ``cell``: column and row of the
-    point, ``place``: its position there, 0 to 1.
+    point, ``position``: its position there, 0 to 1.
     """
     halo, even_parity = anchor
-    i0 = _stencil_start(cell[0], halo, place[0], even_parity)
-    j0 = _stencil_start(cell[1], halo, place[1], even_parity)
+    i0 = _stencil_start(cell[0], halo, position[0], even_parity)
+    j0 = _stencil_start(cell[1], halo, position[1], even_parity)
     s, t = _stencil_position(point[0], point[1], i0, j0, lon, lat, boxes, period)
     a0, a1, a2 = _lagrange(s)
     b0, b1, b2 = _lagrange(t)
@@ -667,7 +667,7 @@ class Points(NamedTuple):
 
 
 class DepthAtPoint(NamedTuple):
-    """How the depth at a point follows from that of cells."""
+    """How the depth at a point follows from the depths of cells."""
 
     rule: int  # `DEPTH_OF_CELL`, `DEPTH_BIQUADRATIC` or `DEPTH_ZONE`
     zone_lon: float  # South-west point of the dry quadrant, degrees, for `DEPTH_ZONE`
@@ -737,10 +737,10 @@ def blend_around(
         # Held until the next record, or the same array in both.
         if w < 0.0:
             continue
-        before, after, between = first[k], second[k], out[k]
+        earlier, later, between = first[k], second[k], out[k]
         for j in range(south, north):
             for i in range(west, east):
-                between[j, i] = (1.0 - w) * before[j, i] + w * after[j, i]
+                between[j, i] = (1.0 - w) * earlier[j, i] + w * later[j, i]
 
 
 @kernel

@@ -25,10 +25,10 @@ from riftberg.ocean.balance import (
     MeanCurrents,
     SeaLevel,
     balancing_slope,
+    checked_wind_layer,
     decided,
     layer_text,
     mean_currents,
-    share_of_wind,
     wind_drift,
 )
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
@@ -123,31 +123,31 @@ def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Pa
 
     ``keel``: deepest draft (m).
     """
-    return Part(mesh_of(ds), records := ProductRecords(ds, start, keel=keel), provided_by(records))
+    return Part(mesh_of(ds), records := ProductRecords(ds, start, keel=keel), provided_fields(records))
 
 
-def balance_of(part: Part, pair: tuple[str, str] = ("uo", "vo")) -> Part:
-    """Return the part of currents as means over 25 hours twice, whose geostrophic balance the sea surface keeps."""
-    return Part(part.mesh, mean_currents(part.records, pair), ())
+def averaged_product(product: Part, pair: tuple[str, str] = ("uo", "vo")) -> Part:
+    """Return a product with its vectors as means over 25 hours, taken twice: the sea surface balances such currents."""
+    return Part(product.mesh, mean_currents(product.records, pair), ())
 
 
 def balance_remarks(balance: Part, wind_layer: float) -> list[str]:
-    """Return what should be known of a slope that balances these currents: at the ends of their records, near the surface."""
-    said = []
+    """Return remarks on a slope that balances these currents: at the ends of their records, near the surface."""
+    remarks = []
     if isinstance(balance.records, MeanCurrents):
-        said.append(
+        remarks.append(
             "the current is its mean over 25 hours, taken twice: in the first and last 25 hours of the records, of those that "
             "are there"
         )
     if not balance.records.has_levels and balance.original("uo") not in WITHOUT_WIND_DRIFT and not wind_layer:
-        said.append(
+        remarks.append(
             f"{named(balance.records.ds) or balance.source} gives currents near the surface, whose wind drift has no slope: in "
             "ORAS5 this errs by 0.04 m/s, with means over the draft by 0.012 m/s"
         )
-    return said
+    return remarks
 
 
-def provided_by(records: ProductRecords) -> tuple[str, ...]:
+def provided_fields(records: ProductRecords) -> tuple[str, ...]:
     """Return the fields (keys of `FILLS`) that records hold."""
     return tuple(name for name in FILLS if name in records.names and (name not in WAVES or "wave_x" in records.names))
 
@@ -192,7 +192,7 @@ class DatasetForcing(BaseForcing):
     wind_layer : float, optional
         Share of the wind (at 10 m) that is taken out of currents at the surface, 45 degrees to its left in the south and to its
         right in the north, and out of the slope that balances them: the drift of the uppermost metres, which no keel feels
-        (`riftberg.ocean.balance.wind_drift`). 0.005 is what made hindcasts of giant bergs better; 0 leaves currents as they are.
+        (`riftberg.ocean.balance.wind_drift`). 0.005 made hindcasts of giant bergs better; 0 leaves currents as they are.
 
     Raises
     ------
@@ -213,20 +213,20 @@ class DatasetForcing(BaseForcing):
         notices: Sequence[str] = (),
         wind_layer: float = 0.0,
     ) -> None:
-        wanted = "a list of parts, or take DatasetForcing.from_xarray"
-        required(parts, (list, tuple), wanted, where="parts", kind=ForcingError)
+        expected = "a list of parts, or take DatasetForcing.from_xarray"
+        required(parts, (list, tuple), expected, where="parts", kind=ForcingError)
         self.parts, self.grid, self.notices = tuple(parts), grid, tuple(notices)
         self._balance, self.assumes_slope = balance, assumes_slope
         self._gaps: float | None = None  # Share of the sea level that is unknown, at start and end of a run
-        self._wind_layer = share_of_wind(wind_layer)
-        self._slow_wind = self._wind_of_layer() if self._wind_layer else None
+        self._wind_layer = checked_wind_layer(wind_layer)
+        self._slow_wind = self._find_slow_wind() if self._wind_layer else None
         self.slope_remarks = () if balance is None else tuple(balance_remarks(balance, self._wind_layer))
         if self._wind_layer:
             self.notices = (*self.notices, layer_text(self._wind_layer))
         self.coastal_drift = number(coastal_drift, "m s-1", where="coastal_drift", kind=ForcingError)
         self.draft = number(draft, "m", where="draft", kind=ForcingError)
         self._density: float = given(ice_density, Ice, "density", where="ice_density", kind=ForcingError)
-        provided = [name for part in self.parts for name in part.gives]
+        provided = [name for product in self.parts for name in product.gives]
         for name in provided:
             if provided.count(name) > 1:
                 raise ForcingError(f"{name} comes from two products", where="forcing", remedy="Name one of them")
@@ -239,11 +239,11 @@ class DatasetForcing(BaseForcing):
         self.provides = frozenset(VARIABLES) - frozenset(self._missing)
         # A pack that only seems to stand still would hold bergs.
         self.ice_drift_known = not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
-        self.title = ", ".join(dict.fromkeys(part.shown for part in self.parts))
+        self.title = ", ".join(dict.fromkeys(product.shown for product in self.parts))
 
-    def _wind_of_layer(self) -> Part | None:
+    def _find_slow_wind(self) -> Part | None:
         """Return the wind whose layer is taken out of the slope too; refuse currents that hold no such layer."""
-        wind, currents = self._part_with("ua"), self._part_with("uo")
+        wind, currents = self._find_product("ua"), self._find_product("uo")
         if currents is None or wind is None or "ua" not in wind.records.names:
             raise ForcingError(
                 "a share of the wind is taken out of the current, and there is no wind (ua, va) or no current",
@@ -256,7 +256,7 @@ class DatasetForcing(BaseForcing):
             )  # fmt: skip
         if self._balance is None or self._balance.records.has_levels:
             return None
-        return balance_of(wind, ("ua", "va"))
+        return averaged_product(wind, ("ua", "va"))
 
     def without_assumed_slope(self) -> DatasetForcing:
         """Return the same forcing without a slope of the sea surface that was not asked for: a sum has another one."""
@@ -306,7 +306,7 @@ class DatasetForcing(BaseForcing):
         Raises
         ------
         ForcingError
-            If a dataset does not say what it holds and where, or two give the same field.
+            If a dataset does not name its fields and positions, or two give the same field.
 
         Examples
         --------
@@ -322,7 +322,7 @@ class DatasetForcing(BaseForcing):
         (array([0.1]), array([0.1]))
         """
         check_names(options, DatasetOptions)
-        several = list_of_datasets(datasets)
+        listed = as_dataset_list(datasets)
         begin = None if start is None else moment(start, where="start")
         limits = {"max_gap_seconds": (max_gap, "max_gap"), "hold_seconds": (hold, "hold")}
         rules = {
@@ -330,32 +330,32 @@ class DatasetForcing(BaseForcing):
             for key, (value, name) in limits.items()
             if value is not None
         }
-        given = [ds.assign_attrs(in_python=1, **rules) for ds in in_memory(several, names)]
+        prepared = [ds.assign_attrs(in_python=1, **rules) for ds in in_memory(listed, names)]
         slope = decided(
-            sea_level, {str(name) for ds in given for name in ds.data_vars}, where="sea_level",
+            sea_level, {str(name) for ds in prepared for name in ds.data_vars}, where="sea_level",
             level_wanted="Add a dataset of it, or leave sea_level away: then the slope balances the current",
             currents_wanted="Add a dataset of currents, or leave sea_level away",
         )  # fmt: skip
         if slope != "files":
-            given = [rest for ds in given if (rest := ds.drop_vars("ssh", errors="ignore")).data_vars]
-        check_pairs(given)
+            prepared = [rest for ds in prepared if (rest := ds.drop_vars("ssh", errors="ignore")).data_vars]
+        check_pairs(prepared)
         if begin is None:  # the first date at which all have begun
-            first = [ds["time"].values.min() for ds in given if "time" in ds and ds["time"].size]
+            first = [ds["time"].values.min() for ds in prepared if "time" in ds and ds["time"].size]
             if not first:
                 raise ForcingError(
                     "no dataset has dates", where="Forcing.from_xarray",
                     remedy="Give start, the date of the model's time 0",
                 )  # fmt: skip
             begin = moment(max(first), where="start")
-        for ds in given:
+        for ds in prepared:
             if "unread" in ds.attrs:
                 _LOG.warning("%s: %s", named(ds), ds.attrs["unread"])
-        notices = [*named_remarks(given), *idle_fields(given), *doubtful_units(given)]
-        parts = [product_part(ds, begin) for ds in given]
+        notices = [*named_remarks(prepared), *idle_fields(prepared), *doubtful_units(prepared)]
+        products = [product_part(ds, begin) for ds in prepared]
         if slope == "geostrophic":
-            currents = next(part for part in parts if "uo" in part.gives)
-            options = {"balance": balance_of(currents), "assumes_slope": sea_level == "auto", **options}
-        forcing = cls(parts, **{"notices": notices, **options})
+            currents = next(product for product in products if "uo" in product.gives)
+            options = {"balance": averaged_product(currents), "assumes_slope": sea_level == "auto", **options}
+        forcing = cls(products, **{"notices": notices, **options})
         forcing.start = begin
         return forcing
 
@@ -365,16 +365,16 @@ class DatasetForcing(BaseForcing):
             return
         for name in self._missing:
             getattr(elements, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
-        # The depth is that of the floor below mean sea level; the sea level is added once all parts are there.
+        # Products give the depth of the floor below mean sea level; the sea level is added once all parts are there.
         level = np.zeros(elements.lon.size)
         balanced: Places | None = None
-        for part, places in self._placed(elements):
-            if self._balance is not None and part.mesh is self._balance.mesh:
-                balanced = places
-            for name in part.gives:
-                self._fill(part, name, places, elements, time)
-            if "ssh" in part.gives and self._part_with("depth_below_surface") is not None:
-                level = _values(part, "ssh", places, time, unknown=0.0)
+        for product, located in self._placed(elements):
+            if self._balance is not None and product.mesh is self._balance.mesh:
+                balanced = located
+            for name in product.gives:
+                self._fill(product, name, located, elements, time)
+            if "ssh" in product.gives and self._find_product("depth_below_surface") is not None:
+                level = _values(product, "ssh", located, time, unknown=0.0)
         if "depth" not in self._missing:
             elements.depth[:] += level
         if self._wind_layer:
@@ -385,8 +385,8 @@ class DatasetForcing(BaseForcing):
         if self._balance is not None:
             # Fill the slope of the sea surface that is in geostrophic balance with a current; 0 where this is unknown.
             draft = draft_of(elements.body.thickness, self._density) if self._balance.records.has_levels else None
-            places = balanced or self._balance.mesh.locate(elements.lon, elements.lat)
-            u, v = (_values(self._balance, name, places, time, draft, unknown=0.0) for name in ("uo", "vo"))
+            located = balanced or self._balance.mesh.locate(elements.lon, elements.lat)
+            u, v = (_values(self._balance, name, located, time, draft, unknown=0.0) for name in ("uo", "vo"))
             if self._slow_wind is not None:
                 where = self._slow_wind.mesh.locate(elements.lon, elements.lat)
                 ua, va = (_values(self._slow_wind, name, where, time, unknown=0.0) for name in ("ua", "va"))
@@ -394,66 +394,66 @@ class DatasetForcing(BaseForcing):
                 u, v = u - east, v - north
             elements.slope_x[:], elements.slope_y[:] = balancing_slope(elements.lat, u, v)
 
-    def _fill(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
+    def _fill(self, product: Part, name: str, located: Places, elements: Elements, time: float) -> None:
         """Fill the variables of the elements that come from one field; 0 where it is unknown."""
         e = elements
         if name == "ssh":
-            moment = part.records.moment("ssh", time)
-            if isinstance(part.mesh, NodeMesh):
-                e.slope_x[:], e.slope_y[:] = part.mesh.slopes(_nodes(part, "ssh", time), e.lon, e.lat)
+            level = product.records.moment("ssh", time)
+            if isinstance(product.mesh, NodeMesh):
+                e.slope_x[:], e.slope_y[:] = product.mesh.slopes(_nodes(product, "ssh", time), e.lon, e.lat)
             else:
-                fill_slopes(moment, places, part.mesh.points, e.lon, e.lat, e.slope_x, e.slope_y)
+                fill_slopes(level, located, product.mesh.points, e.lon, e.lat, e.slope_x, e.slope_y)
             return
         if name == "wave_height":
             for variable in FILLS[name]:
-                known = variable in part.records.names
-                getattr(e, variable)[:] = _values(part, variable, places, time, unknown=0.0) if known else 0.0
+                is_given = variable in product.records.names
+                getattr(e, variable)[:] = _values(product, variable, located, time, unknown=0.0) if is_given else 0.0
             return
         # Only currents push over the whole draft; temperature at the keel has variables of its own.
-        draft = draft_of(e.body.thickness, self._density) if name == "uo" and part.records.has_levels else None
+        draft = draft_of(e.body.thickness, self._density) if name == "uo" and product.records.has_levels else None
         components = (name, VECTORS[name]) if name in VECTORS else (name,)
         for component, variable in zip(components, FILLS[name], strict=False):
-            getattr(e, variable)[:] = _values(part, component, places, time, draft, unknown=0.0)
+            getattr(e, variable)[:] = _values(product, component, located, time, draft, unknown=0.0)
         if name == "uo":
-            self._fill_turn(part, places, e, time, draft)
-        if name in OVER_KEEL and part.records.on_levels(name):
+            self._fill_turn(product, located, e, time, draft)
+        if name in OVER_KEEL and product.records.on_levels(name):
             over = draft_of(e.body.thickness, self._density)
-            getattr(e, OVER_KEEL[name])[:] = _values(part, name, places, time, over)
+            getattr(e, OVER_KEEL[name])[:] = _values(product, name, located, time, over)
 
-    def _fill_turn(self, part: Part, places: Places, e: Elements, time: float, draft: Floats | None) -> None:
+    def _fill_turn(self, product: Part, located: Places, e: Elements, time: float, draft: Floats | None) -> None:
         """Fill the vorticity of the current, and add the drift away from land."""
-        if isinstance(part.mesh, NodeMesh):
-            e.vorticity[:] = part.mesh.slopes(_nodes(part, "vo", time), e.lon, e.lat)[0]
-            e.vorticity[:] -= part.mesh.slopes(_nodes(part, "uo", time), e.lon, e.lat)[1]
+        if isinstance(product.mesh, NodeMesh):
+            e.vorticity[:] = product.mesh.slopes(_nodes(product, "vo", time), e.lon, e.lat)[0]
+            e.vorticity[:] -= product.mesh.slopes(_nodes(product, "uo", time), e.lon, e.lat)[1]
             return
-        east, north = (part.records.moment(name, time) for name in ("uo", "vo"))
+        east, north = (product.records.moment(name, time) for name in ("uo", "vo"))
         over = np.ones(e.lon.size) if draft is None else draft
-        points = part.mesh.points
-        fill_vorticity(east, north, places, points, e.lon, e.lat, over, e.vorticity)
+        points = product.mesh.points
+        fill_vorticity(east, north, located, points, e.lon, e.lat, over, e.vorticity)
         if self.coastal_drift > 0.0:
-            add_shore_drift(east, places, points, e.lon, e.lat, self.coastal_drift, e.uo, e.vo)
+            add_shore_drift(east, located, points, e.lon, e.lat, self.coastal_drift, e.uo, e.vo)
 
     def _placed(self, elements: Elements) -> Iterator[tuple[Part, Places]]:
-        """Give each part with the places of the elements on its points.
+        """Give each product with the cells of its points that hold the elements.
 
         Raises
         ------
         ForcingError
             If an element lies outside of a product.
         """
-        for part in self.parts:
-            places = part.mesh.locate(elements.lon, elements.lat)
-            outside = np.flatnonzero(places.row < 0)
+        for product in self.parts:
+            located = product.mesh.locate(elements.lon, elements.lat)
+            outside = np.flatnonzero(located.row < 0)
             if outside.size:
                 raise ForcingError(
-                    f"{_named(elements, int(outside[0]))} is outside of the data of {', '.join(part.gives)}"
-                    f"{nominal_axes(part.records.ds)}",
-                    where=part.source,
+                    f"{_named(elements, int(outside[0]))} is outside of the data of {', '.join(product.gives)}"
+                    f"{nominal_axes(product.records.ds)}",
+                    where=product.source,
                     remedy="Give data that cover it, or fewer days"
-                    if in_python(part.records.ds)
+                    if in_python(product.records.ds)
                     else "Take a larger box (forcing.longitude, forcing.latitude), files that cover it, or fewer days",
                 )
-            yield part, places
+            yield product, located
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless every part covers these elements from ``start`` to ``end`` (s).
@@ -461,9 +461,9 @@ class DatasetForcing(BaseForcing):
         Refused are data without currents, elements outside of the data or on land, keels below the levels, times that no
         record covers, and values that cannot be.
         """
-        if self._part_with("uo") is None:
+        if self._find_product("uo") is None:
             raise ForcingError(
-                f"nothing gives currents, only {', '.join(part for each in self.parts for part in each.gives)}",
+                f"nothing gives currents, only {', '.join(name for product in self.parts for name in product.gives)}",
                 where=self.title, remedy="Add data of them, or say what they are: + Forcing.uniform(current=(0.0, 0.0))",
             )  # fmt: skip
         self.check_fields(elements, start, end)
@@ -472,72 +472,75 @@ class DatasetForcing(BaseForcing):
         """Raise `ForcingError` unless every part covers these elements; currents may come from elsewhere."""
         row = int(elements.thickness.argmax())
         draft = draft_of(float(elements.thickness[row]), self._density)
-        for part in (*self.parts, *(part for part in (self._balance, self._slow_wind) if part is not None)):
-            part.records.reach(draft)
-        if self._balance is not None and self._balance.records is not getattr(self._part_with("uo"), "records", None):
+        for product in (*self.parts, *(product for product in (self._balance, self._slow_wind) if product is not None)):
+            product.records.reach(draft)
+        if self._balance is not None and self._balance.records is not getattr(
+            self._find_product("uo"), "records", None
+        ):
             self._balance.records.check(start, end)  # first, for it reads the currents once and more of them
         if self._slow_wind is not None:
             self._slow_wind.records.check(start, end)
-        for part, places in self._placed(elements):
-            part.records.check(start, end)
-            for name in part.gives:
+        for product, located in self._placed(elements):
+            product.records.check(start, end)
+            for name in product.gives:
                 for component in (name, VECTORS.get(name, "")):
                     if component in (*MUST_BE_KNOWN, "depth_below_surface"):
-                        self._check_known(part, component, places, elements, start)
-            if "uo" in part.gives and part.records.has_levels:
-                _check_keel(part, draft, f"element {elements.id[row]}")
+                        self._check_known(product, component, located, elements, start)
+            if "uo" in product.gives and product.records.has_levels:
+                _check_keel(product, draft, f"element {elements.id[row]}")
         self._gaps = max(
-            self._share_of_gaps(time) for time in (end, start)
+            self._gap_share(time) for time in (end, start)
         )  # the start last: a run begins with its records
 
-    def _check_known(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
+    def _check_known(self, product: Part, name: str, located: Places, elements: Elements, time: float) -> None:
         """Refuse elements where a field is unknown, or the sea floor above the water."""
-        values = _values(part, name, places, time)
+        values = _values(product, name, located, time)
         dry = values <= 0.0 if name == "depth_below_surface" else np.isnan(values)
         if dry.any():
             row = int(np.flatnonzero(dry)[0])
-            what, remedy = f"is on land: no {name} is known there", "Move the berg, or give data that know it"
+            fault, remedy = f"is on land: no {name} is known there", "Move the berg, or give data that know it"
             if values[row] < 0.0:
-                what = (
+                fault = (
                     f"is on land: no {name} but {values[row]:.4g} m is known there, or these are heights, positive up"
                 )
-                remedy = f"Move the berg; of heights change the sign, or write positive: up on {part.original(name)}"
+                remedy = f"Move the berg; of heights change the sign, or write positive: up on {product.original(name)}"
             raise ForcingError(
-                f"{_named(elements, row)} {what}", where=named(part.records.ds) or part.source, remedy=remedy
+                f"{_named(elements, row)} {fault}", where=named(product.records.ds) or product.source, remedy=remedy
             )
 
     def depth_spacing(self) -> float | None:
         """Return the usual distance (m) between neighbouring points of the chart of the sea floor; None where there is none."""
-        part = self._part_with("depth_below_surface")
-        if part is None:
+        product = self._find_product("depth_below_surface")
+        if product is None:
             return None
-        if isinstance(part.mesh, NodeMesh):
-            return float(np.radians(np.median(part.mesh.spacing())) * EARTH_RADIUS_KID)
-        lon, lat = part.mesh.points.lon, part.mesh.points.lat
+        if isinstance(product.mesh, NodeMesh):
+            return float(np.radians(np.median(product.mesh.spacing())) * EARTH_RADIUS_KID)
+        lon, lat = product.mesh.points.lon, product.mesh.points.lat
         east = (np.diff(lon, axis=0) + 180.0) % 360.0 - 180.0
-        apart = np.hypot(east * np.cos(np.radians(lat[1:])), np.diff(lat, axis=0))
-        return float(np.radians(np.nanmedian(apart)) * EARTH_RADIUS_KID)
+        distances = np.hypot(east * np.cos(np.radians(lat[1:])), np.diff(lat, axis=0))
+        return float(np.radians(np.nanmedian(distances)) * EARTH_RADIUS_KID)
 
     @property
     def level_gaps(self) -> str:
-        """What is missing of a given sea level at the start, and at the end of a run that was checked; empty if nothing is."""
-        share = self._gaps
-        if share is None:
+        """Gaps of a given sea level at the start, and at the end of a run that was checked; empty if there are none."""
+        unknown_share = self._gaps
+        if unknown_share is None:
             try:
-                share = self._share_of_gaps(0.0)
+                unknown_share = self._gap_share(0.0)
             except ForcingError:  # whatever it is, the check before the first step says it
                 return ""
-        part = self._part_with("ssh")
-        if part is None or share == 0.0:
+        product = self._find_product("ssh")
+        if product is None or unknown_share == 0.0:
             return ""
         return (
-            f"{named(part.records.ds) or part.source}: the sea level is unknown at {max(100.0 * share, 0.1):.2g} % of the points "
-            "whose current is known; there its slope is 0. With sea_level: geostrophic the slope balances the current everywhere"
+            f"{named(product.records.ds) or product.source}: the sea level is unknown at "
+            f"{max(100.0 * unknown_share, 0.1):.2g} % of the points whose current is known; there its slope is 0. "
+            "With sea_level: geostrophic the slope balances the current everywhere"
         )
 
-    def _share_of_gaps(self, time: float) -> float:
-        """Return at which share of points with water all around the sea level is unknown."""
-        level, current = self._part_with("ssh"), self._part_with("uo")
+    def _gap_share(self, time: float) -> float:
+        """Return the share of points with water all around at which the sea level is unknown."""
+        level, current = self._find_product("ssh"), self._find_product("uo")
         if level is None or current is None or isinstance(level.mesh, NodeMesh) or isinstance(current.mesh, NodeMesh):
             return 0.0
         moment = level.records.moment("ssh", time)
@@ -547,7 +550,7 @@ class DatasetForcing(BaseForcing):
         lon, lat, unknown = (_flat(values[::every, ::every]) for values in (at.lon, at.lat, unknown))
         water = current.records.moment("uo", time)
         wet = np.where(np.isnan(water.before[:1]), 0.0, 1.0)
-        known = np.empty(lon.size)
+        water_weights = np.empty(lon.size)
         blend = Blend(wet, wet, 0.0, SURFACE, np.nan)
         fill_values(
             blend,
@@ -556,102 +559,104 @@ class DatasetForcing(BaseForcing):
             current.mesh.points.columns,
             NO_RINGS,
             np.nan,
-            known,
+            water_weights,
         )
-        water_around = known > 1.0 - 1e-9
+        water_around = water_weights > 1.0 - 1e-9
         return float((water_around & (unknown > 0.0)).sum() / max(1, water_around.sum()))
 
-    def _part_with(self, name: str) -> Part | None:
-        return next((part for part in self.parts if name in part.gives), None)
+    def _find_product(self, name: str) -> Part | None:
+        return next((product for product in self.parts if name in product.gives), None)
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the ocean current (m s-1) at arrays of points, for maps; NaN outside and on land."""
-        part = self._part_with("uo")
-        if part is None:  # those of a sum come from its formulas
+        product = self._find_product("uo")
+        if product is None:  # the currents of a sum come from its formulas
             return np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
         x, y = _flat(lon), _flat(lat)
-        draft = np.full(x.size, min(self.draft, float(part.records.limits[-1]))) if part.records.has_levels else None
-        places = part.mesh.locate(x, y)
-        u, v = (_values(part, name, places, time, draft, NO_RINGS) for name in ("uo", "vo"))
+        draft = (
+            np.full(x.size, min(self.draft, float(product.records.limits[-1]))) if product.records.has_levels else None
+        )
+        located = product.mesh.locate(x, y)
+        u, v = (_values(product, name, located, time, draft, NO_RINGS) for name in ("uo", "vo"))
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) below mean sea level at arrays of points; NaN outside and on land."""
-        part = self._part_with("depth_below_surface")
-        if part is None:
+        product = self._find_product("depth_below_surface")
+        if product is None:
             return np.full(np.shape(lon), FIELD_DEFAULTS["depth"])
-        places = part.mesh.locate(_flat(lon), _flat(lat))
-        depth = _values(part, "depth_below_surface", places, 0.0, None, NO_RINGS)
+        located = product.mesh.locate(_flat(lon), _flat(lat))
+        depth = _values(product, "depth_below_surface", located, 0.0, None, NO_RINGS)
         return np.where(depth > 0.0, depth, np.nan).reshape(np.shape(lon))
 
     def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
-        """Return the sea level (m) above that of the depth at arrays of points; 0 where no product gives both."""
-        part = self._part_with("ssh")
-        if part is None or self._part_with("depth_below_surface") is None:
+        """Return the sea level (m) above the datum of the depth at arrays of points; 0 where no product gives both."""
+        product = self._find_product("ssh")
+        if product is None or self._find_product("depth_below_surface") is None:
             return np.zeros(np.shape(lon))
-        places = part.mesh.locate(_flat(lon), _flat(lat))
-        return _values(part, "ssh", places, time, unknown=0.0).reshape(np.shape(lon))
+        located = product.mesh.locate(_flat(lon), _flat(lat))
+        return _values(product, "ssh", located, time, unknown=0.0).reshape(np.shape(lon))
 
     def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
         """Return which points of the products are land: no current is known there, or no depth above 0."""
-        x, y, found = _flat(lon), _flat(lat), np.zeros(np.size(lon), bool)
+        x, y, is_land = _flat(lon), _flat(lat), np.zeros(np.size(lon), bool)
         for name in ("uo", "depth_below_surface"):
-            if (part := self._part_with(name)) is not None:
+            if (product := self._find_product(name)) is not None:
                 values = self.currents(x, y, 0.0)[0] if name == "uo" else self.depth(x, y)
-                found |= np.isnan(values) & (part.mesh.locate(x, y).row >= 0)
-        return found.reshape(np.shape(lon))
+                is_land |= np.isnan(values) & (product.mesh.locate(x, y).row >= 0)
+        return is_land.reshape(np.shape(lon))
 
     @property
-    def level_of_files(self) -> bool:
+    def has_own_level_datum(self) -> bool:
         """Whether the sea level of a product counts in the depth of a chart."""
-        return self._part_with("ssh") is not None and self._part_with("depth_below_surface") is not None
+        return self._find_product("ssh") is not None and self._find_product("depth_below_surface") is not None
 
     def components(self) -> tuple[Part, ...]:
-        """Return what each product gives."""
+        """Return the products."""
         return self.parts
 
     def describe(self) -> str:
-        """Return what each product gives, on which points and at which times."""
-        said = [_described(part) for part in self.parts]
+        """Return the fields of each product, its points and its dates, in words."""
+        texts = [_described(product) for product in self.parts]
         drift = [f"coastal drift {self.coastal_drift:g} m/s"] if self.coastal_drift > 0.0 else []
         if self._balance is not None:
             over = ["the draft"] * self._balance.records.has_levels
             over += ["25 hours, taken twice"] * isinstance(self._balance.records, MeanCurrents)
             mean = f"the mean current over {' and '.join(over)}" if over else "the current"
             why = ", for no sea level is given" if self.assumes_slope else ""
-            said.append(f"slope of the sea surface: in geostrophic balance with {mean}{why}")
+            texts.append(f"slope of the sea surface: in geostrophic balance with {mean}{why}")
         grid = [f"elements are stopped by the land of a grid of {self.grid.describe()}"] if self.grid else []
-        text = "\n".join(["each product on its own points", *said, *drift, *grid, *self.notices])
+        text = "\n".join(["each product on its own points", *texts, *drift, *grid, *self.notices])
         return text.replace("\n", "\n    ")
 
 
 def _values(
-    part: Part, name: str, places: Places, time: float, draft: Floats | None = None, near: Ints = RINGS,
+    product: Part, name: str, located: Places, time: float, draft: Floats | None = None, rings: Ints = RINGS,
     unknown: float = np.nan,
 ) -> Floats:  # fmt: skip
     """Return a field at places."""
-    out = np.empty(places.row.size)
+    out = np.empty(located.row.size)
     over = np.ones(out.size) if draft is None else draft
-    fill_values(part.records.moment(name, time), places, over, part.mesh.points.columns, near, unknown, out)
+    fill_values(product.records.moment(name, time), located, over, product.mesh.points.columns, rings, unknown, out)
     return out
 
 
-def _check_keel(part: Part, draft: float, element: str) -> None:
+def _check_keel(product: Part, draft: float, element: str) -> None:
     """Refuse a draft (m) below the levels of the currents."""
-    deepest = float(part.records.limits[-1])
+    deepest = float(product.records.limits[-1])
     if draft > deepest * (1.0 + 1e-9):
         raise ForcingError(
             f"{element} has a draft of {draft:.0f} m, the levels of the currents end at {deepest:.0f} m",
-            where=part.source,
+            where=product.source,
             remedy="Give deeper levels, or the currents of the surface alone: ds.isel(depth=0)"
-            if in_python(part.records.ds)
+            if in_python(product.records.ds)
             else "Fetch deeper levels (--depth), or take the currents of the surface (forcing.currents: surface)",
         )
 
 
-def _nodes(part: Part, name: str, time: float) -> Floats:
+def _nodes(product: Part, name: str, time: float) -> Floats:
     """Return a field at all points of an unstructured product (its uppermost level)."""
-    moment = part.records.moment(name, time)
+    moment = product.records.moment(name, time)
     return np.asarray((1.0 - moment.weight) * moment.before[0, 0] + moment.weight * moment.after[0, 0])
 
 
@@ -663,21 +668,21 @@ def _named(elements: Elements, row: int) -> str:
     return f"element {elements.id[row]} at ({elements.lon[row]:.6g}, {elements.lat[row]:.6g})"
 
 
-def _described(part: Part) -> str:
-    """Return what a part gives, in a few lines."""
-    records, points = part.records, part.mesh.points
+def _described(product: Part) -> str:
+    """Return the fields of a product in a few lines."""
+    records, points = product.records, product.mesh.points
     dates = [str(date.astype("datetime64[m]")) for date in records.dates]
     when = f"{len(dates)} records from {dates[0]} to {dates[-1]}" if dates else "constant in time"
     rows, columns = points.lon.shape
-    lines = [f"{', '.join(part.gives)}: gridded fields from {part.source}, {when}, {rows} x {columns} points"]
-    if "uo" in part.gives and records.has_levels:
+    lines = [f"{', '.join(product.gives)}: gridded fields from {product.source}, {when}, {rows} x {columns} points"]
+    if "uo" in product.gives and records.has_levels:
         lines.append(
             f"currents: mean over the draft of each element, from {records.limits.size - 1} layers to "
             f"{records.limits[-1]:g} m"
         )
     lines += [
         f"{name}: at the surface for waves, mean over the draft of each element for sides and base"
-        for name in OVER_KEEL if name in part.gives and records.on_levels(name)
+        for name in OVER_KEEL if name in product.gives and records.on_levels(name)
     ]  # fmt: skip
     return "\n".join(lines)
 
@@ -736,21 +741,21 @@ class Forcing(formulas.Formula):
             dataset, xr.Dataset, "a dataset of xarray, such as xarray.open_dataset(file)", where="Forcing.from_dataset",
             kind=ForcingError,
         )  # fmt: skip
-        known = (*QUANTITIES, *COORDINATES)
-        check_names(names_and_options, DatasetOptions, *known)
-        names = {key: name for key, name in names_and_options.items() if key in known}
+        field_names = (*QUANTITIES, *COORDINATES)
+        check_names(names_and_options, DatasetOptions, *field_names)
+        names = {key: name for key, name in names_and_options.items() if key in field_names}
         options = {key: value for key, value in names_and_options.items() if key not in names}
         return DatasetForcing.from_xarray(dataset, start, **{"names": names, **options})
 
     from_xarray = staticmethod(DatasetForcing.from_xarray)
 
 
-def list_of_datasets(datasets: Any) -> list[xr.Dataset]:
-    """Return one dataset or several as a list, or refuse what is none."""
-    several = list(datasets) if isinstance(datasets, list | tuple) else [datasets]
-    for part in several or [None]:
+def as_dataset_list(datasets: Any) -> list[xr.Dataset]:
+    """Return one dataset or several as a list, or refuse anything else."""
+    listed = list(datasets) if isinstance(datasets, list | tuple) else [datasets]
+    for dataset in listed or [None]:
         required(
-            part, xr.Dataset, "a dataset of xarray, or a list of them, such as xarray.open_dataset(file)",
+            dataset, xr.Dataset, "a dataset of xarray, or a list of them, such as xarray.open_dataset(file)",
             where="Forcing.from_xarray", kind=ForcingError,
         )  # fmt: skip
-    return several
+    return listed

@@ -1,4 +1,4 @@
-"""What forcing files are, what they give, and what a run still lacks, in words that a first-day user can act on."""
+"""Check forcing files: their product, their fields, and what a run still lacks, in words that a first-day user can act on."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ ASSUMED = {
     "ua": "calm air",
     "va": "calm air",
 }
-"""What a run takes where no file gives a field that it should have."""
+"""Values that a run assumes where no file gives a field that it should have."""
 
 _SAMPLE_RECORDS = 3
 _LARGE = 2000
@@ -75,19 +75,19 @@ def doctor(
     """Identify files and check that they suffice for an experiment; never raises for bad files, it reports them.
 
     ``lon``, ``lat``: box of the experiment (degrees); ``path``: positions of the berg, where missing values matter
-    ((lon, lat)); ``max_gap``, ``hold``: what the run allows, s: the longest gap that is interpolated across, and how
+    ((lon, lat)); ``max_gap``, ``hold``: limits of the run, s: the longest gap that is interpolated across, and how
     long the ends are held.
     """
     unknown = [name for name in needed if name not in QUANTITIES]
     if unknown:
         raise ForcingError(f"no such fields: {unknown}", where="needed", remedy=f"Choose from: {', '.join(QUANTITIES)}")
     rules = {"max_gap_seconds": max_gap, "hold_seconds": hold}
-    noted = {name: seconds for name, seconds in rules.items() if seconds is not None}
+    attributes = {name: seconds for name, seconds in rules.items() if seconds is not None}
     report = Report()
     opened = _opened_entries(_entries(files, product, report), report)
     for ds in opened:
         try:
-            report.data.append(_examined(ds.assign_attrs(noted), lon, lat, time, path))
+            report.data.append(_examined(ds.assign_attrs(attributes), lon, lat, time, path))
         except ForcingError as error:
             report.unreadable[str(ds.attrs["source"])] = _without_place(error)
         except Exception as error:  # values that a damaged file does not give up
@@ -111,40 +111,40 @@ def _entries(
         except ForcingError as error:
             report.unreadable[error.where] = _without_place(error)
             continue
-        named = product if product is None or isinstance(product, str) else product.get(str(stated))
-        entries += [(name, named) for name in names]
+        choice = product if product is None or isinstance(product, str) else product.get(str(stated))
+        entries += [(name, choice) for name in names]
     return entries
 
 
 def _opened_entries(entries: Sequence[tuple[str, Choice]], report: Report) -> list[xr.Dataset]:
-    """Open what can be opened; note the rest in the report."""
+    """Open the readable files; note the rest in the report."""
     usable: list[list[tuple[xr.Dataset, Product]]] = []
     for number, (name, product) in enumerate(entries):
         try:
-            parts = read_named(name, product, number)
-            joined_files(parts)  # what its product makes of its records may be refused too
-            usable.append(parts)
+            opened = read_named(name, product, number)
+            joined_files(opened)  # joining its records may fail too
+            usable.append(opened)
         except ForcingError as error:
             report.unreadable[name] = _other_kind(name) or _without_place(error)
     try:
-        return paired_vectors(joined_files([part for parts in usable for part in parts]))
+        return paired_vectors(joined_files([pair for opened in usable for pair in opened]))
     except ForcingError as error:  # each is good by itself, together they do not go
         report.clashes.append(f"{error.where}: {_without_place(error)}")
-        return [ds for parts in usable for ds in joined_files(parts)]
+        return [ds for opened in usable for ds in joined_files(opened)]
 
 
 def _other_kind(name: str) -> str:
-    """Tell what a file is that belongs to a run but is no forcing; empty if unknown."""
+    """Name the kind of a file that belongs to a run but is no forcing; empty if unknown."""
     try:
         with open_netcdf(name) as file:
-            held = set(file.variables)
+            variables = set(file.variables)
     except OSError:
         return ""
-    if {"trajectory", "break_time"} <= held:
+    if {"trajectory", "break_time"} <= variables:
         return "a run of Riftberg, no forcing: 'riftberg plot', 'score' and 'why' read it"
-    if {"lon", "lat", "mass", "thickness", "start_mass"} <= held:
+    if {"lon", "lat", "mass", "thickness", "start_mass"} <= variables:
         return "an initial state of icebergs (restart of KID), no forcing: 'riftberg kid' and a68a-paper read it"
-    if "b_id" in held:
+    if "b_id" in variables:
         return "a mask of icebergs, no forcing: Iceberg.from_mask makes a berg of it"
     return ""
 
@@ -166,27 +166,27 @@ def _examined(
         space=extent_text(ds),
         time=_time_cover(ds),
     )
-    part = _part(ds, lon, lat, time, finding)
-    if part is None:
+    excerpt = _cut_to_experiment(ds, lon, lat, time, finding)
+    if excerpt is None:
         _time_problems(ds, {}, time, finding)
         return finding
-    mesh = mesh_of(part)
-    _space_problems(part, mesh, lon, lat, finding)
-    empty = empty_by_field(part)
+    mesh = mesh_of(excerpt)
+    _space_problems(excerpt, mesh, lon, lat, finding)
+    empty = empty_by_field(excerpt)
     _time_problems(
-        ds, {name: part["time"].values[flags] for name, flags in empty.items() if flags.any()}, time, finding
+        ds, {name: excerpt["time"].values[flags] for name, flags in empty.items() if flags.any()}, time, finding
     )
     berg = Located(mesh, *np.reshape(path or (), (-1, 2)).T)
     if berg.outside.any():
         finding.problems.append(
             f"{berg.outside.sum()} of {berg.lon.size} positions of the berg lie outside. Fetch a larger area"
         )
-    sample = _sampled(part, empty, finding)
+    sample = _sampled(excerpt, empty, finding)
     finding.fields = [_field_report(sample[name], berg) for name in sample.data_vars]
     return finding
 
 
-def _part(
+def _cut_to_experiment(
     ds: xr.Dataset, lon: Span | None, lat: Span | None, time: tuple[Any, Any] | None, finding: DataFinding
 ) -> xr.Dataset | None:
     """Return the part of the data in the experiment, or None with the reason noted."""
@@ -207,10 +207,10 @@ def _sampled(ds: xr.Dataset, empty: Mapping[str, Flags], finding: DataFinding) -
     """Return a few records of many, if possible such with values of all fields, and say so."""
     if "time" not in ds.dims:
         return ds
-    whole = np.flatnonzero(~np.any([np.zeros(ds.sizes["time"], bool), *empty.values()], axis=0))
-    if not whole.size or ds.sizes["time"] <= _SAMPLE_RECORDS:
+    complete = np.flatnonzero(~np.any([np.zeros(ds.sizes["time"], bool), *empty.values()], axis=0))
+    if not complete.size or ds.sizes["time"] <= _SAMPLE_RECORDS:
         return ds
-    picked = whole[np.unique(np.linspace(0, whole.size - 1, _SAMPLE_RECORDS).astype(int))]
+    picked = complete[np.unique(np.linspace(0, complete.size - 1, _SAMPLE_RECORDS).astype(int))]
     finding.sampled = (
         f"ranges, missing shares and land on the path: {picked.size} of {ds.sizes['time']} records "
         f"({', '.join(minute(moment) for moment in ds['time'].values[picked])}); records without values: all"
@@ -241,7 +241,7 @@ def _duration(seconds: float) -> str:
 
 
 def _space_problems(ds: xr.Dataset, mesh: Mesh, lon: Span | None, lat: Span | None, finding: DataFinding) -> None:
-    """Note where the experiment's box reaches beyond the data, and what a single row of points lacks."""
+    """Note where the experiment's box reaches beyond the data, and axes with a single point."""
     for axis in ("lat", "lon", "y", "x"):
         if ds.sizes.get(axis, 2) < 2 and not finding.problems:
             finding.problems.append(f"only one point along {axis}: a run needs two or more. Fetch a larger area")
@@ -270,28 +270,28 @@ def _time_problems(
     _gap_problems(ds, records, first, last, finding, "")
     for dates_lost, names in lacking.items():
         who = ", ".join(names)
-        kept = records[~np.isin(records, dates_lost)]
-        shown = ", ".join(map(minute, dates_lost[:6])) + (" ..." if len(dates_lost) > 6 else "")
-        finding.notes.append(f"{len(dates_lost)} record(s) without any value of {who} count as missing: {shown}")
-        if kept.size:
-            _gap_problems(ds, kept, first, last, finding, f" of {who}", known=records)
-            _end_problems(ds, kept, first, last, finding, f" with values of {who}")
+        remaining = records[~np.isin(records, dates_lost)]
+        dates_text = ", ".join(map(minute, dates_lost[:6])) + (" ..." if len(dates_lost) > 6 else "")
+        finding.notes.append(f"{len(dates_lost)} record(s) without any value of {who} count as missing: {dates_text}")
+        if remaining.size:
+            _gap_problems(ds, remaining, first, last, finding, f" of {who}", all_records=records)
+            _end_problems(ds, remaining, first, last, finding, f" with values of {who}")
     if time is not None:
         _end_problems(ds, records, first, last, finding, "")
 
 
 def _gap_problems(
-    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, finding: DataFinding, what: str,
-    known: Dates | None = None,
+    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, finding: DataFinding, subject: str,
+    all_records: Dates | None = None,
 ) -> None:  # fmt: skip
     """Tell the gaps at the dates of the experiment: those that a run refuses, and those that it interpolates across."""
     interval, limit = own_interval(ds), gap_limit(ds)
-    reported = set(long_gaps(known, 1.5 * interval, first, last)) if known is not None else set()
+    reported = set(long_gaps(all_records, 1.5 * interval, first, last)) if all_records is not None else set()
     for gap in long_gaps(records, min(1.5 * interval, limit), first, last):
         if gap in reported:
             continue
         lost = round(gap.seconds / interval) - 1
-        text = f"gap: about {lost} record(s){what} missing between {minute(gap.before)} and {minute(gap.after)}"
+        text = f"gap: about {lost} record(s){subject} missing between {minute(gap.before)} and {minute(gap.after)}"
         if gap.seconds > limit:
             allowed = f"longer than the {_duration(limit)} that a run interpolates across"
             finding.problems.append(f"{text}, {allowed}. Add these files, or set forcing.max_gap")
@@ -300,17 +300,17 @@ def _gap_problems(
 
 
 def _end_problems(
-    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, finding: DataFinding, what: str
+    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, finding: DataFinding, subject: str
 ) -> None:
     """Note dates of the experiment before the first and after the last record."""
     begins, ends = cover_of(ds.sel(time=records))
     if first.astype(begins.dtype) < begins:
         finding.problems.append(
-            f"begins{what} at {minute(records[0])}, after the experiment ({minute(first)}). Add earlier files"
+            f"begins{subject} at {minute(records[0])}, after the experiment ({minute(first)}). Add earlier files"
         )
     if last.astype(ends.dtype) > ends:
         finding.problems.append(
-            f"ends{what} at {minute(records[-1])}, before the experiment ({minute(last)}). Add later files"
+            f"ends{subject} at {minute(records[-1])}, before the experiment ({minute(last)}). Add later files"
         )
 
 
@@ -321,14 +321,14 @@ def _lacking(data: xr.DataArray, berg: Located) -> tuple[int, int]:
     """
     if isinstance(berg.mesh, NodeMesh):
         return 0, 0
-    known, draft = np.empty((2, berg.lon.size)), np.ones(berg.lon.size)
+    interpolated, draft = np.empty((2, berg.lon.size)), np.ones(berg.lon.size)
     dry, unfilled = np.zeros((2, berg.lon.size), bool)
     for record in as_block(data.isel(depth=slice(0, 1)) if "depth" in data.dims else data, "forcing"):
         field = Blend(record, record, 0.0, SURFACE, np.nan)
-        for values, rings in zip(known, (NO_RINGS, RINGS), strict=True):
+        for values, rings in zip(interpolated, (NO_RINGS, RINGS), strict=True):
             fill_values(field, berg.places, draft, berg.mesh.points.columns, rings, np.nan, values)
-        dry |= np.isnan(known[0])
-        unfilled |= np.isnan(known[1])
+        dry |= np.isnan(interpolated[0])
+        unfilled |= np.isnan(interpolated[1])
     return int((dry & ~berg.outside).sum()), int((unfilled & ~berg.outside).sum())
 
 
@@ -336,8 +336,10 @@ def _field_report(data: xr.DataArray, berg: Located) -> FieldFinding:
     """Return range, missing share and problems of one field in the experiment."""
     quantity = QUANTITIES[str(data.name)]
     values = data.values
-    known = np.isfinite(values)
-    low, high = (float(values[known].min()), float(values[known].max())) if known.any() else (np.nan, np.nan)
+    is_finite = np.isfinite(values)
+    low, high = (
+        (float(values[is_finite].min()), float(values[is_finite].max())) if is_finite.any() else (np.nan, np.nan)
+    )
     missing, unfilled = _lacking(data, berg)
     report = FieldFinding(
         name=quantity.name,
@@ -347,7 +349,7 @@ def _field_report(data: xr.DataArray, berg: Located) -> FieldFinding:
         positive=quantity.sign,
         low=low,
         high=high,
-        missing_share=float(1.0 - known.mean()) if known.size else 1.0,
+        missing_share=float(1.0 - is_finite.mean()) if is_finite.size else 1.0,
         missing_on_path=missing,
         unfilled_on_path=unfilled,
     )
@@ -358,7 +360,7 @@ def _field_report(data: xr.DataArray, berg: Located) -> FieldFinding:
 
 
 def _judge(finding: FieldFinding, points: int) -> None:
-    """Add what looks wrong about a field."""
+    """Add the problems of a field."""
     if finding.missing_share == 1.0:
         finding.problems.append("holds no value at all in the experiment: all land or missing")
         return
@@ -381,7 +383,7 @@ def _judge(finding: FieldFinding, points: int) -> None:
 
 
 def _effect(finding: FieldFinding) -> str:
-    """Say what a run does where a field is missing on the path of the berg."""
+    """Return how a run fills a field that is missing on the path of the berg."""
     if finding.name == "depth_below_surface":
         return f"these count as land, {HARMLESS}"
     if finding.name in WAVES:
@@ -397,7 +399,7 @@ def _effect(finding: FieldFinding) -> str:
 
 
 def _conclude(report: Report, needed: Sequence[str], wished: Sequence[str]) -> None:
-    """Say what is missing and what to do, the most pressing first."""
+    """List missing fields and remedies, the most pressing first."""
     for name in QUANTITIES:
         holders = [finding for finding in report.data if any(item.name == name for item in finding.fields)]
         if len(holders) > 1:
@@ -417,15 +419,15 @@ def _conclude(report: Report, needed: Sequence[str], wished: Sequence[str]) -> N
     # A stray file beside a complete set is mentioned, but does not stop the run.
     if report.missing:
         for name, reason in report.unreadable.items():
-            # Of a pattern the folder too, which is what may be wrong.
-            parts = Path(name).parts[-3:] if any(sign in name for sign in "*?[") else (Path(name).name,)
-            report.advice.append(f"{Path(*parts)}: {reason}")
+            # For a pattern show the folder too: it may be the one that is wrong.
+            path_end = Path(name).parts[-3:] if any(sign in name for sign in "*?[") else (Path(name).name,)
+            report.advice.append(f"{Path(*path_end)}: {reason}")
     report.advice += report.clashes
     for finding in report.data:
-        wanted = [item for item in finding.fields if item.name in (*needed, *wished)]
-        if wanted or not finding.fields:
+        relevant = [item for item in finding.fields if item.name in (*needed, *wished)]
+        if relevant or not finding.fields:
             report.advice += [f"{Path(finding.files[0]).name}: {problem}" for problem in finding.problems]
-        for item in wanted:
+        for item in relevant:
             serious = [text for text in item.problems if not text.endswith(HARMLESS)]
             report.advice += [f"{Path(finding.files[0]).name}, {item.name}: {problem}" for problem in serious]
 
@@ -465,7 +467,7 @@ class DataFinding:
 
 @dataclass
 class Report:
-    """What `doctor` found."""
+    """Findings of `doctor`."""
 
     data: list[DataFinding] = field(default_factory=list)  # One entry per dataset
     unreadable: dict[str, str] = field(default_factory=dict)  # Files that could not be used, and why
@@ -488,12 +490,12 @@ class Report:
         return {**asdict(self), "ready": self.ready}
 
     def text(self) -> str:
-        """Return the report as plain text: what was found in these files, each thing once."""
+        """Return the report as plain text, each finding once."""
         lines: list[str] = []
-        said = [*self.assumed]
+        notes_shown = [*self.assumed]
         for finding in self.data:
-            lines += _data_lines(finding, said)
-            said += finding.notes
+            lines += _data_lines(finding, notes_shown)
+            notes_shown += finding.notes
         for name, reason in self.unreadable.items():
             lines += [f"{name}", f"  cannot be used: {reason}"]
         lines += [f"Note: {note}" for note in self.notes if note not in self.assumed]
@@ -510,7 +512,7 @@ class Report:
         return "\n".join(lines)
 
 
-def _data_lines(finding: DataFinding, said: list[str]) -> list[str]:
+def _data_lines(finding: DataFinding, notes_shown: list[str]) -> list[str]:
     """Return the lines of a dataset, without notes that are given elsewhere."""
     head = finding.files[0] if len(finding.files) == 1 else f"{finding.files[0]} and {len(finding.files) - 1} more"
     read = f"; ranges of {finding.sampled.partition(': ')[2].partition(' (')[0]}" if finding.sampled else ""
@@ -527,6 +529,8 @@ def _data_lines(finding: DataFinding, said: list[str]) -> list[str]:
         lines += [f"    ! {problem}" for problem in item.problems]
     # What files of its product may have stands in the reference of products.
     usual = product_named(finding.product).notes
-    here = [note for note in finding.notes if note not in usual and not any(text.endswith(note) for text in said)]
+    here = [
+        note for note in finding.notes if note not in usual and not any(text.endswith(note) for text in notes_shown)
+    ]
     lines += [f"  note: {note}" for note in here]
     return [*lines, *(f"  ! {problem}" for problem in finding.problems)]

@@ -62,7 +62,7 @@ class FieldError:
 class RandomField:
     """A Gaussian random field, periodic on a square, that changes in time.
 
-    ``gradient``: the spread is that of its derivatives (m s-1 if the field is a stream function), not of the field.
+    ``gradient``: the spread describes its derivatives (m s-1 if the field is a stream function), not the field.
     """
 
     def __init__(self, error: FieldError, *, seed: int, kind: str, extent: float, gradient: bool) -> None:
@@ -81,11 +81,11 @@ class RandomField:
         kx, ky = 2.0 * np.pi * np.fft.rfftfreq(n), 2.0 * np.pi * np.fft.fftfreq(n)[:, None]  # per point
         square = kx**2 + ky**2
         shape: Floats = np.exp(-0.25 * square * POINTS_PER_LENGTH**2)
-        both = np.where(
+        multiplicity = np.where(
             (np.arange(kx.size) == 0) | (2 * np.arange(kx.size) == n), 1.0, 2.0
         )  # an rfft holds half of the waves
         weight = 0.5 * square / self.step**2 if gradient else 1.0
-        variance = float((both * weight * shape**2).sum()) / n**2
+        variance = float((multiplicity * weight * shape**2).sum()) / n**2
         spline = (
             (2.0 + np.cos(kx)) / 3.0 * (2.0 + np.cos(ky)) / 3.0
         )  # a cubic spline's value at its points over its coefficients
@@ -144,7 +144,7 @@ def read_spline(
     ``middle``: number of the point at 0, along x and y; ``x``, ``y``: places, m; ``out``: shape (5, places).
     """
     rows, columns = first.shape
-    one, other = factors
+    first_factor, last_factor = factors
     wx, wy = np.zeros((3, 4)), np.zeros((3, 4))
     across = np.zeros(4, np.int64)
     for n in range(x.size):
@@ -170,9 +170,9 @@ def read_spline(
             row = row % rows if periodic else min(max(row, 0), rows - 1)
             s0 = s1 = s2 = 0.0
             for a in range(4):
-                c = one * first[row, across[a]]
-                if other != 0.0:
-                    c += other * last[row, across[a]]
+                c = first_factor * first[row, across[a]]
+                if last_factor != 0.0:
+                    c += last_factor * last[row, across[a]]
                 s0, s1, s2 = s0 + c * wx[0, a], s1 + c * wx[1, a], s2 + c * wx[2, a]
             value, east, east2 = value + s0 * wy[0, b], east + s1 * wy[0, b], east2 + s2 * wy[0, b]
             north, north2 = north + s0 * wy[1, b], north2 + s0 * wy[2, b]
@@ -195,12 +195,12 @@ def onto_plane(lon: Floats, lat: Floats, lon0: float, lat0: float, sphere: bool,
         if sphere:
             s, c = math.sin(lat[n] * DEGREE), math.cos(lat[n] * DEGREE)
             sine_a, cosine_a = math.sin(x * DEGREE), math.cos(x * DEGREE)
-            whole = 1.0 + sine0 * s + cosine0 * c * cosine_a
-            scale = 2.0 / whole
+            denominator = 1.0 + sine0 * s + cosine0 * c * cosine_a
+            scale = 2.0 / denominator
             x = EARTH_RADIUS_A68 * scale * c * sine_a
             y = EARTH_RADIUS_A68 * scale * (cosine0 * s - sine0 * c * cosine_a)
-            cosine = (cosine_a * (1.0 + sine0 * s) + cosine0 * c) / whole
-            sine = sine_a * (s + sine0) / whole
+            cosine = (cosine_a * (1.0 + sine0 * s) + cosine0 * c) / denominator
+            sine = sine_a * (s + sine0) / denominator
         out[0, n], out[1, n], out[2, n], out[3, n], out[4, n] = x, y, scale, cosine, sine
         west, south, east, north = min(west, x), min(south, y), max(east, x), max(north, y)
     return west, south, east, north
@@ -208,12 +208,12 @@ def onto_plane(lon: Floats, lat: Floats, lon0: float, lat0: float, sphere: bool,
 
 @kernel
 def balanced_flow(
-    level: Floats, factor: Floats, place: Floats, lat: Floats, start: float, sphere: bool, out: Floats
+    level: Floats, factor: Floats, projected: Floats, lat: Floats, start: float, sphere: bool, out: Floats
 ) -> None:
-    """Fill what the stream function of the error comes to: u, v (m s-1), vorticity (s-1), and both slopes that balance it.
+    """Fill the flow of the error's stream function: u, v (m s-1), vorticity (s-1), and both slopes that balance it.
 
-    ``level``: of the stream function at the latitude of the start, and ``factor`` of what brings it to zero at land (no place
-    where there is none), as `read_spline` fills them; ``place``: as `onto_plane` fills it; ``lat``: degrees; ``start``: the
+    ``level``: of the stream function at the latitude of the start, and ``factor`` of its envelope (no point
+    where there is none), as `read_spline` fills them; ``projected``: as `onto_plane` fills it; ``lat``: degrees; ``start``: the
     Coriolis parameter of the start; it holds everywhere unless on a ``sphere``. ``out``: shape (5, places).
     """
     least = 2.0 * EARTH_ROTATION * math.sin(EQUATOR * DEGREE)
@@ -224,7 +224,7 @@ def balanced_flow(
             t, t_x, t_y = factor[0, n], factor[1, n], factor[2, n]
             curve = t * curve + 2.0 * (t_x * x + t_y * y) + value * (factor[3, n] + factor[4, n])
             x, y = t * x + value * t_x, t * y + value * t_y
-        scale, cosine, sine = place[2, n], place[3, n], place[4, n]
+        scale, cosine, sine = projected[2, n], projected[3, n], projected[4, n]
         east, north = cosine * x + sine * y, cosine * y - sine * x
         # The field is the stream function at the start's latitude: eta = F psi / g, and there u = -d(psi)/dy.
         f = 2.0 * EARTH_ROTATION * math.sin(lat[n] * DEGREE) if sphere else start
@@ -246,20 +246,20 @@ class SizeField:
     source: str = ""  # File
 
     def at(self, lon: Floats, lat: Floats) -> Floats:
-        """Return it at points, linear between those of the product; beyond its edge the edge counts."""
+        """Return it at points, linear between the points of the product; beyond its edge the edge counts."""
         from scipy.interpolate import RegularGridInterpolator
 
         middle = 0.5 * (self.lon[0] + self.lon[-1])
         east = np.clip(middle + (lon - middle + 180.0) % 360.0 - 180.0, self.lon[0], self.lon[-1])
-        places = np.stack([np.clip(lat, self.lat[0], self.lat[-1]), east], axis=-1)
-        return np.asarray(RegularGridInterpolator((self.lat, self.lon), self.size)(places))
+        points = np.stack([np.clip(lat, self.lat[0], self.lat[-1]), east], axis=-1)
+        return np.asarray(RegularGridInterpolator((self.lat, self.lon), self.size)(points))
 
 
 class Envelope:
     """A factor on the level of the error: from 1 at sea to 0 at land, smoothly over two lengths, times the size of the error.
 
-    It is known in a window around the ice, and made anew where ice leaves it. The points of all windows are those of one
-    grid, and what lies beyond the window's margin acts on none inside, so the factor of a place is the same in each.
+    It is known in a window around the ice, and made anew where ice leaves it. The points of all windows lie on one
+    grid, and land beyond the window's margin acts on no point inside, so the factor of a place is the same in each.
     """
 
     def __init__(self, forcing: Forcing, plane: ConformalPlane, length: float, size: SizeField | None = None) -> None:
@@ -269,20 +269,22 @@ class Envelope:
         self.middle = (0, 0)  # Number of the point at the middle of the plane, along x and y
         self.factor = np.empty((0, 0))  # Empty where it is 1 everywhere
 
-    def at(self, place: Floats, ends: Ends) -> Floats:
+    def at(self, projected: Floats, ends: Ends) -> Floats:
         """Return value and derivatives at places, as `read_spline` fills them; of no place where it is 1 everywhere.
 
-        ``place``, ``ends``: as `onto_plane` gives them.
+        ``projected``, ``ends``: as `onto_plane` gives them.
         """
         if ends[0] < self.window[0] or ends[1] < self.window[1] or ends[2] > self.window[2] or ends[3] > self.window[3]:
             self._make(ends)
-        out = np.empty((5, place.shape[1] if self.factor.size else 0))
+        out = np.empty((5, projected.shape[1] if self.factor.size else 0))
         if self.factor.size:
-            read_spline(self.factor, self.factor, (1.0, 0.0), self.step, self.middle, False, place[0], place[1], out)
+            read_spline(
+                self.factor, self.factor, (1.0, 0.0), self.step, self.middle, False, projected[0], projected[1], out
+            )
         return out
 
     def _make(self, ends: Ends) -> None:
-        """Make the window anew: five lengths around some places, and beside it what may act on places inside."""
+        """Make the window anew: five lengths around some points, with a margin that may act on points inside."""
         from scipy.ndimage import distance_transform_edt, gaussian_filter
 
         lengths = 4  # points
@@ -298,12 +300,12 @@ class Envelope:
         if not land.any() and self.size is None:
             return
         # Over two lengths: within one, the slope of the factor would make the current along the shore stronger than at sea.
-        part = np.ones(land.shape)
+        ramp = np.ones(land.shape)
         if land.any():
-            part = np.clip((distance_transform_edt(~land) - 0.5) / (2 * lengths), 0.0, 1.0)
-        factor = part * part * (3.0 - 2.0 * part)
+            ramp = np.clip((distance_transform_edt(~land) - 0.5) / (2 * lengths), 0.0, 1.0)
+        factor = ramp * ramp * (3.0 - 2.0 * ramp)
         if self.size is not None:
-            # Smooth over a length: each slope of the size adds to the current what the level has there.
+            # Smooth over a length: each slope of the size adds to the current in proportion to the level there.
             factor *= gaussian_filter(self.size.at(lon, lat), lengths, mode="nearest")
         self.factor = np.ascontiguousarray(factor)
 
@@ -326,7 +328,7 @@ class Errors:
 
 
 class UncertainForcing(WrappedForcing):
-    """A forcing with errors added to its current, wind and sea floor; all else is that of the forcing.
+    """A forcing with errors added to its current, wind and sea floor; all else comes from the forcing.
 
     Parameters
     ----------
@@ -356,7 +358,7 @@ class UncertainForcing(WrappedForcing):
         # Elements of one berg may lie on both sides of 180 degrees.
         lon0 = lon[0] + float(np.mean((lon - lon[0] + 180.0) % 360.0 - 180.0)) if latlon else float(lon.mean())
         self.plane = ConformalPlane(lon0, float(lat.mean()), EARTH_RADIUS_A68, latlon)
-        _, (west, south, east, north) = self._place(lon, lat)
+        _, (west, south, east, north) = self._project(lon, lat)
         extent = math.hypot(east - west, north - south)
 
         def field(error: FieldError | None, kind: str) -> RandomField | None:
@@ -373,21 +375,21 @@ class UncertainForcing(WrappedForcing):
         self._start = 2.0 * EARTH_ROTATION * math.sin(at * DEGREE)  # s-1
 
     def describe(self) -> str:
-        """Return what the forcing is, and which errors lie on it."""
-        e, parts = self.errors, []
+        """Return the forcing and its errors in words."""
+        e, texts = self.errors, []
         for word, error, factor in (("current", e.current, e.current_scale), ("wind", e.wind, e.wind_scale)):
             if factor != 1.0:
-                parts.append(f"{factor:g} x {word}")
+                texts.append(f"{factor:g} x {word}")
             if error is not None:
                 days = "steady" if math.isinf(error.time) else f"{error.time / 86400.0:g} days"
                 sized = word == "current" and e.current_size is not None
                 size = f"x {e.current_size.source}" if sized and e.current_size is not None else "m/s"
-                parts.append(f"{word} {error.spread:g} {size}, {error.length / 1e3:g} km, {days}")
+                texts.append(f"{word} {error.spread:g} {size}, {error.length / 1e3:g} km, {days}")
         if e.floor_offset or e.floor_scale != 1.0:
-            parts.append(f"floor {e.floor_scale:g} x depth {e.floor_offset:+g} m")
+            texts.append(f"floor {e.floor_scale:g} x depth {e.floor_offset:+g} m")
         if e.floor is not None:
-            parts.append(f"floor {100.0 * e.floor_share:g} % or {e.floor_spread:g} m, {e.floor.length / 1e3:g} km")
-        return f"{self.forcing.describe()}; errors (seed {e.seed}): {', '.join(parts) or 'none'}"
+            texts.append(f"floor {100.0 * e.floor_share:g} % or {e.floor_spread:g} m, {e.floor.length / 1e3:g} km")
+        return f"{self.forcing.describe()}; errors (seed {e.seed}): {', '.join(texts) or 'none'}"
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `riftberg.errors.ForcingError` unless the forcing covers these elements from ``start`` to ``end`` (s)."""
@@ -401,17 +403,17 @@ class UncertainForcing(WrappedForcing):
                                (self.errors.wind_scale, (e.ua, e.va))):  # fmt: skip
             for array in arrays if factor != 1.0 else ():
                 array[:] *= factor
-        place, ends = self._place(elements.place.lon, lat)
+        projected, ends = self._project(elements.place.lon, lat)
         if self._current is not None:
-            flow = self._flow(place, ends, lat, time)
+            flow = self._flow(projected, ends, lat, time)
             for array, error in zip((e.uo, e.vo, e.vorticity, e.slope_x, e.slope_y), flow, strict=True):
                 array += error
         if self._wind is not None:
-            wind = self._wind_error(self._wind, place, time)
+            wind = self._wind_error(self._wind, projected, time)
             e.ua[:] += wind[0]
             e.va[:] += wind[1]
         if self._has_floor:
-            e.depth[:] = self._depth_with_error(e.depth, place)
+            e.depth[:] = self._depth_with_error(e.depth, projected)
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
@@ -420,72 +422,72 @@ class UncertainForcing(WrappedForcing):
             return u, v
         shape = np.shape(lon)
         flat = np.ravel(np.asarray(lon, float)), np.ravel(np.asarray(lat, float))
-        more = self._flow(*self._place(*flat), flat[1], time)
-        return u + more[0].reshape(shape), v + more[1].reshape(shape)
+        error = self._flow(*self._project(*flat), flat[1], time)
+        return u + error[0].reshape(shape), v + error[1].reshape(shape)
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points."""
         depth = np.asarray(self.forcing.depth(lon, lat), float)
         if not self._has_floor:
             return depth
-        place, _ = self._place(np.ravel(np.asarray(lon, float)), np.ravel(np.asarray(lat, float)))
-        return self._depth_with_error(depth.ravel(), place).reshape(depth.shape)
+        projected, _ = self._project(np.ravel(np.asarray(lon, float)), np.ravel(np.asarray(lat, float)))
+        return self._depth_with_error(depth.ravel(), projected).reshape(depth.shape)
 
     def mean_errors(self, time: Floats, lon: Floats, lat: Floats) -> dict[str, float]:
         """Return the means of the errors along a track: m s-1 to the east and north, and m of depth."""
         means: dict[str, list[float]] = {}
         for t, x, y in zip(time, lon, lat, strict=True):
-            place, ends = self._place(np.array([x]), np.array([y]))
-            found = []
+            projected, ends = self._project(np.array([x]), np.array([y]))
+            vector_errors = []
             if self._current is not None:
-                found.append(("current_error", self._flow(place, ends, np.array([y]), float(t))))
+                vector_errors.append(("current_error", self._flow(projected, ends, np.array([y]), float(t))))
             if self._wind is not None:
-                found.append(("wind_error", self._wind_error(self._wind, place, float(t))))
-            for name, flow in found:
+                vector_errors.append(("wind_error", self._wind_error(self._wind, projected, float(t))))
+            for name, flow in vector_errors:
                 means.setdefault(f"{name}_east", []).append(float(flow[0, 0]))
                 means.setdefault(f"{name}_north", []).append(float(flow[1, 0]))
             if self._floor is not None:
-                means.setdefault("floor_error_mean", []).append(float(self._read(self._floor, place, 0.0)[0, 0]))
+                means.setdefault("floor_error_mean", []).append(float(self._read(self._floor, projected, 0.0)[0, 0]))
         return {name: float(np.mean(values)) for name, values in means.items()}
 
     @property
     def _has_floor(self) -> bool:
         return self._floor is not None or self.errors.floor_offset != 0.0 or self.errors.floor_scale != 1.0
 
-    def _depth_with_error(self, depth: Floats, place: Floats) -> Floats:
+    def _depth_with_error(self, depth: Floats, projected: Floats) -> Floats:
         e = self.errors
         changed = depth * e.floor_scale + e.floor_offset
         if self._floor is not None:
-            out = self._read(self._floor, place, 0.0)
+            out = self._read(self._floor, projected, 0.0)
             changed = changed + out[0] * np.maximum(e.floor_spread, e.floor_share * depth)
         # Water stays water, and land land.
         return np.asarray(np.where(np.isfinite(depth) & (depth > 0.0), np.maximum(changed, 1e-3), depth))
 
-    def _place(self, lon: Floats, lat: Floats) -> tuple[Floats, Ends]:
-        """Return places on the plane, and least and largest x and y of them, as `onto_plane` gives them."""
+    def _project(self, lon: Floats, lat: Floats) -> tuple[Floats, Ends]:
+        """Return points projected onto the plane, and their least and largest x and y, as `onto_plane` gives them."""
         out = np.empty((5, lon.size))
         return out, onto_plane(lon, lat, self.plane.lon0, self.plane.lat0, self.plane.latlon, out)
 
-    def _read(self, field: RandomField, place: Floats, time: float) -> Floats:
+    def _read(self, field: RandomField, projected: Floats, time: float) -> Floats:
         """Return value and derivatives (per m) of a field at places of the plane."""
-        out = np.empty((5, place.shape[1]))
-        read_spline(*field.at(time), field.step, (0, 0), True, place[0], place[1], out)
+        out = np.empty((5, projected.shape[1]))
+        read_spline(*field.at(time), field.step, (0, 0), True, projected[0], projected[1], out)
         return out
 
-    def _wind_error(self, field: RandomField, place: Floats, time: float) -> Floats:
+    def _wind_error(self, field: RandomField, projected: Floats, time: float) -> Floats:
         """Return the error of the wind, shape (2, places)."""
-        _, x, y, _, _ = self._read(field, place, time)
-        _, _, scale, cosine, sine = place
+        _, x, y, _, _ = self._read(field, projected, time)
+        _, _, scale, cosine, sine = projected
         return np.stack([scale * (sine * x - cosine * y), scale * (cosine * x + sine * y)])
 
-    def _flow(self, place: Floats, ends: Ends, lat: Floats, time: float) -> Floats:
+    def _flow(self, projected: Floats, ends: Ends, lat: Floats, time: float) -> Floats:
         """Return the error of the current at places of the plane, as `balanced_flow` fills it."""
         assert self._current is not None
         assert self._envelope is not None
         level, factor, out = (
-            self._read(self._current, place, time),
-            self._envelope.at(place, ends),
-            np.empty(place.shape),
+            self._read(self._current, projected, time),
+            self._envelope.at(projected, ends),
+            np.empty(projected.shape),
         )
-        balanced_flow(level, factor, place, lat, self._start, self._sphere, out)
+        balanced_flow(level, factor, projected, lat, self._start, self._sphere, out)
         return out

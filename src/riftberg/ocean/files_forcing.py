@@ -18,7 +18,7 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.balance import MEAN, decided
 from riftberg.ocean.cells import OVER_KEEL
-from riftberg.ocean.datasets import DatasetForcing, Part, balance_of, product_part, provided_by
+from riftberg.ocean.datasets import DatasetForcing, Part, averaged_product, product_part, provided_fields
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.product_records import (
@@ -26,9 +26,9 @@ from riftberg.ocean.product_records import (
     SURFACE,
     Block,
     ProductRecords,
+    block_length,
     check_not_empty,
     fill_values,
-    records_at_once,
 )
 from riftberg.physics.floating import draft_of
 from riftberg.products import records
@@ -62,7 +62,7 @@ MOST_MOMENTS = 1e6
 
 
 class Run(NamedTuple):
-    """What a run asks of its files: start and end (UTC), thickness (m) and density (kg m-3) of the ice, and whether it melts.
+    """Demands of a run on its files: start and end (UTC), thickness (m) and density (kg m-3) of the ice, and whether it melts.
 
     What melts takes temperature and salinity over the draft.
     """
@@ -79,7 +79,7 @@ class Run(NamedTuple):
         cls, start: datetime, days: float, thickness: Floats, ice_density: float, *, melts: bool = False,
         place: tuple[Floats, Floats] | None = None,
     ) -> Run:  # fmt: skip
-        """Return what a run of some days asks for."""
+        """Return the demands of a run of some days."""
         return cls(start, start + timedelta(days=days), thickness, ice_density, melts, place)
 
     @property
@@ -126,8 +126,8 @@ def forcing_from_files(
         currents_wanted="Add a file of currents, or leave sea_level out",
     )  # fmt: skip
     assumed, settings = settings.sea_level == "auto", settings.model_copy(update={"sea_level": slope})
-    # What the run does not take is left out before any values are read.
-    datasets = [part for ds in serving_only(opened, settings) for part in _near(ds, settings, run)]
+    # Fields that the run does not use are dropped before any values are read.
+    datasets = [piece for ds in serving_only(opened, settings) for piece in _near(ds, settings, run)]
     if not any("uo" in ds for ds in datasets):
         fields = sorted({str(name) for ds in opened for name in ds.data_vars})
         raise ForcingError(
@@ -150,39 +150,38 @@ def forcing_from_files(
     datasets = [_as_needed(ds, deep) for ds in datasets]
     grid = None if settings.spacing is None else ModelGrid.of(settings, datasets, run)
 
-    def part(ds: xr.Dataset) -> Part:
+    def make_product(ds: xr.Dataset) -> Part:
         return product_part(ds, run.start, keel=float(run.drafts.max())) if grid is None else grid.part(ds, run)
 
-    parts = [part(ds) for ds in datasets]
+    products = [make_product(ds) for ds in datasets]
     balance = None
     if slope == "geostrophic":
-        balance = next(each for each in parts if "uo" in each.gives)
+        balance = next(each for each in products if "uo" in each.gives)
         # Over the draft also where the surface alone drives the berg; on the product's own points and dates.
         if grid is not None or (settings.currents == "surface" and "depth" in currents.dims):
             balance = product_part(currents[["uo", "vo"]], run.start, keel=float(run.drafts.max()))
-        balance = balance_of(balance)
-    # What the files leave out, and doubts about them, in a line each.
-    held = {str(name) for ds in datasets for name in ds.data_vars}
+        balance = averaged_product(balance)
+    # Fields that the files lack, and doubts about others, in a line each.
+    fields_read = {str(name) for ds in datasets for name in ds.data_vars}
     notices = [*records.named_remarks(datasets), *records.doubtful_units(datasets)]
-    if not held & {"ua", "taux"} and settings.wind == "files":
+    if not fields_read & {"ua", "taux"} and settings.wind == "files":
         notices.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
     notices += [
         f"{records.named(ds)} has no dates: its {', '.join(moving)} are held constant for the whole run"
         for ds in datasets
         if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if QUANTITIES[str(name)].moves])
     ]
-    # What the files hold and this run does not use, in a line each.
-    said = records.idle_fields(opened)
-    there = {str(name): ds for ds in opened for name in ds.data_vars}
-    taken = {str(name) for ds in datasets for name in ds.data_vars}
-    if {"taux", "ua"} <= set(there) and "ua" in taken:
-        said.append(f"{records.named(there['taux'])}: wind stress (taux, tauy) is not used beside a wind")
-    if not run.melts and (idle := [name for name in ("sst", "sss") if name in taken]):
-        said.append(f"{', '.join(idle)} are for melt alone, which is off in this run")
-    if run.melts and "wave_height" in taken:
-        said.append("given waves push the berg; what waves melt follows from the wind all the same")
+    # Fields that this run does not use, in a line each.
+    remarks = records.idle_fields(opened)
+    offered = {str(name): ds for ds in opened for name in ds.data_vars}
+    if {"taux", "ua"} <= set(offered) and "ua" in fields_read:
+        remarks.append(f"{records.named(offered['taux'])}: wind stress (taux, tauy) is not used beside a wind")
+    if not run.melts and (idle := [name for name in ("sst", "sss") if name in fields_read]):
+        remarks.append(f"{', '.join(idle)} are for melt alone, which is off in this run")
+    if run.melts and "wave_height" in fields_read:
+        remarks.append("given waves push the berg; what waves melt follows from the wind all the same")
     return DatasetForcing(
-        parts,
+        products,
         ice_density=run.ice_density,
         draft=float(run.drafts.mean()),
         coastal_drift=settings.coastal_drift,
@@ -190,7 +189,7 @@ def forcing_from_files(
         balance=balance,
         assumes_slope=assumed and balance is not None,
         wind_layer=settings.wind_layer,
-        notices=(*chosen, *notices, *said),
+        notices=(*chosen, *notices, *remarks),
     )
 
 
@@ -207,11 +206,11 @@ def shared_forcing(settings: FileForcing, folder: Path, run: Run) -> DatasetForc
     drafts = run.drafts
     key = (settings.model_dump_json(), str(folder), run.start, run.end, run.ice_density, run.melts, float(drafts.max()),
            float(drafts.mean()), run.extent)  # fmt: skip
-    found = _SHARED.pop(key, None) or forcing_from_files(settings, folder, run)
-    _SHARED[key] = found  # the one that was used last stands last
+    forcing = _SHARED.pop(key, None) or forcing_from_files(settings, folder, run)
+    _SHARED[key] = forcing  # the one that was used last stands last
     while len(_SHARED) > MOST_KEPT:
         del _SHARED[next(iter(_SHARED))]
-    return found
+    return forcing
 
 
 _SHARING: ContextVar[bool] = ContextVar("riftberg_sharing_forcings", default=False)
@@ -248,10 +247,10 @@ def _with_box(settings: FileForcing, opened: Sequence[xr.Dataset], run: Run) -> 
     west_end, east_end, south_end, north_end = run.extent
     seconds = (run.end - run.start).total_seconds()
 
-    def around(speed: float) -> FileForcing:
-        way = (speed * seconds + SPARE) / (DEGREE * EARTH_RADIUS_A68)
-        south, north = max(south_end - way, -90.0), min(north_end + way, 90.0)
-        across = way / max(math.cos(max(abs(south), abs(north)) * DEGREE), 0.05)
+    def box_around(speed: float) -> FileForcing:
+        reach = (speed * seconds + SPARE) / (DEGREE * EARTH_RADIUS_A68)
+        south, north = max(south_end - reach, -90.0), min(north_end + reach, 90.0)
+        across = reach / max(math.cos(max(abs(south), abs(north)) * DEGREE), 0.05)
         west, east = west_end - across, east_end + across
         if east - west >= 360.0:
             west, east = -180.0, 180.0
@@ -259,22 +258,25 @@ def _with_box(settings: FileForcing, opened: Sequence[xr.Dataset], run: Run) -> 
 
     fastest = 0.0
     for ds in opened:
-        for near in _near(uppermost(ds, ["uo", "vo"]), around(FASTEST), run)[:1] if "uo" in ds and "vo" in ds else ():
-            count = near.sizes.get("time", 1)  # a few dates stand for all, which would take long to read
-            some = near.isel(time=np.unique(np.linspace(0, count - 1, 6).astype(int))) if "time" in near.dims else near
-            sizes = [float(abs(some[name]).max()) for name in ("uo", "vo")]
+        for windowed in (
+            _near(uppermost(ds, ["uo", "vo"]), box_around(FASTEST), run)[:1] if "uo" in ds and "vo" in ds else ()
+        ):
+            count = windowed.sizes.get("time", 1)  # a few dates stand for all, which would take long to read
+            rows = np.unique(np.linspace(0, count - 1, 6).astype(int))
+            sampled = windowed.isel(time=rows) if "time" in windowed.dims else windowed
+            sizes = [float(abs(sampled[name]).max()) for name in ("uo", "vo")]
             fastest = max(fastest, math.hypot(*(0.0 if math.isnan(size) else size for size in sizes)))
-    found = around(min(fastest, FASTEST) or FASTEST)
-    (west, east), (south, north) = ((round(low, 2), round(high, 2)) for low, high in found.box)
+    boxed = box_around(min(fastest, FASTEST) or FASTEST)
+    (west, east), (south, north) = ((round(low, 2), round(high, 2)) for low, high in boxed.box)
     days = seconds / SECONDS_PER_DAY
-    return found, (
+    return boxed, (
         f"files are read from {box_text(west, east, south, north)}: as far as the fastest current there, {fastest:.2g} m/s, "
         f"carries a berg in {duration_text(float(f'{days:.6g}'))}; longitude and latitude in forcing give another box",
     )
 
 
 def _as_needed(ds: xr.Dataset, deep: set[str]) -> xr.Dataset:
-    """Return the uppermost level of all fields but those of ``deep``; a sea floor of very many points as means of blocks."""
+    """Return the uppermost level of all fields not in ``deep``; a sea floor of very many points as means of blocks."""
     keeping = deep if ds.sizes.get("depth", 0) > 1 else set()
     ds = uppermost(ds, [str(name) for name in ds.data_vars if name not in keeping])
     if "time" in ds.dims or not {"lat", "lon"} <= set(ds.dims):
@@ -312,14 +314,14 @@ class ModelGrid(NamedTuple):
             if "depth_below_surface" in ds.data_vars:
                 floor = product_part(_averaged(ds, settings.spacing), run.start)
                 middles = np.meshgrid(0.5 * (lon[:-1] + lon[1:]), 0.5 * (lat[:-1] + lat[1:]))
-                depth = values_at(floor, "depth_below_surface", 0.0, place_points(floor, *middles))
+                depth = interpolate_levels(floor, "depth_below_surface", 0.0, place_points(floor, *middles))
                 mask = np.where(depth[0].reshape(middles[0].shape) > 0.0, 1.0, 0.0)
         return cls(lon, lat, moments, Grid.from_corners(*np.meshgrid(lon, lat), mask=mask, includes_southwest=True))
 
     def part(self, ds: xr.Dataset, run: Run) -> Part:
         """Return a product on this grid."""
         fields = _GridRecords(ds, run, self)
-        return Part(AxesMesh(self.lon, self.lat), fields, provided_by(fields))
+        return Part(AxesMesh(self.lon, self.lat), fields, provided_fields(fields))
 
 
 class _GridRecords(ProductRecords):
@@ -334,7 +336,7 @@ class _GridRecords(ProductRecords):
         if self.times:
             self.dates = np.array([utc(moment) for moment in grid.moments])
             self.times = run.seconds(grid.moments)
-        self._length = records_at_once(self._corners[0].size * (self.limits.size - 1) * len(self.names))
+        self._length = block_length(self._corners[0].size * (self.limits.size - 1) * len(self.names))
 
     def reach(self, keel: float) -> None:
         with self._lock:
@@ -345,7 +347,7 @@ class _GridRecords(ProductRecords):
         times = self.times[records] if self.times else [0.0]
         shape = (-1, *self._corners[0].shape)
         block = {
-            name: np.stack([values_at(self._product, name, time, self._at).reshape(shape) for time in times])
+            name: np.stack([interpolate_levels(self._product, name, time, self._at).reshape(shape) for time in times])
             for name in self.names
         }
         for name, values in block.items():
@@ -353,38 +355,38 @@ class _GridRecords(ProductRecords):
         return block
 
     def _check_gap(self, record: int, time: float) -> None:
-        """Pass: gaps are those of the product, which its own records check."""
+        """Pass: the records of the product check its gaps."""
 
 
 def place_points(product: Part, lon: Floats, lat: Floats) -> Located:
     """Locate the points of a model grid on a product; refuse such as lie outside."""
-    there = Located(product.mesh, lon, lat)
-    outside = np.flatnonzero(there.outside)
+    located = Located(product.mesh, lon, lat)
+    outside = np.flatnonzero(located.outside)
     if outside.size:
         ds, first = product.records.ds, outside[0]
-        place = place_text(float(there.lon[first]), float(there.lat[first]), latlon=True, digits=2)
+        position = place_text(float(located.lon[first]), float(located.lat[first]), latlon=True, digits=2)
         raise ForcingError(
-            f"{outside.size} points of the model grid lie outside the data, the first at {place}; the data cover "
+            f"{outside.size} points of the model grid lie outside the data, the first at {position}; the data cover "
             f"{extent_text(ds)}",
             where=records.named(ds), remedy="Give files that cover the box, or take a smaller one",
         )  # fmt: skip
-    return there
+    return located
 
 
-def values_at(product: Part, name: str, time: float, at: Located) -> Floats:
+def interpolate_levels(product: Part, name: str, time: float, points: Located) -> Floats:
     """Return a field at points and a time on each of its levels, shape (levels, points); NaN where nothing is known."""
     # Where one record knows nothing the other one counts, also of sea ice: 0 would thin the ice all around.
     moment = product.records.moment(name, time)._replace(absent=np.nan)
-    out = np.empty((len(moment.before), at.lon.size))
+    out = np.empty((len(moment.before), points.lon.size))
     if isinstance(product.mesh, NodeMesh):
-        before, after = moment.before[:, 0], moment.after[:, 0]
-        mixed = (1.0 - moment.weight) * before + moment.weight * after if moment.weight > 0.0 else before
-        known = np.where(np.isnan(before), after, np.where(np.isnan(after), before, mixed))
-        return product.mesh.smooth(known, at.lon, at.lat)
+        earlier, later = moment.before[:, 0], moment.after[:, 0]
+        mixed = (1.0 - moment.weight) * earlier + moment.weight * later if moment.weight > 0.0 else earlier
+        filled = np.where(np.isnan(earlier), later, np.where(np.isnan(later), earlier, mixed))
+        return product.mesh.smooth(filled, points.lon, points.lat)
     for level, values in enumerate(out):
-        one = slice(level, level + 1)
-        layer = moment._replace(before=moment.before[one], after=moment.after[one], limits=SURFACE)
-        fill_values(layer, at.places, np.ones(values.size), product.mesh.points.columns, RINGS, np.nan, values)
+        level_slice = slice(level, level + 1)
+        layer = moment._replace(before=moment.before[level_slice], after=moment.after[level_slice], limits=SURFACE)
+        fill_values(layer, points.places, np.ones(values.size), product.mesh.points.columns, RINGS, np.nan, values)
     return out
 
 
@@ -398,7 +400,7 @@ def _averaged(ds: xr.Dataset, spacing: float) -> xr.Dataset:
 
 
 def _coarse(ds: xr.Dataset, counts: dict[str, int]) -> xr.Dataset:
-    """Return means of blocks of points: of a direction that of its unit vectors, and land counts as depth 0."""
+    """Return means of blocks of points: directions by their unit vectors, and land counts as depth 0."""
     if not counts:
         return ds
     if "depth_below_surface" in ds:
@@ -441,17 +443,17 @@ def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, Choice]]:
     return [(path, entry.choice) for entry, matches in files for path in matches]
 
 
-def members_of_files(settings: FileForcing, folder: Path) -> dict[str, int]:
+def count_members(settings: FileForcing, folder: Path) -> dict[str, int]:
     """Return of how many members of an ensemble the files give a quantity, by its canonical name; one is left out."""
-    found: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for number, (path, choice) in enumerate(_paths(settings.entries, folder)):
-        count = _members_of(path)
+        count = _member_count(path)
         if count > 1:
-            found |= {str(name): count for ds, _ in read_named(path, choice, number, 0) for name in ds.data_vars}
-    return found
+            counts |= {str(name): count for ds, _ in read_named(path, choice, number, 0) for name in ds.data_vars}
+    return counts
 
 
-def _members_of(path: str) -> int:
+def _member_count(path: str) -> int:
     return max(members_in(open_raw(path, chunked=False)).values(), default=1)
 
 
@@ -459,7 +461,7 @@ def _check_member(settings: FileForcing, folder: Path) -> None:
     """Refuse a member that no file has."""
     if settings.member is None:
         return
-    most = max(_members_of(path) for path, _ in _paths(settings.entries, folder))
+    most = max(_member_count(path) for path, _ in _paths(settings.entries, folder))
     if settings.member >= most or most == 1:
         raise ForcingError(
             f"member {settings.member} of files with {most if most > 1 else 'no'} members", where="forcing.member",
@@ -470,43 +472,45 @@ def _check_member(settings: FileForcing, folder: Path) -> None:
 def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.Dataset]:
     """Return datasets with the fields that a run takes from them: of several the last, and no stress beside a wind."""
 
-    def place(ds: xr.Dataset, name: str, number: int) -> int:
-        """Return the place of the last file that gives a field; of vectors both components have one."""
+    def last_file(ds: xr.Dataset, name: str, number: int) -> int:
+        """Return the number of the last file that gives a field; both components of a vector share it."""
         pair = next((pair for pair in records.VECTORS if name in pair), (name,))
-        return max(int(ds[part].attrs.get(records.PLACE, number)) for part in pair if part in ds.data_vars)
+        return max(
+            int(ds[component].attrs.get(records.PLACE, number)) for component in pair if component in ds.data_vars
+        )
 
     left_out = set() if settings.sea_level in ("auto", "files") else {"ssh"}
-    held = {str(name) for ds in datasets for name in ds.data_vars}
-    if settings.wind == "none" or {"ua", "va"} <= held:
+    field_names = {str(name) for ds in datasets for name in ds.data_vars}
+    if settings.wind == "none" or {"ua", "va"} <= field_names:
         left_out |= {"taux", "tauy"} | ({"ua", "va"} if settings.wind == "none" else set())
-    places = sorted(
-        (place(ds, str(name), number), number, str(name))
+    sources = sorted(
+        (last_file(ds, str(name), number), number, str(name))
         for number, ds in enumerate(datasets)
         for name in ds.data_vars
         if str(name) not in records.WAVES or records.have_waves(ds)
     )
-    last = {name: number for _, number, name in places}
+    last = {name: number for _, number, name in sources}
     if "wave_period" in last:
-        last["wave_period"] = last["wave_height"]  # that of the same waves
-    kept = [
+        last["wave_period"] = last["wave_height"]  # from the same waves
+    fields_kept = [
         [str(name) for name in ds.data_vars if last.get(str(name)) == number and name not in left_out]
         for number, ds in enumerate(datasets)
     ]
-    given = [ds[names].assign_attrs(ds.attrs) for ds, names in zip(datasets, kept, strict=True)]
+    selected = [ds[names].assign_attrs(ds.attrs) for ds, names in zip(datasets, fields_kept, strict=True)]
     for number, ds in enumerate(datasets):
         for later in set(last.values()) - {number}:
             if twice := [str(name) for name in ds.data_vars if last.get(str(name)) == later and name not in left_out]:
-                said = (
+                remark = (
                     f"{', '.join(twice)} are taken from here and not from {records.named(ds)}, which is named earlier"
                 )
-                given[later] = noted(given[later], told=said)
-    return [ds for ds in given if ds.data_vars]
+                selected[later] = noted(selected[later], told=remark)
+    return [ds for ds in selected if ds.data_vars]
 
 
 def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
     """Return a dataset around place and time of the run, in parts without records that hold no value."""
-    own = step_of(np.asarray(ds["lat"].values, np.float64)) if "lat" in ds.dims else 0.5
-    margin = MARGIN * own if settings.spacing is None else 2.0 * settings.spacing
+    spacing = step_of(np.asarray(ds["lat"].values, np.float64)) if "lat" in ds.dims else 0.5
+    margin = MARGIN * spacing if settings.spacing is None else 2.0 * settings.spacing
     first, last = utc(run.start), utc(run.end)
     if "time" in ds.dims:
         limits = {"max_gap_seconds": settings.max_gap, "hold_seconds": settings.hold}
@@ -515,31 +519,31 @@ def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
         # So much more that a missing record at the edge can be bridged by those beyond it.
         balanced = settings.sea_level == "geostrophic" and "uo" in ds
         ds = window_in_time(ds, (first, last), max(records.gap_limit(ds), MEAN * balanced))
-    near = window(ds, *settings.box, margin=margin)
+    windowed = window(ds, *settings.box, margin=margin)
     for axis in ("lat", "lon", "y", "x"):
-        if near.sizes.get(axis, 2) < 2:
+        if windowed.sizes.get(axis, 2) < 2:
             raise ForcingError(
                 f"only one point along {axis} lies near the box of the run: between points nothing is known",
                 where=records.named(ds),
                 remedy="Fetch a larger area, at least two points each way",
             )
     if "time" not in ds.dims:
-        return [near]
-    parts = records.without_empty(near)
-    lost = set(near.data_vars) - {name for part in parts for name in part.data_vars}
+        return [windowed]
+    pieces = records.without_empty(windowed)
+    lost = set(windowed.data_vars) - {name for piece in pieces for name in piece.data_vars}
     if lost:
-        valid = sorted({str(near[name].attrs[VALID]) for name in lost if VALID in near[name].attrs})
+        valid = sorted({str(windowed[name].attrs[VALID]) for name in lost if VALID in windowed[name].attrs})
         only = f", or outside of what the file calls valid ({'; '.join(valid)})" if valid else ""
         raise ForcingError(
             f"no value of {', '.join(sorted(map(str, lost)))} in the box and at the dates of the run: all land or missing{only}",
             where=records.named(ds),
             remedy="Leave the file out of forcing.files, or give one with values there",
         )
-    for k, part in enumerate(parts):
-        if "time" in part.dims:
-            records.check_records(part, first, last)
-        missing = near.sizes["time"] - part.sizes.get("time", near.sizes["time"])
+    for k, piece in enumerate(pieces):
+        if "time" in piece.dims:
+            records.check_records(piece, first, last)
+        missing = windowed.sizes["time"] - piece.sizes.get("time", windowed.sizes["time"])
         if missing:
-            names = ", ".join(map(str, part.data_vars))
-            parts[k] = noted(part, doubt=f"{missing} record(s) without any value of {names} count as missing")
-    return parts
+            names = ", ".join(map(str, piece.data_vars))
+            pieces[k] = noted(piece, doubt=f"{missing} record(s) without any value of {names} count as missing")
+    return pieces

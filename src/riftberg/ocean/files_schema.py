@@ -139,7 +139,7 @@ class FileForcing(Section):
 
     @property
     def box(self) -> tuple[Pair, Pair]:
-        """Longitudes and latitudes of what is needed, once they are chosen; east is above west, also across the date line."""
+        """Longitudes and latitudes of the box, once they are chosen; east is above west, also across the date line."""
         assert self.longitude is not None
         assert self.latitude is not None
         west, east = self.longitude

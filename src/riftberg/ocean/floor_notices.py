@@ -1,4 +1,4 @@
-"""What should be known of keels and the sea floor before a run on a bed of sediment."""
+"""Notices on keels and the sea floor before a run on a bed of sediment."""
 
 from __future__ import annotations
 
@@ -36,11 +36,12 @@ def floor_notices(forcing: Forcing, elements: Elements, parameters: Parameters, 
         yield from _deep_keel(forcing, elements, parameters.ice.density)
     modulus = parameters.grounding.ice_modulus if parameters.grounding.bending else UNBENT_MODULUS
     side = math.sqrt(2.0) * bending_length(modulus, POISSON, float(elements.thickness.min())) / SIDES_PER_LAMBDA
-    for part in forcing.components():
-        if isinstance(part, Seamount) and part.width < PADS_ACROSS * side:
+    for component in forcing.components():
+        if isinstance(component, Seamount) and component.width < PADS_ACROSS * side:
             yield (
-                f"a seamount with a width of {part.width:g} m is narrower than two of the pads of {side:.0f} m in which a keel "
-                f"looks for the floor, and may pass over its top: give it a width of {PADS_ACROSS * side:.0f} m or more"
+                f"a seamount with a width of {component.width:g} m is narrower than two of the pads of {side:.0f} m "
+                f"in which a keel looks for the floor, and may pass over its top: "
+                f"give it a width of {PADS_ACROSS * side:.0f} m or more"
             )
 
 

@@ -1,4 +1,4 @@
-"""What every source of forcing offers to the model, how it describes itself, and the lock that shared ones read under."""
+"""The interface of every source of forcing, how it describes itself, and the lock that shared ones read under."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from riftberg.system.input_files import shortened
 
 
 class Forcing:
-    """Ocean, air, sea ice and sea floor around the bergs: all that a run may ask of them, and what holds without an answer.
+    """Ocean, air, sea ice and sea floor around the bergs: every question that a run may ask, with a default answer.
 
     Subclass `riftberg.Forcing` for a formula of your own, which can be added to others; subclass this class where a forcing
-    fills the whole environment by itself. ``sample`` and ``currents`` are what it must have.
+    fills the whole environment by itself. It must define ``sample`` and ``currents``.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Forcing:
     latlon : bool or None
         Positions are degrees, not metres; None where both will do.
     latitude : float or None
-        Latitude (degrees) of the Coriolis parameter in its balance; None for that of each place.
+        Latitude (degrees) of the Coriolis parameter in its balance; None to use the latitude of each point.
     provides : frozenset of str
         Variables around the elements that are known, such as ``sst`` and ``sss``.
     notices : sequence of str
@@ -42,7 +42,7 @@ class Forcing:
     title : str
         What it is, for titles.
     given : bool
-        Its fields are there; those of an ocean model come with the first step.
+        Its fields are available; an ocean model delivers them with the first step.
     ice_drift_known : bool
         Sea ice, where there is any, has a velocity.
     assumes_slope : bool
@@ -96,21 +96,21 @@ class Forcing:
         return None
 
     def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
-        """Return the sea level (m) above that to which the depth belongs, at arrays of points."""
+        """Return the sea level (m) above the datum of the depth, at arrays of points."""
         return np.zeros(np.shape(lon))
 
     def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
-        """Return which points are land; what lies beyond the data of a product is none."""
+        """Return which points are land; points beyond the data of a product are not."""
         flow, depth = self.currents(lon, lat, 0.0)[0], np.asarray(self.depth(lon, lat), float)
         return np.asarray(np.isnan(flow) | ~(depth > 0.0))
 
     @property
     def level_gaps(self) -> str:
-        """What is missing of a given sea level; empty if nothing is."""
+        """Gaps of a given sea level; empty if there are none."""
         return ""
 
     @property
-    def level_of_files(self) -> bool:
+    def has_own_level_datum(self) -> bool:
         """Whether the sea level counts from another zero than the depth of a chart may do."""
         return False
 
@@ -123,20 +123,22 @@ class Forcing:
         return (self,)
 
     def describe(self) -> str:
-        """Return what this forcing is, where it comes from and what it covers, in plain words."""
+        """Return kind, source and coverage of this forcing in plain words."""
         return ""
 
     def __repr__(self) -> str:
         lines = [shortened(line, 160) for line in self.describe().splitlines()]
-        shown = lines if len(lines) <= 20 else [*lines[:19], f"... and {len(lines) - 19} lines more, see describe()"]
-        return f"<{type(self).__name__}: " + "\n  ".join(shown) + ">"
+        lines_shown = (
+            lines if len(lines) <= 20 else [*lines[:19], f"... and {len(lines) - 19} lines more, see describe()"]
+        )
+        return f"<{type(self).__name__}: " + "\n  ".join(lines_shown) + ">"
 
     def _repr_html_(self) -> str:
         return f'<pre style="white-space:pre-wrap">{html.escape(repr(self)[1:-1])}</pre>'
 
 
 class WrappedForcing(Forcing):
-    """Changes what another forcing gives at the elements; all else is that of the other one."""
+    """Changes the values of another forcing at the elements; all else comes from the other one."""
 
     def __init__(self, forcing: Forcing) -> None:
         self.forcing = forcing
@@ -159,7 +161,7 @@ for _name in _ANSWERS:
 
 
 class OutsideForcing(WrappedForcing):
-    """An object of another class that samples: what it has of a forcing is its own, the rest holds without an answer."""
+    """An object of another class that samples: it answers with its own attributes, and by default for the rest."""
 
     def __init__(self, forcing: Any) -> None:
         super().__init__(forcing)
@@ -176,11 +178,11 @@ for _name in _ANSWERS:
     setattr(OutsideForcing, _name, _of_outside(_name))
 
 
-def as_forcing(given: Any) -> Any:
-    """Return a forcing; an object of another class that has ``sample`` is put into one, anything else comes back as it is."""
-    if isinstance(given, Forcing | type) or not callable(getattr(given, "sample", None)):
-        return given
-    return OutsideForcing(given)
+def as_forcing(candidate: Any) -> Any:
+    """Return a forcing; an object of another class that has ``sample`` is wrapped, anything else comes back unchanged."""
+    if isinstance(candidate, Forcing | type) or not callable(getattr(candidate, "sample", None)):
+        return candidate
+    return OutsideForcing(candidate)
 
 
 class SharedLock:
@@ -204,18 +206,18 @@ class SharedLock:
 
 def pair_text(pair: tuple[float, ...]) -> str:
     """Return numbers in brackets, such as ``(0.2, -0.05)``."""
-    return "(" + ", ".join(f"{part:.5g}" for part in pair) + ")"
+    return "(" + ", ".join(f"{number:.5g}" for number in pair) + ")"
 
 
 def flows_text(current: tuple[float, ...], wind: tuple[float, ...]) -> str:
-    """Return what water and air do, without what is nothing."""
+    """Return current and wind in words; zero ones are left out."""
     flows = [f"{name} {pair_text(pair)} m/s" for name, pair in (("current", current), ("wind", wind)) if any(pair)]
     return ", ".join(flows) or "still water and air"
 
 
-def said(*parts: str) -> str:
-    """Return the parts that say something, one after the other."""
-    return ", ".join(filter(None, parts))
+def join_texts(*texts: str) -> str:
+    """Return the texts that are not empty, joined by commas."""
+    return ", ".join(filter(None, texts))
 
 
 def compass(towards: float) -> str:

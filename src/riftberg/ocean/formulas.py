@@ -9,7 +9,7 @@ with D/Dt the rate of change along the path of the water, in all currents togeth
 geostrophic slope, in a round eddy the gradient wind, in one that travels at c the advection by u - c, in a tide the change in
 time. Without these slopes a berg does not follow the water: it drifts off to the side, or is flung out of an eddy.
 
-Positions are degrees and f is that of each place; with ``latitude`` f is that of one latitude, and with ``latlon=False``
+Positions are degrees and f varies with latitude; with ``latitude`` f is constant, and with ``latlon=False``
 positions are metres on such a plane.
 """
 
@@ -53,8 +53,8 @@ from riftberg.ocean.forcing import (
     compass,
     flows_text,
     ice_text,
+    join_texts,
     pair_text,
-    said,
 )
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
@@ -75,12 +75,12 @@ _TOWARDS = "direction, clockwise from north: 90 is eastward"
 class Formula(Forcing):
     """Forcing that formulas give at the elements themselves, and that can be added to other forcing.
 
-    A forcing class of one's own may stand on this one: `add_to` is all that it must have, and `currents` and `depth` are
-    what maps ask for.
+    A forcing class of one's own may stand on this one: it must define `add_to`; maps also ask for
+    `currents` and `depth`.
     """
 
     def add_to(self, elements: Elements, time: float) -> None:
-        """Add what this part does to the environment of the elements at ``time`` (s since the start)."""
+        """Add the effect of this term to the environment of the elements at ``time`` (s since the start)."""
         raise NotImplementedError(f"{type(self).__name__} has no add_to(elements, time)")
 
     def sample(self, elements: Elements, time: float) -> None:
@@ -105,13 +105,13 @@ class Formula(Forcing):
         return ()
 
     def describe(self) -> str:
-        """Return what this part is, in words."""
+        """Return this term in words."""
         return type(self).__name__
 
     def __add__(self, other: Forcing) -> Sum:
         """Return both as one forcing."""
         return (
-            Sum(_parts_of(self) + _parts_of(other))
+            Sum(_split_sum(self) + _split_sum(other))
             if isinstance(other := as_forcing(other), Forcing)
             else NotImplemented
         )
@@ -121,15 +121,15 @@ class Formula(Forcing):
         if isinstance(other, int) and other == 0:
             return self
         return (
-            Sum(_parts_of(other) + _parts_of(self))
+            Sum(_split_sum(other) + _split_sum(self))
             if isinstance(other := as_forcing(other), Forcing)
             else NotImplemented
         )
 
 
-def _at(part: Formula, point: Pair) -> str:
+def _at(formula: Formula, point: Pair) -> str:
     """Return a place of a formula in words."""
-    return place_text(*point, latlon=part.latlon is not False, digits=2)
+    return place_text(*point, latlon=formula.latlon is not False, digits=2)
 
 
 MATERIAL_STEP: Final = 10.0
@@ -142,7 +142,7 @@ NEAR_POLE: Final = 1e-4
 def _add_inertial_slope(flows: Sequence[Flow], elements: Elements, time: float) -> None:
     """Add the slope that holds the water on curved paths and in unsteady currents, ``-Du/Dt / g``.
 
-    The water goes with the whole current that the elements carry; its change is that of the formulas. Of fields from files it is
+    The water goes with the whole current that the elements carry; the formulas give its change. Of fields from files it is
     left out: their accelerations are tides and noise.
     """
     curved = [flow for flow in flows if not isinstance(flow, Uniform)]
@@ -161,12 +161,12 @@ def _add_inertial_slope(flows: Sequence[Flow], elements: Elements, time: float) 
             e.slope_y[:] -= v * (sign / (2.0 * MATERIAL_STEP * GRAVITY))
 
 
-def _gives_level(part: Forcing) -> bool:
+def _gives_level(term: Forcing) -> bool:
     """Return whether a part says that it gives the slope of the sea surface; one that it assumes does not count."""
-    return "slope_x" in part.provides and not part.assumes_slope
+    return "slope_x" in term.provides and not term.assumes_slope
 
 
-def _parts_of(forcing: Forcing) -> list[Forcing]:
+def _split_sum(forcing: Forcing) -> list[Forcing]:
     return list(forcing.parts) if isinstance(forcing, Sum) else [forcing]
 
 
@@ -174,112 +174,112 @@ class Sum(Formula):
     """Several forcings as one: formulas, on top of at most one that is none, such as fields from files."""
 
     def __init__(self, parts: Sequence[Forcing]) -> None:
-        # Forcing from files comes first: it sets the environment, and formulas add to what they find.
-        self.parts = tuple(sorted(parts, key=lambda part: isinstance(part, Formula)))
-        others = [part for part in parts if not isinstance(part, Formula)]
+        # Forcing from files comes first: it sets the environment, and formulas add to it.
+        self.parts = tuple(sorted(parts, key=lambda term: isinstance(term, Formula)))
+        others = [term for term in parts if not isinstance(term, Formula)]
         if len(others) > 1:
             raise ForcingError(
                 f"{type(others[0]).__name__} and {type(others[1]).__name__} cannot be added",
                 where="forcing",
                 remedy="Add formulas to one forcing from files; several files are one forcing already",
             )
-        for name, what in (("sst", "temperature"), ("sss", "salinity")):
-            givers = [part for part in self.parts if name in part.provides]
+        for name, quantity in (("sst", "temperature"), ("sss", "salinity")):
+            givers = [term for term in self.parts if name in term.provides]
             if len(givers) > 1:
-                one, other = (str(part.describe()).splitlines()[0] for part in givers[:2])
+                first, second = (str(term.describe()).splitlines()[0] for term in givers[:2])
                 raise ForcingError(
-                    f"two parts give the {what} of the water: {one}; and {other}", where="forcing",
-                    remedy=f"Leave the {what} to one of them",
+                    f"two parts give the {quantity} of the water: {first}; and {second}", where="forcing",
+                    remedy=f"Leave the {quantity} to one of them",
                 )  # fmt: skip
-        # One slope of the sea surface: that of data which give a level, and none beside it that was assumed.
-        levels = [part for part in self.parts if _gives_level(part)]
+        # One slope of the sea surface: where data give a level, no assumed slope is added to it.
+        levels = [term for term in self.parts if _gives_level(term)]
         if levels:
-            self.parts = tuple(part.without_assumed_slope() for part in self.parts)
-        # A level without currents belongs to those of the formulas, whose own slopes are left out beside it.
-        self._level_of_all = any("uo" not in part.provides for part in levels)
+            self.parts = tuple(term.without_assumed_slope() for term in self.parts)
+        # A level without currents belongs to the currents of the formulas, whose own slopes are left out beside it.
+        self._level_of_all = any("uo" not in term.provides for term in levels)
         self.grid = others[0].grid if others else None
-        self.provides = frozenset(name for part in parts for name in part.provides)
+        self.provides = frozenset(name for term in parts for name in term.provides)
         for name in ("latlon", "latitude"):
-            said: list[Any] = sorted({getattr(part, name) for part in self.parts} - {None})
-            if len(said) > 1:
+            values: list[Any] = sorted({getattr(term, name) for term in self.parts} - {None})
+            if len(values) > 1:
                 raise ForcingError(
-                    f"parts of the forcing disagree on {name}: {' and '.join(map(str, said))}",
+                    f"parts of the forcing disagree on {name}: {' and '.join(map(str, values))}",
                     where="forcing",
                     remedy="Give all parts the same",
                 )
-            setattr(self, name, said.pop() if said else None)
-        self.start = next((part.start for part in self.parts if part.start is not None), None)
-        self.notices = tuple(text for part in self.parts for text in part.notices)
-        self.citations = tuple(text for part in self.parts for text in part.citations)
-        self.title = ", ".join(filter(None, (part.title for part in self.parts)))
+            setattr(self, name, values.pop() if values else None)
+        self.start = next((term.start for term in self.parts if term.start is not None), None)
+        self.notices = tuple(text for term in self.parts for text in term.notices)
+        self.citations = tuple(text for term in self.parts for text in term.citations)
+        self.title = ", ".join(filter(None, (term.title for term in self.parts)))
         # Every part that gives sea ice gives its velocity, or one part gives that alone.
-        alone = any(any(getattr(part, "sea_ice", (0.0, 0.0))[:2]) for part in self.parts)
-        self.ice_drift_known = alone or all(part.ice_drift_known for part in self.parts)
-        self.given = all(part.given for part in self.parts)
-        self.assumes_slope = any(part.assumes_slope for part in self.parts)
-        self.slope_remarks = tuple(text for part in self.parts for text in part.slope_remarks)
+        alone = any(any(getattr(term, "sea_ice", (0.0, 0.0))[:2]) for term in self.parts)
+        self.ice_drift_known = alone or all(term.ice_drift_known for term in self.parts)
+        self.given = all(term.given for term in self.parts)
+        self.assumes_slope = any(term.assumes_slope for term in self.parts)
+        self.slope_remarks = tuple(text for term in self.parts for text in term.slope_remarks)
 
     def _flows(self) -> tuple[Flow, ...]:
-        return () if self._level_of_all else tuple(part for part in self.parts if isinstance(part, Flow))
+        return () if self._level_of_all else tuple(term for term in self.parts if isinstance(term, Flow))
 
     @property
     def level_gaps(self) -> str:
-        """What is missing of a given sea level; empty if nothing is."""
-        return next(filter(None, (part.level_gaps for part in self.parts)), "")
+        """Gaps of a given sea level; empty if there are none."""
+        return next(filter(None, (term.level_gaps for term in self.parts)), "")
 
     @property
-    def level_of_files(self) -> bool:
+    def has_own_level_datum(self) -> bool:
         """Whether the sea level of a part counts from another zero than the depth of a chart may do."""
-        return any(part.level_of_files for part in self.parts)
+        return any(term.has_own_level_datum for term in self.parts)
 
     def components(self) -> tuple[Any, ...]:
         """Return the forcings or products of which the parts are made."""
-        return tuple(one for part in self.parts for one in part.components())
+        return tuple(component for term in self.parts for component in term.components())
 
     def depth_spacing(self) -> float | None:
         """Return the distance (m) between points of the first chart among the parts."""
-        return next((spacing for part in self.parts if (spacing := part.depth_spacing()) is not None), None)
+        return next((spacing for term in self.parts if (spacing := term.depth_spacing()) is not None), None)
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add all parts."""
         e = elements.environment
-        for part in self.parts:
-            if not isinstance(part, Formula):
-                part.sample(elements, time)
-            elif self._level_of_all and isinstance(part, Flow):
+        for term in self.parts:
+            if not isinstance(term, Formula):
+                term.sample(elements, time)
+            elif self._level_of_all and isinstance(term, Flow):
                 slopes = e.slope_x.copy(), e.slope_y.copy()
-                part.add_to(elements, time)
+                term.add_to(elements, time)
                 e.slope_x[:], e.slope_y[:] = slopes
             else:
-                part.add_to(elements, time)
+                term.add_to(elements, time)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless all parts cover these elements from ``start`` to ``end`` (s)."""
-        for part in self.parts:  # the currents of a sum may all come from its formulas
-            part.check_fields(elements, start, end)
+        for term in self.parts:  # the currents of a sum may all come from its formulas
+            term.check_fields(elements, start, end)
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
-        flows = [part.currents(lon, lat, time) for part in self.parts]
+        flows = [term.currents(lon, lat, time) for term in self.parts]
         return np.sum([u for u, _ in flows], axis=0), np.sum([v for _, v in flows], axis=0)
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
-        """Return the depth of water (m) at arrays of points: that of the shallowest part."""
-        shallowest: Floats = np.min([part.depth(lon, lat) for part in self.parts], axis=0)
+        """Return the depth of water (m) at arrays of points: the shallowest term counts."""
+        shallowest: Floats = np.min([term.depth(lon, lat) for term in self.parts], axis=0)
         return np.where(np.isinf(shallowest), FIELD_DEFAULTS["depth"], shallowest)
 
     def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
         """Return which points are land in any part."""
-        return np.asarray(np.any([part.land(lon, lat) for part in self.parts], axis=0))
+        return np.asarray(np.any([term.land(lon, lat) for term in self.parts], axis=0))
 
     def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
         """Return the sea level (m) at arrays of points: the sum of all parts."""
-        levels: Floats = np.sum([part.sea_level(lon, lat, time) for part in self.parts], axis=0)
+        levels: Floats = np.sum([term.sea_level(lon, lat, time) for term in self.parts], axis=0)
         return levels
 
     def describe(self) -> str:
         """Return all parts in words."""
-        return "; ".join(part.describe() for part in self.parts)
+        return "; ".join(term.describe() for term in self.parts)
 
 
 F = TypeVar("F", bound=type[Formula])
@@ -288,28 +288,28 @@ F = TypeVar("F", bound=type[Formula])
 @dataclass_transform(eq_default=False, field_specifiers=(Field,))
 def _formula(cls: F) -> F:
     """Make a class whose arguments are the keys of a section of a file: the same units, limits and words for mistakes."""
-    made: Any = dataclass(config=ConfigDict(extra="forbid", allow_inf_nan=False), repr=False, eq=False)(cls)
-    names = [field.alias or name for name, field in fields_of(made).items() if not field.kw_only]
+    section: Any = dataclass(config=ConfigDict(extra="forbid", allow_inf_nan=False), repr=False, eq=False)(cls)
+    names = [field.alias or name for name, field in fields_of(section).items() if not field.kw_only]
 
-    @functools.wraps(made.__init__)
+    @functools.wraps(section.__init__)
     def init(self: Any, *args: Any, **values: Any) -> None:
-        given = dict(
+        positional = dict(
             zip(names, args, strict=False)
         )  # by name, for pydantic names an argument without one by its number
-        if twice := given.keys() & values.keys():
+        if twice := positional.keys() & values.keys():
             raise TypeError(f"{cls.__name__} got several values for {min(twice)!r}")
-        arguments, metres = ArgsKwargs(args[len(names) :], {**given, **values}), says_metres(values.get("latlon"))
+        arguments, metres = ArgsKwargs(args[len(names) :], {**positional, **values}), says_metres(values.get("latlon"))
         try:
-            made.__pydantic_validator__.validate_python(arguments, self_instance=self, context={"metres": metres})
+            section.__pydantic_validator__.validate_python(arguments, self_instance=self, context={"metres": metres})
         except ValidationError as error:
-            raise explained(error, made, kind=ForcingError, metres=metres) from error
+            raise explained(error, section, kind=ForcingError, metres=metres) from error
 
-    made.__init__ = init
-    plain = inspect.signature(made)  # without the annotations, whose units and limits help() would show as code
-    made.__signature__ = plain.replace(
-        parameters=[part.replace(annotation=part.empty) for part in plain.parameters.values()]
+    section.__init__ = init
+    plain = inspect.signature(section)  # without the annotations, whose units and limits help() would show as code
+    section.__signature__ = plain.replace(
+        parameters=[parameter.replace(annotation=parameter.empty) for parameter in plain.parameters.values()]
     )
-    return made  # type: ignore[no-any-return]
+    return section  # type: ignore[no-any-return]
 
 
 @_formula
@@ -332,9 +332,9 @@ class Part(Formula):
         if not isinstance(values, dict):
             keys = ", ".join(field.alias or name for name, field in fields_of(cls).items() if not field.kw_only)
             raise UnfitError(f"{value_shown(values)} is not a section", f"It has the keys {keys}")
-        both = values.keys() & {"latlon", "latitude"}
-        if both:
-            raise UnfitError(f"{min(both)} is that of the parameters", "Set earth there, and leave it out here")
+        repeated = values.keys() & {"latlon", "latitude"}
+        if repeated:
+            raise UnfitError(f"{min(repeated)} is that of the parameters", "Set earth there, and leave it out here")
         return {**{str(name): value for name, value in values.items()}, **(info.context or {}).get("coordinates", {})}
 
     @field_validator("*", mode="before")
@@ -368,7 +368,7 @@ class Flow(Part):
         return (self,)
 
     def add_to(self, elements: Elements, time: float) -> None:
-        """Add current, vorticity and geostrophic slope; `sample` adds that of curved and unsteady flow, of all parts at once."""
+        """Add current, vorticity and geostrophic slope; `sample` adds the slope of curved and unsteady flow."""
         place, e = elements.place, elements.environment
         u, v, vorticity = self.flow(place.lon, place.lat, time)
         f = self.coriolis(place.lat)
@@ -384,7 +384,7 @@ class Flow(Part):
         return u, v
 
 
-def metres_from(point: Pair, lon: Floats, lat: Floats, latlon: bool) -> tuple[Floats, Floats]:
+def metric_offsets(point: Pair, lon: Floats, lat: Floats, latlon: bool) -> tuple[Floats, Floats]:
     """Return how far (m) points lie east and north of one, with the metric of the mean latitude, across any seam."""
     dx, dy = np.asarray(lon, np.float64) - point[0], np.asarray(lat, np.float64) - point[1]
     if not latlon:
@@ -424,8 +424,8 @@ class Uniform(Flow):
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current and no vorticity."""
-        one = np.ones(np.shape(lon))
-        return self.current[0] * one, self.current[1] * one, 0.0 * one
+        ones = np.ones(np.shape(lon))
+        return self.current[0] * ones, self.current[1] * ones, 0.0 * ones
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add current, slope, wind and sea ice."""
@@ -448,7 +448,7 @@ class Uniform(Flow):
         """Return the values in words."""
         ice = ice_text(self.sea_ice, self.ice_fraction)
         depth = "" if self.water is None else f"{self.water:g} m deep"
-        return "uniform: " + said(flows_text(self.current, self.wind), ice, depth)
+        return "uniform: " + join_texts(flows_text(self.current, self.wind), ice, depth)
 
 
 @_formula
@@ -466,7 +466,7 @@ class Eddy(Flow):
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return current and vorticity of the eddy."""
         centre = travelled(self.centre, self.velocity, time, bool(self.latlon))
-        x, y = metres_from(centre, lon, lat, bool(self.latlon))
+        x, y = metric_offsets(centre, lon, lat, bool(self.latlon))
         q = (x * x + y * y) / self.radius**2
         turning = self.speed / self.radius * np.exp(0.5 * (1.0 - q))
         return -turning * y, turning * x, turning * (2.0 - q)
@@ -502,7 +502,7 @@ class Straight(Flow):
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return current and vorticity."""
         east, north = heading(self.towards)
-        x, y = metres_from(self.point, lon, lat, bool(self.latlon))
+        x, y = metric_offsets(self.point, lon, lat, bool(self.latlon))
         speed, rise = self.profile((x * -north + y * east) / self.width, lat)
         return speed * east, speed * north, -rise
 
@@ -511,7 +511,7 @@ class Straight(Flow):
         return f"{self.strength()} through {_at(self, self.point)} towards {compass(self.towards)}, {self.width / 1e3:g} km wide"
 
     def strength(self) -> str:
-        """Return what it is and how strong, in words."""
+        """Return kind and strength in words."""
         return type(self).__name__.lower()
 
 
@@ -525,7 +525,7 @@ class Stream(Straight):
     width: Annotated[float, about("m", "scale of the profile across", gt=0)]
 
     def strength(self) -> str:
-        """Return what it is and how fast, in words."""
+        """Return kind and speed in words."""
         return f"{type(self).__name__.lower()} of {self.speed:g} m/s"
 
 
@@ -566,12 +566,12 @@ class Front(Straight):
         self.provides = frozenset() if self.temperature is None else frozenset(("sst",))
 
     def strength(self) -> str:
-        """Return what it is and how high the step, in words."""
+        """Return kind and height of the step in words."""
         warm = "" if self.temperature is None else " from {1:g} to {0:g} °C".format(*self.temperature)
         return f"front of {self.step:g} m{warm}"
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
-        """Return speed and its derivative; f is that of the place."""
+        """Return speed and its derivative; f is the local one."""
         f = self.coriolis(lat)
         if (np.abs(f) < NEAR_EQUATOR).any():
             raise ForcingError(
@@ -588,13 +588,13 @@ class Front(Straight):
         if self.temperature is None:
             return
         east, north = heading(self.towards)
-        x, y = metres_from(self.point, elements.place.lon, elements.place.lat, bool(self.latlon))
+        x, y = metric_offsets(self.point, elements.place.lon, elements.place.lat, bool(self.latlon))
         left, right = self.temperature
         share = 0.5 * (1.0 + np.tanh((x * -north + y * east) / self.width))
         elements.environment.sst[:] = right + (left - right) * share
         getattr(elements.environment, OVER_KEEL["sst"])[:] = (
             np.nan
-        )  # that of the surface holds, whatever another part has said
+        )  # the value at the surface counts, whatever another term has set
 
 
 NEAR_EQUATOR: Final = 5e-6
@@ -632,8 +632,8 @@ class Tide(Flow):
         along, left = self.major * math.cos(angle), self.minor * math.sin(angle)
         east, north = heading(self.towards)
         u, v = along * east - left * north, along * north + left * east
-        one = np.ones(np.shape(lon))
-        return u * one, v * one, 0.0 * one
+        ones = np.ones(np.shape(lon))
+        return u * ones, v * ones, 0.0 * ones
 
     def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
         """Return the level of the moment (m), the same everywhere; constituents are tides that are added up."""
@@ -666,7 +666,7 @@ class Seamount(SeaFloor):
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
-        x, y = metres_from(self.centre, lon, lat, bool(self.latlon))
+        x, y = metric_offsets(self.centre, lon, lat, bool(self.latlon))
         depth: Floats = self.plain - self.height * np.exp(-(x * x + y * y) / (2.0 * self.width**2))
         return depth
 
@@ -695,7 +695,7 @@ class Slope(SeaFloor):
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
-        x, y = metres_from(self.point, lon, lat, bool(self.latlon))
+        x, y = metric_offsets(self.point, lon, lat, bool(self.latlon))
         east, north = heading(self.towards)
         depth: Floats = np.clip(self.middle + self.gradient * (x * east + y * north), *self.between)
         return depth

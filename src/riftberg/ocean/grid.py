@@ -24,10 +24,10 @@ def _put(values: Floats, ni: int, nj: int, halo: int) -> tuple[Floats, slice, sl
     """Place given values in an array with halo; return it with the rows and columns that are known."""
     full = np.full((nj + 2 * halo, ni + 2 * halo), np.nan)
     # Cells alone; with the outermost south and west corners; with one ring; with the whole halo.
-    for before, after in ((0, 0), (1, 0), (1, 1), (halo, halo)):
-        if values.shape == (nj + before + after, ni + before + after):
-            rows = slice(halo - before, halo + nj + after)
-            columns = slice(halo - before, halo + ni + after)
+    for lines_before, lines_after in ((0, 0), (1, 0), (1, 1), (halo, halo)):
+        if values.shape == (nj + lines_before + lines_after, ni + lines_before + lines_after):
+            rows = slice(halo - lines_before, halo + nj + lines_after)
+            columns = slice(halo - lines_before, halo + ni + lines_after)
             full[rows, columns] = values
             return full, rows, columns
     raise InputError(
@@ -183,7 +183,7 @@ class Grid:
         return np.ascontiguousarray(full)
 
     def fields(self, **given: ArrayLike) -> Fields:
-        """Return `Fields` from numbers or arrays (shapes as in `extended`); what is not given is at rest or absent.
+        """Return `Fields` from numbers or arrays (shapes as in `extended`); fields not given are at rest or absent.
 
         Wind and sea level are 0 beyond closed ends, as in the reference (equations 3.1); others repeat their last value.
 
@@ -228,7 +228,7 @@ class Grid:
         return np.asarray((i >= g.halo) & (i < g.halo + g.ni) & (j >= g.halo) & (j < g.halo + g.nj))
 
     def check_cells(self, elements: Elements) -> None:
-        """Refuse cells of elements that are not on the grid; those of a restart index memory from its first step on."""
+        """Refuse cells of elements that are not on the grid; a restart indexes memory by them from its first step on."""
         g, i, j = self.arrays, elements.cell_i, elements.cell_j
         rows, columns = g.mask.shape
         outside = np.flatnonzero((i < 0) | (i >= columns) | (j < 0) | (j >= rows))
@@ -317,8 +317,8 @@ def _check_orientation(lon: Floats, lat: Floats, latlon: bool) -> None:
 
 
 def _misplaced(elements: Elements, row: int, latlon: bool, how: str, remedy: str) -> BergError:
-    place = place_text(float(elements.lon[row]), float(elements.lat[row]), latlon=latlon)
-    return BergError(f"element {elements.id[row]} at {place} lies {how}", where="berg", remedy=remedy)
+    position = place_text(float(elements.lon[row]), float(elements.lat[row]), latlon=latlon)
+    return BergError(f"element {elements.id[row]} at {position} lies {how}", where="berg", remedy=remedy)
 
 
 def haversine(

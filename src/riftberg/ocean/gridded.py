@@ -118,7 +118,7 @@ class GriddedForcing(Forcing):
     records : Fields or sequence of Fields or callable
         One state, states in time, or a function that returns state number k (counted from 0) when it is needed.
         NaN may stand on land. Arrays that are the same object in successive records are not interpolated in time, so
-        share what does not change.
+        share the fields that do not change.
     times : array_like, optional
         Times of the records, s since the start of the run, increasing. Not needed for a single state, which then
         holds from then on.
@@ -205,16 +205,16 @@ class GriddedForcing(Forcing):
             Not to be written to.
         """
         k, weight = self._between(time)
-        before = self._store[k]
+        earlier = self._store[k]
         if weight == 0.0:
-            return before
-        after = self._store[k + 1]
-        # A negative weight makes the kernel leave a field as it is: it is shared with the record before.
-        same = [first is last or name in self._held for name, first, last in zip(Fields._fields, before, after)]
+            return earlier
+        later = self._store[k + 1]
+        # A negative weight makes the kernel leave a field unchanged: it is shared with the earlier record.
+        same = [first is last or name in self._held for name, first, last in zip(Fields._fields, earlier, later)]
         # New arrays in every call: two models in two threads may share this forcing.
-        blended = Fields(*(b if held else np.empty_like(b) for b, held in zip(before, same)))
+        blended = Fields(*(b if is_same else np.empty_like(b) for b, is_same in zip(earlier, same)))
         i, j = (NO_CELLS, NO_CELLS) if cell_i is None or cell_j is None else (cell_i, cell_j)
-        blend_around(i, j, MARGIN, before, after, np.where(same, -1.0, weight), blended)
+        blend_around(i, j, MARGIN, earlier, later, np.where(same, -1.0, weight), blended)
         return blended
 
     def sample(
@@ -232,7 +232,7 @@ class GriddedForcing(Forcing):
             With the random current near land.
         drawn_in : tuple of int arrays, optional
             Columns and rows of the cells in which the elements draw the numbers of that current; those in which they are if
-            left out. In a stage of a step they are those of its start.
+            left out. In a stage of a step they stay at its start.
         """
         if elements.lon.size == 0:
             return
@@ -322,7 +322,7 @@ class GriddedForcing(Forcing):
         return out.reshape(np.shape(lon))
 
     def describe(self) -> str:
-        """Return what this forcing is, where it comes from and what it covers, in plain words."""
+        """Return kind, source and coverage of this forcing in plain words."""
         (begin, end), rules = self.cover, self.rules
         if self._times is None:
             time = "constant in time"
@@ -397,18 +397,18 @@ class _Records:
             return np.require(raw, dtype=np.float64, requirements=["C", "W"]), (-1, -1)
         zero_on_land = name in ZERO_ON_LAND
         key = 2 * id(raw) + zero_on_land
-        known = self._prepared.get(key)
-        if known is None:
+        prepared = self._prepared.get(key)
+        if prepared is None:
             values = np.require(raw, dtype=np.float64, requirements=["C", "W"])
             # The raw array is kept too, so that its id stays its own.
-            known = raw, usable(values, self._mask, zero_on_land), first_gap(values, self._mask, self._halo)
-            self._prepared[key] = known
-        return known[1], known[2]
+            prepared = raw, usable(values, self._mask, zero_on_land), first_gap(values, self._mask, self._halo)
+            self._prepared[key] = prepared
+        return prepared[1], prepared[2]
 
     def _get(self, k: int) -> tuple[Fields, tuple[str, int, int] | None]:
-        known = self._kept.get(k)
-        if known is not None:
-            return known
+        cached = self._kept.get(k)
+        if cached is not None:
+            return cached
         with self._lock:  # another thread may have loaded it meanwhile
             return self._kept.get(k) or self._loaded(k)
 
@@ -440,7 +440,7 @@ def cell_seed(i: int, j: int, ssh: float, halo: int) -> int:
 
 
 def tidal_draws(cell_i: Ints, cell_j: Ints, ssh: Floats, halo: int, order: Ints | None = None) -> tuple[Floats, Floats]:
-    """Two numbers in [-1, 1] per element; those of a cell draw as ``order`` says, or the last row first (equations 1.6)."""
+    """Two numbers in [-1, 1] per element; elements of a cell draw in ``order``, or the last row first (equations 1.6)."""
     east, north = np.empty(cell_i.size), np.empty(cell_i.size)
     members: dict[tuple[int, int], list[int]] = {}
     for row in range(cell_i.size - 1, -1, -1) if order is None else order.tolist():
@@ -463,7 +463,7 @@ def tidal_increment(mask: Floats, i: Ints, j: Ints, east: Floats, north: Floats)
     return along * (1.0 - to_south * to_north) * here, across * (1.0 - to_west * to_east) * here
 
 
-def corners_at_elements(q: Floats, e: Elements, mirrored: bool) -> Floats:
+def interpolate_corners(q: Floats, e: Elements, mirrored: bool) -> Floats:
     """Return a field of corners at elements: linear in their cells."""
     i, j, xi, eta = e.place.cell_i, e.place.cell_j, e.place.xi, e.place.eta
     x, y = (1.0 - xi, 1.0 - eta) if mirrored else (xi, eta)
@@ -479,7 +479,7 @@ def add_tidal_drift(
     """
     e = elements
     along, across = (amplitude * q for q in tidal_increment(grid.mask, e.cell_i, e.cell_j, *draws))
-    c, s = corners_at_elements(grid.cos_angle, e, mirrored), corners_at_elements(grid.sin_angle, e, mirrored)
+    c, s = interpolate_corners(grid.cos_angle, e, mirrored), interpolate_corners(grid.sin_angle, e, mirrored)
     du, dv = c * along + s * across, c * across - s * along
     e.uo[:] += du
     e.ui[:] += du

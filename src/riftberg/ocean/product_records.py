@@ -2,7 +2,7 @@
 
 Records are read when asked for, in blocks, converted once, and never changed.
 
-In space a field is bilinear over those of the four points around an element where it is known, their weights brought
+In space a field is bilinear over the four points around an element, as far as they know it, their weights brought
 to a sum of 1; where none of them is known (land) the nearest known point within `REACH` points counts. In time it is
 linear between two records; where only one of them knows a value that one is taken. Currents on levels are averaged
 over the draft at each point first.
@@ -68,7 +68,7 @@ class Blend(NamedTuple):
     after: Floats  # Records around the time; NaN where nothing is known; shape (levels, rows, columns)
     weight: float  # Weight of ``after``
     limits: Floats  # Depths (m) of the limits of the levels' layers; shape (levels + 1,)
-    absent: float  # What counts where a record knows nothing; NaN if the other record is to count
+    absent: float  # Value where a record knows nothing; NaN if the other record is to count
 
 
 @kernel
@@ -109,32 +109,32 @@ def blend_known(sw: float, se: float, nw: float, ne: float, xi: float, eta: floa
 
 
 @kernel
-def in_time(before: float, after: float, weight: float, absent: float) -> float:
+def in_time(earlier: float, later: float, weight: float, absent: float) -> float:
     """Return the value between two records; where only one of them knows a value that one counts."""
-    before = before if before == before else absent
-    after = after if after == after else absent
+    earlier = earlier if earlier == earlier else absent
+    later = later if later == later else absent
     # At the very time of a record that one counts alone, gaps included.
-    if weight <= 0.0 or after != after:
-        return before if before == before or weight <= 0.0 else after
-    return after if before != before else (1.0 - weight) * before + weight * after
+    if weight <= 0.0 or later != later:
+        return earlier if earlier == earlier or weight <= 0.0 else later
+    return later if earlier != earlier else (1.0 - weight) * earlier + weight * later
 
 
 @kernel
-def _point_at(moment: Blend, draft: float, j: int, i: int) -> float:
+def _point_value(moment: Blend, draft: float, j: int, i: int) -> float:
     """Value of a point at the time of the moment."""
-    before = mean_to_draft(moment.before, moment.limits, draft, j, i)
+    earlier = mean_to_draft(moment.before, moment.limits, draft, j, i)
     if moment.weight <= 0.0:
-        return in_time(before, before, 0.0, moment.absent)
-    after = mean_to_draft(moment.after, moment.limits, draft, j, i)
-    return in_time(before, after, moment.weight, moment.absent)
+        return in_time(earlier, earlier, 0.0, moment.absent)
+    later = mean_to_draft(moment.after, moment.limits, draft, j, i)
+    return in_time(earlier, later, moment.weight, moment.absent)
 
 
 @kernel
-def _nearest_known(levels: Floats, limits: Floats, draft: float, j: int, i: int, around: int, near: Ints) -> float:
-    """Value of the nearest point that knows one, in the order of ``near``; NaN if none does."""
-    for k in range(near.shape[0]):
-        row, column = j + near[k, 0], i + near[k, 1]
-        column = column % around if around > 0 else column
+def _nearest_known(levels: Floats, limits: Floats, draft: float, j: int, i: int, columns: int, rings: Ints) -> float:
+    """Value of the nearest point that knows one, in the order of ``rings``; NaN if none does."""
+    for k in range(rings.shape[0]):
+        row, column = j + rings[k, 0], i + rings[k, 1]
+        column = column % columns if columns > 0 else column
         if 0 <= row < levels.shape[1] and 0 <= column < levels.shape[2]:
             value = mean_to_draft(levels, limits, draft, row, column)
             if value == value:
@@ -143,9 +143,9 @@ def _nearest_known(levels: Floats, limits: Floats, draft: float, j: int, i: int,
 
 
 @kernel
-def _record_at(
+def _record_value(
     levels: Floats, limits: Floats, draft: float, corners: tuple[int, int, int, int], xi: float, eta: float,
-    around: int, near: Ints,
+    columns: int, rings: Ints,
 ) -> float:  # fmt: skip
     """Value of one record in a cell."""
     j, i, j1, i1 = corners
@@ -156,26 +156,26 @@ def _record_at(
     if value == value:
         return value
     # No corner is known: from the corner nearest to the place outward.
-    return _nearest_known(levels, limits, draft, j1 if eta > 0.5 else j, i1 if xi > 0.5 else i, around, near)
+    return _nearest_known(levels, limits, draft, j1 if eta > 0.5 else j, i1 if xi > 0.5 else i, columns, rings)
 
 
 @kernel
 def fill_values(
-    moment: Blend, places: Places, draft: Floats, columns: int, near: Ints, unknown: float, out: Floats
+    moment: Blend, located: Places, draft: Floats, columns: int, rings: Ints, unknown: float, out: Floats
 ) -> None:
-    """Fill a field at many places.
+    """Fill a field at many points.
 
-    ``draft``: drafts, m; ``unknown``: what stands outside and where the field is unknown.
+    ``draft``: drafts, m; ``unknown``: value outside and where the field is unknown.
     """
-    before, after, weight, limits, absent = moment
+    earlier, later, weight, limits, absent = moment
     for n in range(out.size):
-        if places.row[n] < 0:
+        if located.row[n] < 0:
             out[n] = unknown
             continue
-        corners = (places.row[n], places.column[n], places.next_row[n], places.next_column[n])
-        xi, eta = places.xi[n], places.eta[n]
-        first = _record_at(before, limits, draft[n], corners, xi, eta, columns, near)
-        last = first if weight <= 0.0 else _record_at(after, limits, draft[n], corners, xi, eta, columns, near)
+        corners = (located.row[n], located.column[n], located.next_row[n], located.next_column[n])
+        xi, eta = located.xi[n], located.eta[n]
+        first = _record_value(earlier, limits, draft[n], corners, xi, eta, columns, rings)
+        last = first if weight <= 0.0 else _record_value(later, limits, draft[n], corners, xi, eta, columns, rings)
         value = in_time(first, last, weight, absent)
         out[n] = value if value == value else unknown
 
@@ -203,7 +203,7 @@ def _across_cell(sw: float, se: float, nw: float, ne: float, xi: float, eta: flo
 def fill_vorticity(
     east: Blend,
     north: Blend,
-    places: Places,
+    located: Places,
     points: ProductPoints,
     lon: Floats,
     lat: Floats,
@@ -212,12 +212,12 @@ def fill_vorticity(
 ) -> None:
     """Fill the vorticity ``dv/dE - du/dN`` (s-1) of a current; 0 where a point around does not know it.
 
-    ``lon``, ``lat``: positions of the places, degrees.
+    ``lon``, ``lat``: positions of the points, degrees.
     """
     x, y = points.lon, points.lat
     for n in range(out.size):
-        j, i, j1, i1 = places.row[n], places.column[n], places.next_row[n], places.next_column[n]
-        xi, eta, d = places.xi[n], places.eta[n], draft[n]
+        j, i, j1, i1 = located.row[n], located.column[n], located.next_row[n], located.next_column[n]
+        xi, eta, d = located.xi[n], located.eta[n], draft[n]
         cosine = math.cos(lat[n] * DEGREE)
         e0, n0 = beside_parallel(x[j, i], y[j, i], lon[n], lat[n], cosine)
         e1, n1 = beside_parallel(x[j, i1], y[j, i1], lon[n], lat[n], cosine)
@@ -226,12 +226,12 @@ def fill_vorticity(
         e_xi, e_eta = _across_cell(e0, e1, e2, e3, xi, eta)
         n_xi, n_eta = _across_cell(n0, n1, n2, n3, xi, eta)
         u_xi, u_eta = _across_cell(
-            _point_at(east, d, j, i), _point_at(east, d, j, i1), _point_at(east, d, j1, i), _point_at(east, d, j1, i1),
-            xi, eta,
+            _point_value(east, d, j, i), _point_value(east, d, j, i1),
+            _point_value(east, d, j1, i), _point_value(east, d, j1, i1), xi, eta,
         )  # fmt: skip
         v_xi, v_eta = _across_cell(
-            _point_at(north, d, j, i), _point_at(north, d, j, i1),
-            _point_at(north, d, j1, i), _point_at(north, d, j1, i1), xi, eta,
+            _point_value(north, d, j, i), _point_value(north, d, j, i1),
+            _point_value(north, d, j1, i), _point_value(north, d, j1, i1), xi, eta,
         )  # fmt: skip
         _, u_north = gradient(u_xi, u_eta, (e_xi, n_xi), (e_eta, n_eta))
         v_east, _ = gradient(v_xi, v_eta, (e_xi, n_xi), (e_eta, n_eta))
@@ -240,7 +240,7 @@ def fill_vorticity(
 
 
 @kernel
-def _faces(position: float, first: int, last: int, around: int) -> tuple[int, int, float]:
+def _faces(position: float, first: int, last: int, count: int) -> tuple[int, int, float]:
     """Two neighbouring faces around a position between points, and the weight of the second one.
 
     Face ``k`` lies half-way between the points ``k`` and ``k + 1``; beyond the outermost the outermost counts.
@@ -248,18 +248,18 @@ def _faces(position: float, first: int, last: int, around: int) -> tuple[int, in
     # Up to the middle of the cell the place lies behind face ``first``, from there on before it.
     lower = first if position >= 0.5 else first - 1
     weight = position - 0.5 if position >= 0.5 else position + 0.5
-    if around > 0:
-        return lower % around, (lower + 1) % around, weight
+    if count > 0:
+        return lower % count, (lower + 1) % count, weight
     return min(max(lower, 0), last), min(max(lower + 1, 0), last), weight
 
 
 @kernel
-def _surface_at(level: Blend, j: int, i: int) -> float:
+def _surface_value(level: Blend, j: int, i: int) -> float:
     """Value of a point of a field without levels at the time of the moment."""
-    before = level.before[0, j, i]
+    earlier = level.before[0, j, i]
     if level.weight <= 0.0:
-        return in_time(before, before, 0.0, level.absent)
-    return in_time(before, level.after[0, j, i], level.weight, level.absent)
+        return in_time(earlier, earlier, 0.0, level.absent)
+    return in_time(earlier, level.after[0, j, i], level.weight, level.absent)
 
 
 @kernel
@@ -269,13 +269,13 @@ def _change(
     """Change of the field, and of the position to the east and north (rad), from one point to the next."""
     e0, n0 = beside_parallel(points.lon[j, i], points.lat[j, i], lon, lat, cosine)
     e1, n1 = beside_parallel(points.lon[j1, i1], points.lat[j1, i1], lon, lat, cosine)
-    step = _surface_at(level, j1, i1) - _surface_at(level, j, i)
+    step = _surface_value(level, j1, i1) - _surface_value(level, j, i)
     return (step if step == step else 0.0), e1 - e0, n1 - n0
 
 
 @kernel
 def fill_slopes(
-    level: Blend, places: Places, points: ProductPoints, lon: Floats, lat: Floats, out_x: Floats, out_y: Floats
+    level: Blend, located: Places, points: ProductPoints, lon: Floats, lat: Floats, out_x: Floats, out_y: Floats
 ) -> None:
     """Fill the slope of the sea surface to the east and north.
 
@@ -286,8 +286,8 @@ def fill_slopes(
     """
     rows, columns = points.lon.shape
     for n in range(out_x.size):
-        j, i, j1, i1 = places.row[n], places.column[n], places.next_row[n], places.next_column[n]
-        xi, eta = places.xi[n], places.eta[n]
+        j, i, j1, i1 = located.row[n], located.column[n], located.next_row[n], located.next_column[n]
+        xi, eta = located.xi[n], located.eta[n]
         west, east, right = _faces(xi, i, columns - 2, points.columns)
         south, north, upper = _faces(eta, j, rows - 2, 0)
         q_xi = e_xi = n_xi = q_eta = e_eta = n_eta = 0.0
@@ -311,7 +311,7 @@ def fill_slopes(
 @kernel
 def add_shore_drift(
     moment: Blend,
-    places: Places,
+    located: Places,
     points: ProductPoints,
     lon: Floats,
     lat: Floats,
@@ -322,14 +322,14 @@ def add_shore_drift(
     """Add a current away from land (m s-1): ``speed`` times how much more water there is on one side of the cell."""
     x, y = points.lon, points.lat
     for n in range(out_x.size):
-        j, i, j1, i1 = places.row[n], places.column[n], places.next_row[n], places.next_column[n]
-        known = np.zeros(4)
+        j, i, j1, i1 = located.row[n], located.column[n], located.next_row[n], located.next_column[n]
+        is_water = np.zeros(4)
         for k in range(4):
-            value = _point_at(moment, 1.0, j1 if k >= 2 else j, i1 if k % 2 == 1 else i)
-            known[k] = 1.0 if value == value else 0.0
+            value = _point_value(moment, 1.0, j1 if k >= 2 else j, i1 if k % 2 == 1 else i)
+            is_water[k] = 1.0 if value == value else 0.0
         eastward, northward = (
-            0.5 * (known[1] + known[3] - known[0] - known[2]),
-            0.5 * (known[2] + known[3] - known[0] - known[1]),
+            0.5 * (is_water[1] + is_water[3] - is_water[0] - is_water[2]),
+            0.5 * (is_water[2] + is_water[3] - is_water[0] - is_water[1]),
         )
         e0, n0 = beside(x[j, i], y[j, i], lon[n], lat[n])
         e1, n1 = beside(x[j, i1], y[j, i1], lon[n], lat[n])
@@ -370,7 +370,7 @@ class ProductRecords:
     """Fields of one canonical dataset in time, on its own points down to the deepest draft ``keel`` (m)."""
 
     def __init__(self, ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> None:
-        for name, field in ds.data_vars.items():  # what a dimension beside time, depth and the plane means is not known
+        for name, field in ds.data_vars.items():  # any other dimension has no known meaning
             beyond = set(map(str, field.dims)) - {"time", "depth", *plane_dims(field)}
             if beyond or not plane_dims(field):
                 raise ForcingError(
@@ -390,7 +390,7 @@ class ProductRecords:
         )
         self.times = [float(t) for t in _seconds(self.dates, start)]
         self.names = _as_they_act(tuple(map(str, ds.data_vars)))
-        self._length = records_at_once(
+        self._length = block_length(
             sum(field.size for field in ds.data_vars.values()) / max(1, ds.sizes.get("time", 1))
         )
 
@@ -411,9 +411,9 @@ class ProductRecords:
         """First and last time covered, s since the start; infinite for fields without time."""
         if not self.times:
             return -np.inf, np.inf
-        own = _seconds(self.ds["time"].values[[0, -1]], self.start)
-        before, after = np.abs(_seconds(np.array(cover_of(self.ds)), self.start) - own)
-        return self.times[0] - float(before), self.times[-1] + float(after)
+        ends = _seconds(self.ds["time"].values[[0, -1]], self.start)
+        held_before, held_after = np.abs(_seconds(np.array(cover_of(self.ds)), self.start) - ends)
+        return self.times[0] - float(held_before), self.times[-1] + float(held_after)
 
     @cached_property
     def _wide(self) -> frozenset[int]:
@@ -437,12 +437,12 @@ class ProductRecords:
 
     def moment(self, name: str, time: float) -> Blend:
         """Return a field at a time."""
-        around = self._between(time)
-        before = self._record(around.before)[name]
-        after = self._record(around.after)[name] if around.weight > 0.0 else before
-        layers = min(len(before), len(after))  # another thread may have gone deeper between the two
+        bracket = self._between(time)
+        earlier = self._record(bracket.before)[name]
+        later = self._record(bracket.after)[name] if bracket.weight > 0.0 else earlier
+        layers = min(len(earlier), len(later))  # another thread may have gone deeper between the two
         limits = self._limits[: layers + 1] if layers > 1 else SURFACE
-        return Blend(before[:layers], after[:layers], around.weight, limits, 0.0 if name in MAY_BE_EMPTY else np.nan)
+        return Blend(earlier[:layers], later[:layers], bracket.weight, limits, 0.0 if name in MAY_BE_EMPTY else np.nan)
 
     def check(self, start: float, end: float) -> None:
         """Read all records from ``start`` to ``end`` (s) that have not been read before."""
@@ -499,11 +499,11 @@ class ProductRecords:
 
     def _read(self, records: slice) -> Block:
         """Read some records; refuse those without a value, and values that cannot be true."""
-        part = self.ds.isel(time=records) if self.times else self.ds
-        block = {str(name): as_block(field, named(self.ds)) for name, field in part.data_vars.items()}
+        excerpt = self.ds.isel(time=records) if self.times else self.ds
+        block = {str(name): as_block(field, named(self.ds)) for name, field in excerpt.data_vars.items()}
         for name, values in block.items():
             check_not_empty(name, values, self.ds, self.dates[records])
-            check_believable(name, values, part, self.dates[records])
+            check_believable(name, values, excerpt, self.dates[records])
         if "taux" in block and "tauy" in block and "ua" not in block:
             block["ua"], block["va"] = wind_from_stress(block.pop("taux"), block.pop("tauy"))
         if "wave_direction" in block:  # from where they come; its parts can be interpolated, degrees cannot
@@ -514,7 +514,7 @@ class ProductRecords:
         return block
 
 
-def records_at_once(values: float) -> int:
+def block_length(values: float) -> int:
     """Return how many records of so many values are read at once."""
     return int(np.clip(BLOCK_BYTES / (8 * max(values, 1)), 1, MOST_RECORDS))
 
@@ -531,9 +531,9 @@ def _as_they_act(names: tuple[str, ...]) -> tuple[str, ...]:
 
 def _seconds(dates: NDArray[np.datetime64], start: datetime) -> Floats:
     """Return dates as seconds since a start; three centuries apart are more nanoseconds than a difference holds."""
-    whole: Any = dates.astype("datetime64[s]")
-    since, part = whole - utc(start).astype("datetime64[us]"), dates - whole.astype(dates.dtype)
-    return np.asarray(since / np.timedelta64(1, "s") + part / np.timedelta64(1, "s"), np.float64)
+    whole_seconds: Any = dates.astype("datetime64[s]")
+    since, remainder = whole_seconds - utc(start).astype("datetime64[us]"), dates - whole_seconds.astype(dates.dtype)
+    return np.asarray(since / np.timedelta64(1, "s") + remainder / np.timedelta64(1, "s"), np.float64)
 
 
 def plane_dims(field: xr.DataArray | xr.Dataset) -> tuple[str, ...]:
@@ -569,18 +569,18 @@ def check_not_empty(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[np
 
 def check_believable(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[np.datetime64]) -> None:
     """Raise `ForcingError` where values (record, level, row, column) of a field cannot be true."""
-    known = values[~np.isnan(values)]  # an infinite one is no missing value: it is beyond every range
-    fault = unlikely(name, float(known.min()), float(known.max())) if known.size else ""
+    present = values[~np.isnan(values)]  # an infinite one is no missing value: it is beyond every range
+    fault = unlikely(name, float(present.min()), float(present.max())) if present.size else ""
     if not fault:
         return
     least, most = QUANTITIES[name].range
     beyond = np.argwhere((values < least) | (values > most))
-    place = beyond[0] if beyond.size else np.argwhere(~np.isnan(values))[0]
-    record, _, row, column = (int(k) for k in place)
+    index = beyond[0] if beyond.size else np.argwhere(~np.isnan(values))[0]
+    record, _, row, column = (int(k) for k in index)
     when = f"{minute(dates[record])}, " if dates.size else ""
     units = QUANTITIES[name].units.removeprefix("1")
     raise ForcingError(
-        f"{name} is {values[tuple(place)]:.3g}{f' {units}' if units else ''} at {when}{_place(ds, row, column)}; {fault}",
+        f"{name} is {values[tuple(index)]:.3g}{f' {units}' if units else ''} at {when}{_place(ds, row, column)}; {fault}",
         where=named(ds),
         remedy="Is it a missing value that the file does not declare, or another unit or sign? Correct the file's attributes",
     )

@@ -1,7 +1,7 @@
 """Forcing along a track: a series in time that is the same everywhere, such as values that another program or a station gives.
 
 A series is linear between its times, or holds the mean of each interval. A slope of the sea surface that is not given balances
-the current of the series, averaged as that of files is (`riftberg.ocean.balance`), with f of each element.
+the current of the series, averaged like a current from files (`riftberg.ocean.balance`), with f of each element.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from riftberg.errors import ForcingError, InputError, nearest
 from riftberg.ocean.balance import (
     SeaLevel,
     balancing_slope,
+    checked_wind_layer,
     decided,
     layer_text,
-    share_of_wind,
-    shares_of_slow_current,
+    slow_current_weights,
     wind_drift,
 )
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
@@ -119,7 +119,7 @@ class Series(Formula):
     wind_layer : float, optional
         Share of the wind that is taken out of the current and its slope, as for `riftberg.ocean.datasets.DatasetForcing`.
     latitude : float, optional
-        Latitude (degrees) of the Coriolis parameter on an f-plane; by default that of each element.
+        Latitude (degrees) of the Coriolis parameter on an f-plane; by default the latitude of each element.
 
     Raises
     ------
@@ -141,17 +141,17 @@ class Series(Formula):
         slope, depth, max_gap = options.get("ssh_slope"), options.get("depth"), options.get("max_gap")
         every: dict[str, Any] = {"uo": uo, "vo": vo, **options}
         given = {name: every[name] for name in VALUES if every.get(name) is not None}
-        for one, other in PAIRS:
-            if (one in given) != (other in given):
-                raise ForcingError(f"{one if one in given else other} without {other if one in given else one}",
-                                   where="Forcing.along", remedy="Give both components")  # fmt: skip
+        for eastward, northward in PAIRS:
+            if (eastward in given) != (northward in given):
+                present, absent = (eastward, northward) if eastward in given else (northward, eastward)
+                raise ForcingError(f"{present} without {absent}", where="Forcing.along", remedy="Give both components")
         choice = decided(
             sea_level, {"uo", *(() if slope is None else ("ssh",))}, where="sea_level",
             level_wanted="Give ssh_slope, or leave sea_level out: then the slope balances the current",
             currents_wanted="Give uo and vo",
         )  # fmt: skip
         self.assumes_slope = sea_level == "auto" and choice == "geostrophic"
-        self.wind_layer = share_of_wind(options.get("wind_layer", 0.0))
+        self.wind_layer = checked_wind_layer(options.get("wind_layer", 0.0))
         if self.wind_layer and "ua" not in given:
             raise ForcingError(
                 "a share of the wind is taken out of the current, and the series has none", where="wind_layer",
@@ -164,8 +164,8 @@ class Series(Formula):
         self._water = np.array([np.inf if depth is None else _single_depth(depth)])
         self._times, self.times = seconds, seconds
         length = min(self._last_known(name, values) for name, values in columns.items())
-        held = duration(options.get("hold", 0.0), where="hold", kind=ForcingError)
-        self.cover = float(seconds[0]) - held, float(seconds[length]) + held
+        hold = duration(options.get("hold", 0.0), where="hold", kind=ForcingError)
+        self.cover = float(seconds[0]) - hold, float(seconds[length]) + hold
         step = float(np.median(np.diff(seconds))) if seconds.size > 1 else np.inf
         limit = GAP_FACTOR * step if max_gap is None else duration(max_gap, where="max_gap", kind=ForcingError)
         gaps = [] if means else np.flatnonzero(np.diff(seconds[: length + 1]) > limit).tolist()
@@ -187,12 +187,12 @@ class Series(Formula):
 
     def _last_known(self, name: str, values: Floats) -> int:
         """Return the number of the last time at which a value is given; refuse one that is missing before."""
-        known = np.isfinite(values)
-        if not known.any():
+        is_given = np.isfinite(values)
+        if not is_given.any():
             raise ForcingError(f"{name} has no value", where="Forcing.along", remedy="Give numbers, or leave it out")
-        last = int(np.flatnonzero(known)[-1])
-        if not known[: last + 1].all():
-            gap = int(np.flatnonzero(~known)[0])
+        last = int(np.flatnonzero(is_given)[-1])
+        if not is_given[: last + 1].all():
+            gap = int(np.flatnonzero(~is_given)[0])
             raise ForcingError(
                 f"{name} is missing at {self._when(float(self.times[gap]))}, and given later", where="Forcing.along",
                 remedy="Give the value, or leave the time out: values are linear across it. Missing at the end means no more",
@@ -200,40 +200,45 @@ class Series(Formula):
         return last
 
     def _add_slow_current(self, averaged: bool) -> None:
-        """Keep the current that the sea surface balances: its mean over 25 hours, twice, or that of the series itself."""
+        """Keep the current that the sea surface balances: its mean over 25 hours, twice, or the current itself."""
         slowed = ("uo", "vo", "ua", "va") if self.wind_layer else ("uo", "vo")
         at, slow = self._times, {name: self._values[name][0] for name in slowed}
-        own = at
+        slow_times = at
         if averaged and at[-1] - at[0] > FINE:
             fine, numbers, weights = _slow_weights(float(at[0]), float(at[-1]))
-            own, slow = fine[numbers], {name: weights @ np.interp(fine, at, values) for name, values in slow.items()}
-        self._times = np.union1d(at, own)
+            slow_times, slow = (
+                fine[numbers],
+                {name: weights @ np.interp(fine, at, values) for name, values in slow.items()},
+            )
+        self._times = np.union1d(at, slow_times)
         self._values = {
             **{name: np.interp(self._times, at, values[0])[None] for name, values in self._values.items()},
-            **{f"slow_{name}": np.interp(self._times, own, values)[None] for name, values in slow.items()},
+            **{f"slow_{name}": np.interp(self._times, slow_times, values)[None] for name, values in slow.items()},
         }
 
     @classmethod
     def side_by_side(cls, series: Sequence[Series]) -> Series:
         """Return several series as one: element 1 has the first one, element 2 the second, and so on.
 
-        A series is the same everywhere, so that a berg may be put anywhere on its parallel. The floor goes by place: that of each
-        series holds in a sector of longitude of its own, the first from 180 W, as many as there are series.
+        A series is the same everywhere, so that a berg may be put anywhere on its parallel. The floor varies with longitude: each
+        series has a sector of its own, the first from 180 W, as many as there are series.
         """
-        several = copy.copy(series[0])
-        missing = {name for one in series for name in one._values if any(name not in other._values for other in series)}
+        joined = copy.copy(series[0])
+        missing = {
+            name for member in series for name in member._values if any(name not in other._values for other in series)
+        }
         if missing:
             raise ForcingError(
                 f"{min(missing)} is given by some series alone", where="Forcing.along", remedy="Give it to all of them"
             )
-        several._times = np.unique(np.concatenate([one._times for one in series]))
-        several._values = {
-            name: np.stack([np.interp(several._times, one._times, one._values[name][0]) for one in series])
+        joined._times = np.unique(np.concatenate([member._times for member in series]))
+        joined._values = {
+            name: np.stack([np.interp(joined._times, member._times, member._values[name][0]) for member in series])
             for name in series[0]._values
         }
-        several._water = np.array([one._water[0] for one in series])
-        several.cover, several._gaps = (-np.inf, np.inf), []
-        return several
+        joined._water = np.array([member._water[0] for member in series])
+        joined.cover, joined._gaps = (-np.inf, np.inf), []
+        return joined
 
     def without_assumed_slope(self) -> Series:
         """Return the same series without a slope of the sea surface that was not asked for: a sum has another one."""
@@ -250,17 +255,17 @@ class Series(Formula):
         for name in SUMMED:
             if name in at:
                 getattr(e, name)[:] += at[name]
-        place = lat if self.latitude is None else np.full(lat.shape, self.latitude)
+        balance_lat = lat if self.latitude is None else np.full(lat.shape, self.latitude)
         if self.wind_layer:
-            drift = wind_drift(place, at["ua"], at["va"], self.wind_layer)
+            drift = wind_drift(balance_lat, at["ua"], at["va"], self.wind_layer)
             e.uo[:] -= drift[0]
             e.vo[:] -= drift[1]
         if "slow_uo" in at:
             u, v = at["slow_uo"], at["slow_vo"]
             if self.wind_layer:
-                drift = wind_drift(place, at["slow_ua"], at["slow_va"], self.wind_layer)
+                drift = wind_drift(balance_lat, at["slow_ua"], at["slow_va"], self.wind_layer)
                 u, v = u - drift[0], v - drift[1]
-            slopes = balancing_slope(place, u, v)
+            slopes = balancing_slope(balance_lat, u, v)
         else:
             slopes = tuple(at.get(name, 0.0) for name in SLOPES)  # type: ignore[assignment]
         e.slope_x[:] += slopes[0]
@@ -272,14 +277,14 @@ class Series(Formula):
             e.wave_height[:], e.wave_x[:], e.wave_y[:], e.wave_period[:] = at["wave_height"], e.ua, e.va, 0.0
         for name in OVER_KEEL.keys() & at.keys():
             getattr(e, name)[:] = at[name]
-            getattr(e, OVER_KEEL[name])[:] = np.nan  # that of the surface holds, whatever another part has said
+            getattr(e, OVER_KEEL[name])[:] = np.nan  # the value at the surface counts, whatever another term has set
 
     def _now(self, time: float) -> dict[str, Floats]:
-        """Return the values at a time by name, one for each row; beyond the ends those of the ends."""
-        after = int(np.clip(np.searchsorted(self._times, time), 1, self._times.size - 1))
-        before = self._times[after - 1]
-        weight = min(max((time - before) / (self._times[after] - before), 0.0), 1.0)
-        return {name: v[:, after - 1] * (1.0 - weight) + v[:, after] * weight for name, v in self._values.items()}
+        """Return the values at a time by name, one for each row; beyond the ends the end values."""
+        k = int(np.clip(np.searchsorted(self._times, time), 1, self._times.size - 1))
+        time_before = self._times[k - 1]
+        weight = min(max((time - time_before) / (self._times[k] - time_before), 0.0), 1.0)
+        return {name: v[:, k - 1] * (1.0 - weight) + v[:, k] * weight for name, v in self._values.items()}
 
     def current_series(self, times: Floats) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at times (s)."""
@@ -295,18 +300,18 @@ class Series(Formula):
                 f"{beyond} lies outside the series, which goes from {self._when(first)} to {self._when(last)}",
                 where="Forcing.along", remedy="Run within it, give more of it, or hold its ends longer: hold",
             )  # fmt: skip
-        for before, after in self._gaps:
-            if before < end and after > start:
-                days = (after - before) / SECONDS_PER_DAY
+        for gap_start, gap_end in self._gaps:
+            if gap_start < end and gap_end > start:
+                days = (gap_end - gap_start) / SECONDS_PER_DAY
                 raise ForcingError(
-                    f"no value between {self._when(before)} and {self._when(after)}: a gap of {days:.3g} days",
+                    f"no value between {self._when(gap_start)} and {self._when(gap_end)}: a gap of {days:.3g} days",
                     where="Forcing.along", remedy="Give the missing times, or allow a longer gap: max_gap",
                 )  # fmt: skip
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
-        now, shape = self._now(time), np.shape(lon)
-        return np.full(shape, now["uo"][0]), np.full(shape, now["vo"][0])
+        values, shape = self._now(time), np.shape(lon)
+        return np.full(shape, values["uo"][0]), np.full(shape, values["vo"][0])
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points."""
@@ -318,7 +323,7 @@ class Series(Formula):
         return np.zeros(np.shape(lon), bool)
 
     def describe(self) -> str:
-        """Return what the series gives, from when to when."""
+        """Return the fields of the series and its dates in words."""
         first, last = (self._when(float(self.times[k])) for k in (0, -1))
         names = ", ".join(name for name in VALUES if name in self.provides)
         lines = [
@@ -367,17 +372,17 @@ def make_series(
 ) -> Series:
     """Return the series of some rows of a table, each with its line; the columns berg and start say whose they are."""
     names = {(name or "").strip().lower(): name for name in rows[0][1] if name is not None}
-    known = ("time", *VALUES, "depth", *SLOPES)
+    columns = ("time", *VALUES, "depth", *SLOPES)
     missing = next((name for name in ("time", "uo", "vo") if name not in names), None)
-    strange = next((name for name in names if name not in (*known, "lon", "lat", "berg", "start")), None)
+    strange = next((name for name in names if name not in (*columns, "lon", "lat", "berg", "start")), None)
     if missing or strange:
         raise ForcingError(
             f"no column {missing!r}" if missing else f"a column {strange!r}", where=str(path),
-            remedy=f"{'' if missing else nearest(str(strange), known)}Columns are {', '.join(known)}",
+            remedy=f"{'' if missing else nearest(str(strange), columns)}Columns are {', '.join(columns)}",
         )  # fmt: skip
     values: dict[str, Any] = {
         name: _column_numbers([row[names[name]] for _, row in rows], separator, path, name, rows[0][0])
-        for name in known[1:] if name in names
+        for name in columns[1:] if name in names
     }  # fmt: skip
     slopes = [values.pop(name) for name in SLOPES if name in values]
     if slopes:
@@ -421,22 +426,22 @@ def _as_seconds(times: Any, start: Any) -> tuple[Floats, datetime | None]:
         )
     begin = None if start is None else moment(start, where="start")
     dated = listed.dtype.kind == "M"
-    shown: Any
+    dates: Any
     if not dated and all(isinstance(native(value), int | float) for value in listed.tolist()):
-        shown = seconds = listed.astype(np.float64)
+        dates = seconds = listed.astype(np.float64)
     else:
-        shown = np.array(listed if dated else [_utc(value) for value in listed.tolist()], "datetime64[us]")
-        if np.isnat(shown).any():
+        dates = np.array(listed if dated else [_utc(value) for value in listed.tolist()], "datetime64[us]")
+        if np.isnat(dates).any():
             raise ForcingError("a time is missing", where="times", remedy="Give a date to each value")
-        begin = begin or shown[0].item()
-        seconds = (shown - np.datetime64(begin)) / np.timedelta64(1, "s")
+        begin = begin or dates[0].item()
+        seconds = (dates - np.datetime64(begin)) / np.timedelta64(1, "s")
     if not np.isfinite(seconds).all():
         raise ForcingError("a time is no number", where="times", remedy="Give a time to each value")
     wrong = np.flatnonzero(np.diff(seconds) <= 0.0)
     if wrong.size:
         k = int(wrong[0])
-        what = "stands twice" if shown[k] == shown[k + 1] else f"comes after {shown[k]}"
-        raise ForcingError(f"{shown[k + 1]} {what}", where="times", remedy="Sort the times, each given once")
+        fault = "stands twice" if dates[k] == dates[k + 1] else f"comes after {dates[k]}"
+        raise ForcingError(f"{dates[k + 1]} {fault}", where="times", remedy="Sort the times, each given once")
     return seconds, begin
 
 
@@ -460,7 +465,7 @@ def _believable(name: str) -> tuple[str, tuple[float, float]]:
 
 
 def _column(name: str, value: Any, unit: str, limits: tuple[float, float], count: int) -> Floats:
-    """Return the values of a name at all times, within what can be believed."""
+    """Return the values of a name at all times, within believable limits."""
     values = numbers(value, unit, where=name, kind=ForcingError)
     if values.ndim and values.shape != (count,):
         raise ForcingError(
@@ -487,21 +492,21 @@ def _slope_pair(pair: Any) -> tuple[Any, Any]:
 def _single_depth(depth: Any) -> Any:
     """Return the depth (m), which is one number."""
     values = numbers(depth, "m", where="depth", kind=ForcingError)
-    known = values[np.isfinite(values)]
-    if known.size and not np.ptp(known) == 0.0:
-        raise ForcingError(DEPTH_IS_ONE_NUMBER, where="depth", remedy=f"Give {known.flat[0]:g}, that at the start")
-    if not known.size or not 0.0 < known.flat[0] <= 1e5:
+    finite = values[np.isfinite(values)]
+    if finite.size and not np.ptp(finite) == 0.0:
+        raise ForcingError(DEPTH_IS_ONE_NUMBER, where="depth", remedy=f"Give {finite.flat[0]:g}, that at the start")
+    if not finite.size or not 0.0 < finite.flat[0] <= 1e5:
         raise ForcingError(
             f"depth = {values.flat[0]:g} is not possible", where="depth", remedy="Give 0 to 100000 m, or leave it out"
         )
-    return np.inf if known.flat[0] >= FIELD_DEFAULTS["depth"] else float(known.flat[0])
+    return np.inf if finite.flat[0] >= FIELD_DEFAULTS["depth"] else float(finite.flat[0])
 
 
 def _nodes(seconds: Floats, columns: Mapping[str, Floats], means: bool) -> tuple[Floats, dict[str, Floats]]:
     """Return times between which values are linear, at least two, and the values there, one row each."""
     if seconds.size == 1:
         seconds, columns = np.append(seconds, seconds + 1.0), {name: v.repeat(2) for name, v in columns.items()}
-    elif means:  # the next mean begins at the end of the one before: steps take what holds at their begin
+    elif means:  # the next mean begins at the end of the one before: steps take the value at their begin
         seconds = np.concatenate([seconds[:1], seconds[:1] + JUMP,
                                   np.column_stack([seconds[1:-1] - JUMP, seconds[1:-1]]).ravel(), seconds[-1:]])  # fmt: skip
         columns = {name: np.append(v[0], v[1:].repeat(2)) for name, v in columns.items()}
@@ -512,8 +517,8 @@ def _nodes(seconds: Floats, columns: Mapping[str, Floats], means: bool) -> tuple
 def _slow_weights(first: float, last: float) -> tuple[Floats, list[int], Floats]:
     """Return fine times, at which of them the slow current is taken, and the weights of all of them in each."""
     fine = np.linspace(first, last, int(np.ceil((last - first) / FINE)) + 1)
-    taken, shares = shares_of_slow_current(fine)
-    weights = np.zeros((len(taken), fine.size))
+    numbers, shares = slow_current_weights(fine)
+    weights = np.zeros((len(numbers), fine.size))
     for k, share in enumerate(shares):
         weights[k, share.first : share.first + share.weights.size] = share.weights
-    return fine, taken, weights
+    return fine, numbers, weights

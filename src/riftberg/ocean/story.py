@@ -14,7 +14,7 @@ where (x, y) is measured from a centre that moves at (U, V) along a polynomial p
 up for the rim of the drift, where the berg's ends lie, and W(s) is the spin of the eddy. The drift ends at its rim, so
 that the tip, once it has been held by the shoal, stays behind. The shear is an eastward jet (Uj) at the finger and a
 counter-current (Uc) at the middle of the berg; a uniform flow (Um) makes its pull on the whole berg vanish. It grows
-and decays with A(s). A wind, and a shoal on which the tip grounds, complete it: a bell whose depth is that of the keel
+and decays with A(s). A wind, and a shoal on which the tip grounds, complete it: a bell as deep as the keel
 (166 m) on a circle of 5.0 km. The form follows the shared description of the A68a
 story, whose own numbers (`REFERENCE`) belong to the numerics of the reference.
 """
@@ -160,24 +160,28 @@ class _Instant(NamedTuple):
 
 
 @kernel
-def stream(x_local: float, y_local: float, now: _Instant) -> tuple[float, float, float, float]:
+def stream(x_local: float, y_local: float, instant: _Instant) -> tuple[float, float, float, float]:
     """Return psi (m2 s-1), psi_X, psi_Y (m s-1) and the Laplacian of psi (s-1) at a point in local coordinates (m)."""
-    x, y = x_local - now.x, y_local - now.y
-    q, rim = (x * x + y * y) / now.eddy_radius**2, (x * x + y * y) / now.drift_radius**2
-    bell, near = math.exp(-q), math.exp(-rim * rim)
-    slope = -4.0 * rim / now.drift_radius**2  # of ln(near), along (x, y)
-    drift = (now.v * x - now.u * y) * near
-    jet = math.tanh((y_local - now.jet_y) / now.jet_width)
-    counter = math.tanh((y_local - now.counter_y) / now.counter_width)
+    x, y = x_local - instant.x, y_local - instant.y
+    q, rim = (x * x + y * y) / instant.eddy_radius**2, (x * x + y * y) / instant.drift_radius**2
+    bell, envelope = math.exp(-q), math.exp(-rim * rim)
+    slope = -4.0 * rim / instant.drift_radius**2  # of ln(envelope), along (x, y)
+    drift = (instant.v * x - instant.u * y) * envelope
+    jet = math.tanh((y_local - instant.jet_y) / instant.jet_width)
+    counter = math.tanh((y_local - instant.counter_y) / instant.counter_width)
     jet_profile, counter_profile = 1.0 - jet * jet, 1.0 - counter * counter
-    psi = drift + 0.5 * now.spin * now.eddy_radius**2 * (1.0 - bell)
-    psi += -now.flow * y_local - now.jet * now.jet_width * jet + now.counter * now.counter_width * counter
-    psi_x = now.v * near + slope * x * drift + now.spin * x * bell
-    psi_y = -now.u * near + slope * y * drift + now.spin * y * bell
-    psi_y += -now.flow - now.jet * jet_profile + now.counter * counter_profile
-    curl = slope * drift * (6.0 - 4.0 * rim * rim) + 2.0 * now.spin * bell * (1.0 - q)
-    curl += 2.0 * now.jet * jet * jet_profile / now.jet_width
-    curl -= 2.0 * now.counter * counter * counter_profile / now.counter_width
+    psi = drift + 0.5 * instant.spin * instant.eddy_radius**2 * (1.0 - bell)
+    psi += (
+        -instant.flow * y_local
+        - instant.jet * instant.jet_width * jet
+        + instant.counter * instant.counter_width * counter
+    )
+    psi_x = instant.v * envelope + slope * x * drift + instant.spin * x * bell
+    psi_y = -instant.u * envelope + slope * y * drift + instant.spin * y * bell
+    psi_y += -instant.flow - instant.jet * jet_profile + instant.counter * counter_profile
+    curl = slope * drift * (6.0 - 4.0 * rim * rim) + 2.0 * instant.spin * bell * (1.0 - q)
+    curl += 2.0 * instant.jet * jet * jet_profile / instant.jet_width
+    curl -= 2.0 * instant.counter * counter * counter_profile / instant.counter_width
     return psi, psi_x, psi_y, curl
 
 
@@ -192,17 +196,17 @@ def _polynomial(coefficients: tuple[float, ...], x: float) -> tuple[float, float
     return value * x + coefficients[degree], slope
 
 
-def spin_at(n: StoryNumbers, time: float) -> float:
+def eddy_spin_rate(n: StoryNumbers, time: float) -> float:
     """Return the spin (s-1) of the eddy at ``time`` seconds after 9 December 2020 13:00 UTC."""
-    # Not compiled: the square is that of the C library, whose last digit is another one than that of a product.
+    # Not compiled: the square of the C library differs from a product in the last digit.
     s = time / SECONDS_PER_DAY
     spin = n.eddy_spin / math.cosh((s - n.eddy_day) / n.eddy_days) ** 2
     return spin + n.late_spin * 0.5 * (1.0 + math.tanh((s - 9.0) / 1.5))
 
 
 @kernel
-def ocean_at(n: StoryNumbers, time: float, spin: float) -> _Instant:
-    """Return the ocean at ``time`` seconds after 9 December 2020 13:00 UTC, with the ``spin`` of `spin_at`."""
+def ocean_instant(n: StoryNumbers, time: float, spin: float) -> _Instant:
+    """Return the ocean at ``time`` seconds after 9 December 2020 13:00 UTC, with the ``spin`` of `eddy_spin_rate`."""
     s, metre = time / SECONDS_PER_DAY, EARTH_RADIUS_A68 * DEGREE
     day, late = min(s, n.last_day), max(s - n.last_day, 0.0)
     (x, u), (y, v) = _polynomial(n.path_x, day), _polynomial(n.path_y, day)
@@ -238,22 +242,22 @@ def _fill(
         math.cos(-55.8 * math.pi / 180.0),
         2.0 * EARTH_ROTATION * math.sin(-55.8 * math.pi / 180.0) / GRAVITY,
     )
-    metre, now = EARTH_RADIUS_A68 * math.pi / 180.0, ocean_at(numbers, time, spin)
-    before = ocean_at(numbers, time - MATERIAL_STEP, spin_before)
-    after = ocean_at(numbers, time + MATERIAL_STEP, spin_after)
+    metre, instant = EARTH_RADIUS_A68 * math.pi / 180.0, ocean_instant(numbers, time, spin)
+    earlier = ocean_instant(numbers, time - MATERIAL_STEP, spin_before)
+    later = ocean_instant(numbers, time + MATERIAL_STEP, spin_after)
     for e in range(lon.size):
         west = lon[e] - 360.0 * np.floor((lon[e] + 180.0) / 360.0)
         stretch = scale / math.cos(lat[e] * math.pi / 180.0)
         x, y = metre * scale * (west + 37.4), metre * (lat[e] + 55.8)
-        _, psi_x, psi_y, curl = stream(x, y, now)
+        _, psi_x, psi_y, curl = stream(x, y, instant)
         uo[e], vo[e], vorticity[e] = -psi_y, psi_x * stretch, curl
         slope_x[e], slope_y[e] = f_over_g * psi_x * stretch, f_over_g * psi_y
         if not numbers.gradient_wind:
             continue
         # -Du/Dt / g, by the current where the water comes from and where it goes.
         east, north = MATERIAL_STEP * uo[e] * stretch, MATERIAL_STEP * vo[e]
-        _, ahead_x, ahead_y, _ = stream(x + east, y + north, after)
-        _, behind_x, behind_y, _ = stream(x - east, y - north, before)
+        _, ahead_x, ahead_y, _ = stream(x + east, y + north, later)
+        _, behind_x, behind_y, _ = stream(x - east, y - north, earlier)
         ahead_x *= scale / math.cos(lat[e] * math.pi / 180.0 + north / EARTH_RADIUS_A68)
         behind_x *= scale / math.cos(lat[e] * math.pi / 180.0 - north / EARTH_RADIUS_A68)
         slope_x[e] += (ahead_y - behind_y) / (2.0 * MATERIAL_STEP * GRAVITY)
@@ -302,12 +306,21 @@ class StoryOcean(Forcing):
     def instant(self, time: float) -> _Instant:
         """Return the ocean at a time (s) of the run."""
         time += self._late
-        return plain(ocean_at)(self.numbers, time, spin_at(self.numbers, time))
+        return plain(ocean_instant)(self.numbers, time, eddy_spin_rate(self.numbers, time))
 
     def _fill(self, lon: Floats, lat: Floats, time: float, *fields: Floats) -> None:
         """Fill current, slopes and vorticity at a list of points."""
         n, step, time = self.numbers, MATERIAL_STEP, time + self._late
-        _fill(lon, lat, *fields, n, time, spin_at(n, time), spin_at(n, time - step), spin_at(n, time + step))
+        _fill(
+            lon,
+            lat,
+            *fields,
+            n,
+            time,
+            eddy_spin_rate(n, time),
+            eddy_spin_rate(n, time - step),
+            eddy_spin_rate(n, time + step),
+        )
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Serve any place and time; far from the berg's path the numbers mean nothing."""
@@ -340,9 +353,9 @@ class StoryOcean(Forcing):
         np.subtract(floor, depth, out=depth)
 
     def describe(self) -> str:
-        """Return what this ocean is, in plain words."""
-        parts = ["a drift, an eddy", "a shear" if self.numbers.jet_speed else "no shear"]
-        parts.append(
+        """Return this ocean in plain words."""
+        features = ["a drift, an eddy", "a shear" if self.numbers.jet_speed else "no shear"]
+        features.append(
             f"a shoal at {place_text(*self.numbers.shoal[:2], latlon=True, digits=2)}" if self.has_shoal else "no shoal"
         )
-        return f"closed-form ocean for A68a ({', '.join(parts)}) from {self.start:%Y-%m-%d %H:%M}; {self.title}"
+        return f"closed-form ocean for A68a ({', '.join(features)}) from {self.start:%Y-%m-%d %H:%M}; {self.title}"

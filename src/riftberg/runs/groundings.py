@@ -401,7 +401,7 @@ class GroundTeller:
 
     def _level_line(self, model: BareModel, row: GroundingEvent) -> list[str]:
         """Return once what the sea level of files adds to the depth of a chart, which may count from another zero."""
-        if self._level or not model.forcing.level_of_files:
+        if self._level or not model.forcing.has_own_level_datum:
             return []
         self._level = True
         level = float(model.forcing.sea_level(np.array([row.lon]), np.array([row.lat]), row.time)[0])
