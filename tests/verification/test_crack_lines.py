@@ -235,7 +235,7 @@ def test_a_crack_goes_on_normal_to_the_tension(packing, angle, inclined) -> None
         tip = standing[int(np.argmin(ways))]
         crossing = paths.find_crossing(tip, moment.triangle_stress, moment.intensities.get(tip.row))
         assert crossing is not None
-        paths._step(crossing.tip, crossing.bond, crossing.part)
+        paths._step(crossing.tip, crossing.bond, crossing.fraction)
         plate.tips = paths.tips
         plate.without(crossing.bond)
     for tip, start in zip(standing, began, strict=True):

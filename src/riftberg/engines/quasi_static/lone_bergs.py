@@ -98,7 +98,7 @@ def select_bodies(bodies: Bodies, rows: Ints) -> tuple[Bodies, Ints]:
 
 
 def join_bodies(body: Ints, groups: tuple[tuple[Ints, Bodies], ...]) -> Bodies:
-    """Return all bodies, ``body`` of each element, from those of parts of the elements, given with their rows."""
+    """Join the bodies of groups of elements, given with their rows; ``body``: fragment of each element."""
     count = int(body.max()) + 1
     reference, displacement = np.empty((2, body.size, 3))
     pose, twist = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -109,7 +109,7 @@ def join_bodies(body: Ints, groups: tuple[tuple[Ints, Bodies], ...]) -> Bodies:
 
 
 class LoneStep(NamedTuple):
-    """What a time step has made of lone bergs."""
+    """Result of a time step of lone bergs."""
 
     rows: Ints  # Those to which nothing happened
     bodies: Bodies
@@ -117,7 +117,7 @@ class LoneStep(NamedTuple):
 
 
 class OneAtATime(WrappedForcing):
-    """A forcing that the threads of a step share: it samples for one of them at a time, so that it may keep what it likes."""
+    """A forcing that the threads of a step share: it samples for one of them at a time, so that it may keep a cache."""
 
     def __init__(self, forcing: Forcing) -> None:
         super().__init__(forcing)
@@ -172,7 +172,7 @@ class _Block:
         self.el, self.sizes, self.first = model.elements.shown_in(block), sizes_in(sizes, block), block.start
         self.model, self.c, self.stepping = model, model.constants, model.parameters.stepping
         self.lone, self.bodies, self.applied = lone, bodies, applied[block]
-        # What is found for all elements of the block, lone or not.
+        # Arrays that a step overwrites for all elements of the block, lone or not.
         self.restored = [array for group in (self.el.place, self.el.shown, self.el.environment) for array in group]
         self.start = [array.copy() for array in self.restored]
         self.lon, self.lat = self.el.lon[lone], self.el.lat[lone]
@@ -245,7 +245,7 @@ def _acceleration(
     """Acceleration (m s-2) of an element by all forces, with what follows from it.
 
     Then come minus its derivatives xx, xy and yy (s-1), the Coriolis parameter, which enters beside xy with both signs, the
-    drag per velocity through the media (s-1), and what that grows by with the velocity (m-1).
+    drag per velocity through the media (s-1), and the growth of this drag with the velocity (m-1).
     ``weight`` of each acceleration goes into ``applied``, if it is not 0. Forces are summed in the order of
     `riftberg.engines.quasi_static.bodies.dynamics.add_forces`.
     """

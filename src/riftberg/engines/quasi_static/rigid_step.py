@@ -1,4 +1,4 @@
-"""Compiled parts of a trial step: predictor, operators at the new place, loads, and what they leave in the state.
+"""Compiled parts of a trial step: predictor, operators at the new place, loads, and their record in the state.
 
 For a berg of some hundred elements a call from Python takes as long as a law, so the kernels of
 `riftberg.engines.quasi_static.bodies` are called together. All arrays come from Python (`riftberg.compiled.kernels.borrower`).
@@ -54,7 +54,7 @@ from riftberg.state import Bonds, Elements, Floats, Ints, Motion, Shown
 from riftberg.state.population import rows_of
 
 EVERY_MEDIUM, NOTHING = np.ones(len(MEDIA), np.bool_), np.empty((1, 0, 0))
-"""What `evaluate_forcing` is given in the place of the results of a velocity solve."""
+"""Arguments of `evaluate_forcing` in place of the results of a velocity solve."""
 
 
 class BodyState(NamedTuple):
@@ -97,7 +97,7 @@ def predict(
 def assemble_operators(
     el: Elements, sizes: Sizes, bodies: Bodies, p: KernelParameters, work: BodyWorkspace, sides: Floats | None = None
 ) -> BodyOperators:
-    """Find what moves the fragments, from the environment that the elements carry; no supports yet.
+    """Assemble the forces and inertia of the fragments from the environment that the elements carry; no supports yet.
 
     ``sides``: points on their outlines, as `ElementForcing` has them.
     """

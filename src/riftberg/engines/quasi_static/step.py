@@ -2,7 +2,7 @@
 
 A time step is a sequence of trial steps, each up to the first event in it (`TimeStep`):
 
-1. checkpoint: what a trial changes in the model is copied;
+1. checkpoint: arrays that a trial changes in the model are copied;
 2. trial step: contact in sub-steps, predictor, constraint of land, forcing at the new place, corrector, equilibrium;
 3. events: fracture by contact or the sea floor, overload; the trial is rolled back and taken again to the first;
 4. fracture: bonds break one by one under fixed loads until none is overloaded, and pieces become bodies of their own;
@@ -50,7 +50,7 @@ LONGEST_CONTACT_STEP = 1800.0
 class TimeStep:
     """One time step of a model, from event to event.
 
-    ``lattice``, ``state`` and ``sizes`` are those of the step before, where nothing has changed since. ``unknown``:
+    ``lattice``, ``state`` and ``sizes`` come from the step before, where nothing has changed since. ``unknown``:
     bodies that take the velocity of their elements, None where the twists of ``bodies`` are right; ``cells``: the elastic cells
     and the topology of their mesh; ``cracks``: the tips, and the highest number of a crack in the run.
     """
@@ -190,7 +190,7 @@ class TimeStep:
         """Return a trial that ends at most ``tolerance`` s after the first event in ``trial``.
 
         ``event`` is above 0 where a trial holds one. In the first ``least`` s none is located. Trials without an event become
-        the state, and what is returned starts from there: an impact need not be gone through from its start each time.
+        the state, and the returned trial starts from there: an impact need not be gone through from its start each time.
         """
         elapsed, latest = 0.0, (trial.h, trial)
 
@@ -216,7 +216,7 @@ class TimeStep:
         return self.motion.trial(self.state, end - elapsed)
 
     def _checkpoint(self) -> None:
-        """Copy what a trial step changes in the model and the next trial reads before it finds it anew."""
+        """Copy the arrays that a trial step changes in the model and that the next trial reads before it fills them anew."""
         self._saved = [array.copy() for array in self._changed_by_trials()], self.laws.checkpoint()
 
     def _changed_by_trials(self) -> tuple[np.ndarray, ...]:
@@ -296,8 +296,8 @@ class TimeStep:
         """Break bonds under fixed loads until none is overloaded: a crack runs faster than the loads change.
 
         The most critical bond breaks, then the next one in the equilibrium without it. ``first`` (a row of the state)
-        begins in any case where none is overloaded. ``impact``: the loads are those of the strongest moment of a contact. They
-        end where a piece parts: the next step finds what contact does to the pieces.
+        begins in any case where none is overloaded. ``impact``: the loads are the peak loads of a contact. They
+        end where a piece parts: the next step finds the contact of the pieces.
         """
         equilibrium = self._equilibrium(self.state)
         self._store(equilibrium)

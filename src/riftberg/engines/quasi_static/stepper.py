@@ -1,4 +1,4 @@
-"""The default scheme as a model calls it: what lives from one time step to the next, and how populations are stepped."""
+"""The default scheme as a model calls it: its memory from one time step to the next, and the stepping of populations."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ SNAPSHOT_NAMES = tuple(f"rigid_left_{name}" for name in StepSnapshot._fields)
 
 
 class QuasiStaticStepper:
-    """The scheme, and what lives from one time step to the next."""
+    """The scheme, with its memory from one time step to the next."""
 
     def __init__(self, model: RunState) -> None:
         self._bodies: Bodies | None = None
@@ -100,7 +100,7 @@ class QuasiStaticStepper:
         return self._tips
 
     def state_dict(self) -> dict[str, Any]:
-        """Return what a restart file must hold beside the state."""
+        """Return the arrays that a restart file must hold beside the state."""
         bodies = {} if self._bodies is None else dict(zip(BODY_NAMES, self._bodies, strict=True))
         snapshot = {} if self._snapshot is None else dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))
         tips = dict(zip(TIP_NAMES, self._tips, strict=True)) if self._tips.crack.size else {}
@@ -109,7 +109,7 @@ class QuasiStaticStepper:
         return {**bodies, **snapshot, **cells, **tips, **{name: array for law in laws for name, array in law.items()}}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Restore what `state_dict` gave."""
+        """Restore the arrays of `state_dict`."""
         if all(name in saved for name in BODY_NAMES):
             body, *rest = (np.asarray(saved[name]) for name in BODY_NAMES)
             self._bodies = Bodies(body.astype(np.int64), *(np.array(a, np.float64) for a in rest))
@@ -264,7 +264,7 @@ class QuasiStaticStepper:
 
 
 def _topology_key(model: RunState) -> list[bytes]:
-    """What bodies and lattice are made of: elements, supports, intact bonds, and ice; as bytes, which compare quickly."""
+    """Inputs of bodies and lattice: elements, supports, intact bonds, and ice; as bytes, which compare quickly."""
     body, bonds = model.elements.body, model.bonds
     connectivity = body.id, body.static, body.free_y, bonds.id, bonds.status
     arrays = *connectivity, body.mass, body.thickness, body.length, body.width

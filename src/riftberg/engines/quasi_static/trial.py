@@ -80,14 +80,14 @@ class LawsWithMemory(NamedTuple):
     sides: FragmentSides | None = None
 
     def checkpoint(self) -> Memory:
-        """Return what a step changes of them."""
+        """Return the values that a step changes in them."""
         return (
             None if self.seabed is None else self.seabed.checkpoint(),
             None if self.faces is None else self.faces.pairs,
         )
 
     def rollback(self, saved: Memory) -> None:
-        """Return to what `checkpoint` gave."""
+        """Return to the values of `checkpoint`."""
         bed, pairs = saved
         if self.seabed is not None and bed is not None:
             self.seabed.rollback(bed)
@@ -130,7 +130,7 @@ class Trial:
 class FragmentMotion:
     """Takes the fragments of a model through trial steps.
 
-    ``lattice``: that of the bonds that are intact now. ``frozen_displacement``: displacements of the elements at the start of the
+    ``lattice``: of the bonds that are intact now. ``frozen_displacement``: displacements of the elements at the start of the
     time step (m, m, rad), with which they are placed all through it.
     """
 
@@ -190,7 +190,7 @@ class FragmentMotion:
     def _resolve_contacts_and_bed(
         self, start: BodyState, h: float
     ) -> tuple[SubcycledMotion | None, SubcycledMotion | None, bool]:
-        """Take fragments through contact and over a bed of sediment; the third value is that of `Trial.pushed`."""
+        """Take fragments through contact and over a bed of sediment; the third value goes into `Trial.pushed`."""
         contact = self._resolve_contacts(start, h)
         if self.seabed is None:
             return contact, None, False
@@ -254,7 +254,7 @@ class FragmentMotion:
             place_elements(undeformed, el.lon_pair, el.lat_pair, el.static, c.latlon, c.earth_radius, c.period)
 
     def operators(self, bodies: Bodies) -> BodyOperators:
-        """Find what moves the fragments, from the environment that the elements carry."""
+        """Assemble the forces and inertia of the fragments from the environment that the elements carry."""
         el, c = self.el, self.c
         sides = None if self._sides is None else self._sides.find(self.model, bodies.body, self.lattice.xy)
         op = assemble_operators(el, self.sizes, bodies, c, self.workspace(bodies), sides)
@@ -328,7 +328,7 @@ class FragmentMotion:
         return state._replace(bodies=bodies._replace(displacement=displacement))
 
     def peak_load(self, state: BodyState, peak: PeakContactLoad) -> Floats:
-        """Balanced loads at the end of a trial, those of the touched fragments at the moment of their peak contact load."""
+        """Balanced loads at the end of a trial; of the touched fragments at the moment of their peak contact load."""
         forcing, lattice = state.operators.forcing, self.lattice
         force, axes, spin = scatter_peak_load(peak, self.el.size, state.bodies.pose.shape[0])
         at_peak = balanced_loads(state.bodies.body, lattice.xy, axes, force, forcing.mass, forcing.inertia, spin)
@@ -338,7 +338,7 @@ class FragmentMotion:
         return load
 
     def fit_twists(self, bodies: Bodies) -> Floats:
-        """Return the rigid motions nearest to the velocities of the elements: those of the same momentum."""
+        """Return the rigid motions with the same momentum as the velocities of the elements."""
         el, op = self.el, self.operators(bodies)
         m, mass, inertia = op.levers, op.forcing.mass, op.forcing.inertia
         momentum = mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])

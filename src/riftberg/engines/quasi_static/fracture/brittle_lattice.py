@@ -1,4 +1,4 @@
-"""The lattice of the intact bonds, with the factors of its stiffness and what decides that its bonds break.
+"""The lattice of the intact bonds, with the factors of its stiffness and its fracture criterion.
 
 It holds between two breaks. A broken bond corrects the factors; where pieces part, or many bonds have broken, the lattice is
 described and factored anew.

@@ -1,10 +1,10 @@
 """Fracture criteria: which bond of a lattice in equilibrium breaks next, by its own stress, that of the ice, or its toughness.
 
-Strengths of bonds stand here too, and what stress does to them: overload, damage, and what the state keeps of both.
+Strengths of bonds stand here too, and the effects of stress on them: overload, damage, and their record in the state.
 
 `make_criterion` is the one place where a criterion is chosen, and `riftberg.engines.quasi_static.fracture.brittle_lattice` the
 one where it is called. A criterion sees the whole lattice, never one bond by itself: `Equilibrium` is the lattice with its
-intact bonds, displacements, loads and stresses, `Strengths` what damage has left of the strengths. All else follows from what
+intact bonds, displacements, loads and stresses, `Strengths` the residual strengths after damage. All else follows from what
 it answers: the moment within a step at which the first bond fails (the scheme looks for the sign change of "stress over
 strength - 1" between both ends), how far a crack runs at once, and how damage grows.
 
@@ -188,7 +188,7 @@ def record_peak_stress(peak: Floats, intact: Ints, stress: Floats) -> None:
 
 
 class Criterion(Protocol):
-    """What decides that bonds break; see the text above for how to add one."""
+    """A rule by which bonds break; see the text above for how to add one."""
 
     def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """Find which bond breaks next.
@@ -210,7 +210,7 @@ class Criterion(Protocol):
         """
 
     def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
-        """Find what lets the damage of bonds grow.
+        """Find the ratio by which the damage of bonds grows.
 
         Parameters
         ----------

@@ -49,7 +49,7 @@ from riftberg.state import Floats, Ints
 from riftberg.state.variables import Keel
 
 VELOCITY_CHANGE: Final = 0.1
-"""Largest part of its speed by which the floor changes that of a fragment in a sub-step, unless it holds it."""
+"""Largest relative change of a fragment's speed by the floor in a sub-step, unless the floor holds the fragment."""
 
 CARRIED_CHANGE: Final = 0.1
 """Part by which the floor may change its hold on a fragment that others push over it, in a step longer than `TOUCH_STEP`."""
@@ -64,7 +64,7 @@ LEAST_STEP: Final = 0.01
 """Shortest sub-step, s."""
 
 HELD_STEP: Final = 1e9
-"""Length of the next sub-step (s) of a fragment that is held: that of the whole step, whatever it is."""
+"""Length of the next sub-step (s) of a held fragment: longer than any step, so that it takes the whole step at once."""
 
 PASSES: Final = 50
 """Of Newton's method for the friction, after which the sub-step is halved."""
@@ -118,7 +118,7 @@ class Landing(NamedTuple):
     trial_anchors: Floats  # The same of a sub-step that is not accepted yet
     loads: Floats  # Columns of `press` for the elements, in the middle or at the end; shape (elements, columns)
     yielded: Floats  # Deepest yield of the bed under each element, m
-    bent: Floats  # What `press` finds for the polygons; shape (polygons, 3)
+    bent: Floats  # Results of `press` for the polygons; shape (polygons, 3)
     applied: Floats  # Changes of velocity by all forces, m s-1; shape (elements, forces, 2)
     peak: Floats  # Forces when the floor pressed hardest, and the axes then; shape (elements, 5)
 
@@ -545,7 +545,7 @@ def carry(
 
 @kernel
 def _set_down(fragments: Landing, a: int, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float) -> None:
-    """Find what the floor does to a fragment where contact has taken it."""
+    """Find the forces of the floor on a fragment where contact has taken it."""
     number, flag, first, last, friction = (
         fragments.number[a],
         fragments.flag[a],
@@ -623,7 +623,7 @@ def set_inertia(fragments: Landing, numbers: Ints, matrices: BodyMatrices) -> No
 
 @kernel
 def lift_off(keel: Keel) -> None:
-    """Nothing is on the floor; what it has yielded stays."""
+    """Clear the loads of the floor on all keels; the yield of the bed stays."""
     for e in range(keel.floor_load.size):
         keel.floor_load[e] = keel.floor_x[e] = keel.floor_y[e] = keel.floor_arm_x[e] = keel.floor_arm_y[e] = 0.0
         keel.anchor_x[e] = keel.anchor_y[e] = keel.anchor_capacity[e] = keel.floor_hold[e] = 0.0
@@ -632,7 +632,7 @@ def lift_off(keel: Keel) -> None:
 
 @kernel
 def write_loads(fragments: Landing, keel: Keel) -> None:
-    """Write what the press has found to the keels of the fragments that touched the floor."""
+    """Write the loads of the press to the keels of the fragments that touched the floor."""
     for a in range(len(fragments.flag)):
         if fragments.flag[a, STATUS] == DONE:
             for n in range(fragments.pads.row_start[a], fragments.pads.row_start[a + 1]):

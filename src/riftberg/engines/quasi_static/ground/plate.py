@@ -236,7 +236,7 @@ def fit_plate(
 ) -> None:  # fmt: skip
     """Make the plate of a fragment with loads on ``polygons``, unless it is the one that is there.
 
-    ``merged``: squares along the side of what bends as one; elements are no smaller.
+    ``merged``: squares along the side of a group that bends as one; elements are no smaller.
     """
     rounded, per = 2.0 ** (math.floor(LENGTH_RUNGS * math.log2(length) + 0.5) / LENGTH_RUNGS), int(SIDES_PER_LAMBDA)
     while per < merged:

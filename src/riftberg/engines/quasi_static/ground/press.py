@@ -85,7 +85,7 @@ class Squares(NamedTuple):
 
 PRESSED: Final = 9
 LOAD, LOAD_X, LOAD_Y, HOLD, PUSH_X, PUSH_Y, LIFT, STRESS, YIELD = range(PRESSED)
-"""What the floor does to an element: load (N), where it acts (m, along the axes of the fragment), largest friction (N), push by
+"""Effect of the floor on an element: load (N), where it acts (m, along the axes of the fragment), largest friction (N), push by
 the slope of the floor (N, the same axes), largest lift of the keel (m), bending stress (Pa), and how deep the bed yields (m)."""
 
 
@@ -202,7 +202,7 @@ def _raised(overlaps: Overlaps, m: int, q: Floats, bending: float, piece: Floats
 
 @kernel
 def _add_shape(pads: Pads, b: int, k: int, per: int, x: float, y: float, weight: float, shape: Floats) -> None:
-    """Add what the unknowns of the element of polygon ``k`` give to the rise at a point in it, times a weight."""
+    """Add the share of the unknowns of the element of polygon ``k`` in the rise at a point in it, times a weight."""
     of_x, of_y, h = np.empty(4), np.empty(4), per * pads.frame[b, SIDE]
     cubics((x - pads.frame[b, LOW_X]) / h - pads.square[k, 1] // per, 0, of_x)
     cubics((y - pads.frame[b, LOW_Y]) / h - pads.square[k, 0] // per, 0, of_y)
@@ -216,7 +216,7 @@ def _place_loads(
     pads: Pads, plates: Plates, b: int, polygons: Ints, overlaps: Overlaps, sq: Squares, q: Floats, top: float, shape: Floats,
     which: Ints, piece: Floats, room: Floats,
 ) -> None:  # fmt: skip
-    """Find where the loads of squares act, and what the unknowns ``which`` of the plate give to the rise there (``shape``).
+    """Find where the loads of squares act, and the share of the unknowns ``which`` of the plate in the rise there (``shape``).
 
     ``top``: overlap from which the pressure grows no more, m, infinite at first, where the overlap stands for the load.
     """
@@ -455,7 +455,7 @@ def _share_out(
     pads: Pads, b: int, polygons: Ints, overlaps: Overlaps, sq: Squares, q: Floats, bed: Bed, gradient: Floats, length: float,
     thickness: float, loads: Floats, bent: Floats, piece: Floats, room: Floats,
 ) -> None:  # fmt: skip
-    """Write what the elements (``loads``) and polygons (``bent``) bear."""
+    """Write the loads on the elements (``loads``) and the polygons (``bent``)."""
     sums, top, share = np.zeros(10), bed.strength / bed.stiffness, np.full(sq.load.size, -1.0)
     for m in range(overlaps.polygons.size):
         i, k = overlaps.square[m], polygons[overlaps.polygons[m]]

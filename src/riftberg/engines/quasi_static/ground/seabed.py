@@ -1,4 +1,4 @@
-"""The bed of sediment under a run: which fragments come near it, and what it makes of a step for those that it touches."""
+"""The bed of sediment under a run: it finds the fragments that come near it, and takes those that touch it through the step."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ INSIDE: Final = 0.75
 
 
 def make_depth_sampler(forcing: Forcing, middle: float = 0.0, period: float = 0.0) -> DepthSampler:
-    """Return the depth of the bed (m) at points: land of no known depth is dry, and what lies beyond all data is deep.
+    """Return the depth of the bed (m) at points: land of no known depth is dry, and the sea beyond all data is deep.
 
     ``period``: of a plane that repeats eastward (m), which is asked within half of it from ``middle``.
     """
@@ -87,7 +87,7 @@ def _place_middles(frame: Floats, pose: Floats, latlon: bool, radius: float) -> 
 
 
 class Seabed:
-    """The bed under a run: what lives from one step to the next beside the state."""
+    """The bed under a run, with its memory from one step to the next beside the state."""
 
     def __init__(self, model: RunState, footprints: FootprintBook) -> None:
         p, lon = model.parameters, model.elements.lon
@@ -107,23 +107,23 @@ class Seabed:
         self._shoals: list[Shoal] = []  # Of the last groups of fragments that went through a step, the latest first
 
     def checkpoint(self) -> tuple[Floats, Floats]:
-        """Return what a step changes."""
+        """Return the values that a step changes."""
         return self.rubbed.copy(), self.clearance.copy()
 
     def rollback(self, saved: tuple[Floats, Floats]) -> None:
-        """Return to what `checkpoint` gave."""
+        """Return to the values of `checkpoint`."""
         self.rubbed, self.clearance = (array.copy() for array in saved)
         self._looked_for = (math.nan, math.nan)
 
     def state_dict(self) -> dict[str, Any]:
-        """Return what a restart file must hold beside the state."""
+        """Return the arrays that a restart file must hold beside the state."""
         # The run that goes on looks at the floor anew, as a resumed one does: the least clearance hangs on what is asked for.
         self._shoals, self._looked_for = [], (math.nan, math.nan)
         # Files hold finite numbers: a large one stands for no keel near the floor yet.
         return {"bed_plastic": self.rubbed, "bed_clearance": np.minimum(self.clearance, 0.5 * LARGEST)}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Restore what `state_dict` gave."""
+        """Restore the arrays of `state_dict`."""
         if "bed_plastic" in saved:
             self.rubbed = np.array(saved["bed_plastic"], np.float64)[:1]  # earlier versions had gouges behind it
         if "bed_clearance" in saved:
@@ -137,7 +137,7 @@ class Seabed:
     def _find_near(
         self, model: RunState, bodies: Bodies, h: float, further: float
     ) -> tuple[NDArray[np.bool_], Floats, Shoal]:
-        """Return which fragments may come near the floor in ``h`` s, their ways (m), and what is known of them.
+        """Return which fragments may come near the floor in ``h`` s, their ways (m), and their survey.
 
         ``further``: factor of the way for which the floor is watched.
         """
@@ -164,7 +164,7 @@ class Seabed:
         return self._found
 
     def _shoal(self, model: RunState, bodies: Bodies) -> Shoal:
-        """Return what is known of these fragments since they last went through a step."""
+        """Return the survey and the pads of these fragments from the last steps, or begin new ones."""
         el, c = model.elements, model.constants
         arrays = (bodies.body, bodies.reference, el.body.id)
         for shoal in self._shoals:  # nearly always: nothing has changed
@@ -258,7 +258,7 @@ class Seabed:
         """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does.
 
         Those that stood on it before ``contact`` go as it says. The second value: whether the floor holds one of them otherwise
-        where contact has taken it, or a fragment in contact has touched it. Writes what the floor does to the keels at the end,
+        where contact has taken it, or a fragment in contact has touched it. Writes its loads to the keels at the end,
         and the largest bending stress that each bond has borne.
         """
         further, by_the_floor = 1.0, NO_PAIRS[0]
@@ -319,7 +319,7 @@ class Seabed:
             raise RunError(f"the heave of a berg aground did not settle at {model.date:%Y-%m-%d %H:%M}")
 
     def _bend(self, model: RunState, fragments: landing.Landing, flexure: Floats) -> None:
-        """Raise the bending stress of bonds by that of the sub-steps that were just accepted."""
+        """Raise the bending stress of bonds to its value in the sub-steps that were just accepted."""
         pads, bonds = fragments.pads, model.bonds
         for a in np.flatnonzero(fragments.flag[:, landing.ACCEPTED]).tolist():
             rows = pads.rows[pads.row_start[a] : pads.row_start[a + 1]]
@@ -335,7 +335,7 @@ class Seabed:
                 flexure[intact[cut]] = np.maximum(flexure[intact[cut]], stress)
 
     def _finish(self, model: RunState, fragments: landing.Landing, numbers: Ints, h: float) -> SubcycledMotion | None:
-        """Write what the floor does at the end to the keels; return the motion of those that touched it as a phase of contact."""
+        """Write the final loads to the keels; return the motion of the fragments that touched it, as contact."""
         pads, number = fragments.pads, fragments.number
         landing.lift_off(model.elements.keel)
         self.clearance[0] = min(self.clearance[0], max(number[:, landing.CLEARANCE].min(), 0.0))
@@ -363,7 +363,7 @@ class Seabed:
         )  # fmt: skip
 
     def check_start(self, model: RunState, bodies: Bodies) -> None:
-        """Find what the floor carries at the start, or refuse keels that start deep below it.
+        """Find the loads on the floor at the start, or refuse keels that start deep below it.
 
         Of all fragments in the first step, of those that have come since the last one later.
         """
@@ -411,7 +411,7 @@ class Seabed:
             )  # fmt: skip
 
     def anchors(self, keel: Keel) -> Floats:
-        """Return what anchors the elements on the floor, for sub-steps of contact."""
+        """Return the anchors of the elements on the floor, for sub-steps of contact."""
         force, floor_anchors = np.array([keel.anchor_x, keel.anchor_y]), anchors.without_floor(keel.floor_x.size)
         floor_anchors[:, [anchors.ANCHOR_X, anchors.ANCHOR_Y]] = force.T
         floor_anchors[:, anchors.STIFFNESS] = keel.anchor_capacity / self.bed.anchor_way
@@ -468,7 +468,7 @@ def bent_bonds(
 
     At an edge or a corner those between the ice that breaks off, up to ``pi lambda / 4`` from the loads where the moment is
     largest, and the rest; inside those that cross the line of the loads, and ``lambda`` beyond its ends. ``owner``: element of
-    each polygon, ``bent``: what `press` finds for it; ``xy``: places of the elements, m.
+    each polygon, ``bent``: results of `press` for it; ``xy``: places of the elements, m.
     """
     loaded = np.zeros(len(xy), np.bool_)
     loaded[owner[bent[:, 0] > 0.0]] = True
@@ -525,7 +525,7 @@ def join_motions(contact: SubcycledMotion | None, ground: SubcycledMotion | None
 
 
 def drop_fragments(contact: SubcycledMotion, bodies: Ints, body: Ints) -> SubcycledMotion:
-    """Return what contact did to the others: fragments on the bed go as its sub-steps say, in which contact acts, too."""
+    """Return the motion in contact of all other fragments: contact acts in the sub-steps of the bed, too."""
     stay, rows = ~np.isin(contact.bodies, bodies), ~np.isin(body[contact.rows], bodies)
     return contact._replace(
         bodies=contact.bodies[stay], rows=contact.rows[rows], mean=contact.mean[stay], twist=contact.twist[stay],

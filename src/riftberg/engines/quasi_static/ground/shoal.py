@@ -1,4 +1,4 @@
-"""Fragments that go together through a step: what was surveyed of the floor around them, and the pads of those near it."""
+"""Fragments that go together through a step: the survey of the floor around them, and the pads of the fragments near it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STEEPEST: Final = 0.5
 """Slope by which a floor that is not surveyed may rise towards the keel of a lone berg."""
 
 RING: Final = 10_000.0
-"""Way (m) beyond that of a step for which the floor is surveyed."""
+"""Distance (m) beyond the way of a step for which the floor is surveyed."""
 
 NEAR_RING: Final = 4000.0
 """The same where a part of it is shallow; where that is farther away, nobody needs to look until the fragment comes to it."""
@@ -37,7 +37,7 @@ CLEAR: Final = 2.0
 
 
 class Survey(NamedTuple):
-    """What was surveyed around fragments; one of each."""
+    """Survey of the floor around fragments; one row for each fragment."""
 
     lone: NDArray[np.bool_]
     box: Floats  # Least x and y, and largest, of the footprint, m; shape (fragments, 4)
@@ -78,7 +78,7 @@ def _measure_distance(pose: Floats, other: Floats, reach: float, radius: float) 
 
 @kernel
 def _add_distances(pose: Floats, last: Floats, radius: Floats, scale: float, travelled: Floats) -> None:
-    """Add what fragments have gone since their last poses, and keep the new ones."""
+    """Add the distances that fragments have gone since their last poses, and keep the new poses."""
     for b in range(travelled.size):
         travelled[b] += _measure_distance(pose[b], last[b], radius[b], scale)
         for i in range(3):
@@ -92,7 +92,7 @@ def find_near(
     bodies: Bodies, body: Body, environment: Environment, load: Floats, survey: Survey, rho_ice: float, h: float, further: float,
     scale: float, near_floor: NDArray[np.bool_], left: NDArray[np.bool_], reach: Floats, draft: Floats,
 ) -> float:  # fmt: skip
-    """Mark the fragments that may come near the floor in ``h`` s, and those that may have left what was surveyed.
+    """Mark the fragments that may come near the floor in ``h`` s, and the fragments that may have left the surveyed floor.
 
     Lone bergs by the depth in the middle and the speed of the water, which they may take up. ``further``: factor of the way;
     ``scale``: radius of the earth, or 1 in a plane; ``reach`` takes the way of the step and ``draft`` the deepest keel of each
