@@ -384,7 +384,8 @@ def test_land_of_no_known_depth_is_dry_for_the_bed() -> None:
     sea = SimpleNamespace(
         depth=lambda x, y: np.where(x < 0.0, 300.0, np.nan), land=lambda x, y: (x >= 0.0) & (x < 10.0)
     )
-    assert make_depth_sampler(sea)(np.array([-1.0, 5.0, 20.0]), np.zeros(3)).tolist() == [300.0, 0.0, 300.0]  # type: ignore[arg-type]
+    sample_depth = make_depth_sampler(sea)  # type: ignore[arg-type]
+    assert sample_depth(np.array([-1.0, 5.0, 20.0]), np.zeros(3)).tolist() == [300.0, 0.0, 300.0]
 
 
 @pytest.mark.parametrize("thickness", [100.0, 250.0])

@@ -335,9 +335,8 @@ def _solve(
             # Velocities that are not numbers end the iteration; the checks of places then say where they came from.
             if has_converged(change, previous_change) or not np.isfinite(u + v + w):
                 break
-            previous_change = (
-                0.0 if ice[LIMIT] > 0.0 else change
-            )  # beside a corner one small change tells nothing of the next
+            # Beside a corner one small change tells nothing of the next.
+            previous_change = 0.0 if ice[LIMIT] > 0.0 else change
         most = max(most, iterations)
         twist[n, 0], twist[n, 1], twist[n, 2] = u, v, w
         _acceleration(forcing, e, u, v, weight, applied)

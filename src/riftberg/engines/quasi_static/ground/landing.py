@@ -224,14 +224,8 @@ def _solve_friction(fragments: Landing, a: int, forcing: ElementForcing, bed: Be
     net, jacobian, twist, total, tangent, r = (
         np.zeros((1, 3)), np.zeros((1, 3, 3)), np.zeros((1, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3),
     )  # fmt: skip
-    mobility, arm, previous_size, scale, passes, slides = (
-        fragments.mobility[a],
-        number[ARM],
-        math.inf,
-        1.0,
-        0,
-        np.zeros(n, np.bool_),
-    )
+    mobility, arm, slides = fragments.mobility[a], number[ARM], np.zeros(n, np.bool_)
+    previous_size, scale, passes = math.inf, 1.0, 0
     while True:
         # Media at the mean velocity, as the ledger has them: momentum closes to round-off.
         for k in range(3):

@@ -506,12 +506,9 @@ def join_motions(contact: SubcycledMotion | None, ground: SubcycledMotion | None
     # An impact loads a fragment more than the floor that it makes it press on.
     alone, rows = (~np.isin(which, contact.peak_load.bodies) for which in (ground_peak.bodies, body[ground_peak.rows]))
     unshared_peak = PeakContactLoad(
-        ground_peak.rows[rows],
-        ground_peak.force[rows],
-        ground_peak.axes[rows],
-        ground_peak.bodies[alone],
+        ground_peak.rows[rows], ground_peak.force[rows], ground_peak.axes[rows], ground_peak.bodies[alone],
         ground_peak.spin[alone],
-    )
+    )  # fmt: skip
     peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(contact.peak_load, unshared_peak, strict=True)))
 
     def concatenate(name: str) -> Any:
