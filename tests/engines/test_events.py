@@ -91,7 +91,7 @@ def test_what_comes_before_an_event_is_the_state_and_not_taken_again(event: floa
     step._checkpoint()
     first = counted(step.state, 1800.0)
     start = step.state.time
-    trial = step._located(first, lambda trial: 1.0 if trial.state.time - start > event else -1.0, 0.05)
+    trial = step._locate_event(first, lambda trial: 1.0 if trial.state.time - start > event else -1.0, 0.05)
     assert step.state.time - start <= event < trial.state.time - start <= event + 0.05
     assert trial.state.time == step.state.time + trial.h
     assert sum(taken) < 3.0 * 1800.0  # twenty times ``event`` before
@@ -109,7 +109,7 @@ def test_an_event_in_the_first_moments_is_taken_at_their_end() -> None:
     step = step_of_a_berg()
     step._checkpoint()
     start = step.state.time
-    trial = step._located(
+    trial = step._locate_event(
         step.motion.trial(step.state, 1800.0), lambda trial: trial.state.time - start - 0.1, 0.01, least=2.0
     )
     assert (step.state.time, trial.h) == (start, 2.0)

@@ -18,16 +18,16 @@ from riftberg.engines.common.bed import Bed, make_bed
 from riftberg.engines.quasi_static.bodies.pose import Bodies, bodies_from_elements, place_elements, tangent_coordinates
 from riftberg.engines.quasi_static.ground.pads import (
     Pads,
+    choose_pad_sides,
     cut_into_pads,
     fill_hulls,
-    melted,
+    measure_ice_share,
+    melt_pads,
     place_points,
-    share_of_ice,
-    sides_of_pads,
 )
 from riftberg.engines.quasi_static.ground.plate import unmade_plates
 from riftberg.engines.quasi_static.ground.press import HOLD, LIFT, LOAD, LOAD_X, LOAD_Y, PRESSED, YIELD, press
-from riftberg.engines.quasi_static.ground.seabed import bent_bonds, depth_of_bed
+from riftberg.engines.quasi_static.ground.seabed import bent_bonds, make_depth_sampler
 from riftberg.engines.quasi_static.lattice.footprints import BodyFootprint
 from riftberg.physics.seabed import bending_length
 from scripts import ROOT, loaded, table_rows
@@ -56,7 +56,7 @@ class Berg:
         corner, xy = self.turned(self.flat), self.turned((np.stack([i, j], axis=1) + 0.5 - middle) * cell)
         footprint = BodyFootprint(np.arange(i.size), np.arange(i.size), 4 * np.arange(i.size + 1), corner)
         self.length = bending_length(modulus, 0.3, THICKNESS)
-        sides = np.array([side]) if side else sides_of_pads(modulus, 0.3, np.full(1, THICKNESS))
+        sides = np.array([side]) if side else choose_pad_sides(modulus, 0.3, np.full(1, THICKNESS))
         self.pads = cut_into_pads(footprint, np.zeros(i.size, np.int64), 1, xy, sides)
         self.thickness, self.draft = np.full(i.size, THICKNESS), np.full(i.size, DRAFT)
         hull = np.empty((1, 3, 3))
@@ -140,12 +140,12 @@ def test_several_bergs_are_cut_as_each_alone_and_a_small_one_is_one_pad() -> Non
 
 def test_melt_of_the_sides_leaves_the_cut_and_takes_its_part_of_each_element() -> None:
     berg = Berg(3, 2, 900.0, turn=0.3)
-    pads = melted(berg.pads, np.linspace(0.7, 1.0, 6))
+    pads = melt_pads(berg.pads, np.linspace(0.7, 1.0, 6))
     area = np.zeros(6)
     for k in range(pads.owner.size):
         area[pads.owner[k]] += ring(pads, k).area
     np.testing.assert_allclose(area, (900.0 * np.linspace(0.7, 1.0, 6)) ** 2, rtol=1e-9)
-    assert melted(berg.pads, np.ones(6)) is berg.pads
+    assert melt_pads(berg.pads, np.ones(6)) is berg.pads
 
 
 @pytest.mark.parametrize("part", [0.15, 0.25])
@@ -155,7 +155,7 @@ def test_the_share_of_ice_at_corners_edges_and_inside(part: float, turn: float) 
     berg = Berg(4, 4, 2000.0, turn=turn, side=part * reach)
     for x, y, share in ((0.0, 0.0, 1.0), (4000.0, 300.0, 0.5), (0.0, -4000.0, 0.5), (4000.0, 4000.0, 0.25)):
         px, py = berg.turned(np.array([x, y])) - berg.pads.frame[0, :2]
-        assert share_of_ice(berg.pads, 0, px, py, reach) == pytest.approx(share, abs=0.015)
+        assert measure_ice_share(berg.pads, 0, px, py, reach) == pytest.approx(share, abs=0.015)
 
 
 @pytest.mark.parametrize("latitude", [-75.0, 0.3, 60.0])
@@ -370,7 +370,7 @@ def test_the_floor_of_a_plane_that_repeats_is_asked_for_within_its_period() -> N
         asked.extend(np.atleast_1d(x).tolist())
         return 205.0 + 1e-6 * x * x
 
-    floor = depth_of_bed(SimpleNamespace(depth=depth), 0.0, 40.3e3)  # type: ignore[arg-type]
+    floor = make_depth_sampler(SimpleNamespace(depth=depth), 0.0, 40.3e3)  # type: ignore[arg-type]
     x = np.linspace(-2e3, 2e3, 9)
     np.testing.assert_allclose(floor(x + 3 * 40.3e3, x), floor(x, x), atol=1e-6)
     assert np.abs(asked).max() <= 0.51 * 40.3e3
@@ -384,7 +384,8 @@ def test_land_of_no_known_depth_is_dry_for_the_bed() -> None:
     sea = SimpleNamespace(
         depth=lambda x, y: np.where(x < 0.0, 300.0, np.nan), land=lambda x, y: (x >= 0.0) & (x < 10.0)
     )
-    assert depth_of_bed(sea)(np.array([-1.0, 5.0, 20.0]), np.zeros(3)).tolist() == [300.0, 0.0, 300.0]  # type: ignore[arg-type]
+    sample_depth = make_depth_sampler(sea)  # type: ignore[arg-type]
+    assert sample_depth(np.array([-1.0, 5.0, 20.0]), np.zeros(3)).tolist() == [300.0, 0.0, 300.0]
 
 
 @pytest.mark.parametrize("thickness", [100.0, 250.0])

@@ -74,7 +74,7 @@ def test_a_summit_within_reach_is_known_however_narrow(where: str, reach: float)
         x, y = place_points(u, v, pose, latlon, RADIUS)
         floors = [bell(x, y, latlon, 200.0), bell(x, y, latlon, 1000.0)] + ([] if latlon else [node(x, y, 500.0)])
         for depth in floors:
-            floor = Soundings(depth, latlon, RADIUS).around(pose, BOX, reach)
+            floor = Soundings(depth, latlon, RADIUS).find_tiles(pose, BOX, reach)
             near = np.hypot(floor.x - u, floor.y - v) < floor.half
             assert floor.least[near].min() <= PLAIN - 600.0
             assert floor.slope[near].max() > 0.6 * 600.0 / 1000.0
@@ -93,10 +93,10 @@ def test_the_price_of_a_survey_is_bounded_for_any_way(where: str) -> None:
     soundings = Soundings(depth, latlon, RADIUS)
     for reach in (1e3, 45e3, 1e6, 3e7):
         for box in (BOX, 1e-3 * BOX, np.array([-3e5, -2e3, 3e5, 2e3])):
-            before, floor = asked[0], soundings.around(pose, box, reach)
+            before, floor = asked[0], soundings.find_tiles(pose, box, reach)
             assert 0 < floor.x.size <= 4096
             assert asked[0] - before <= 256 * 4096
-            before, again = asked[0], soundings.around(pose, box, reach)
+            before, again = asked[0], soundings.find_tiles(pose, box, reach)
             assert asked[0] == before
             assert np.array_equal(again.least, floor.least)
 
@@ -111,7 +111,7 @@ def test_a_floor_is_sounded_once_on_the_way_over_it() -> None:
     soundings, pose = Soundings(depth, False, RADIUS), np.eye(3)
     for way in range(0, 100_000, 7000):
         pose[0, 2] = way
-        soundings.around(pose, BOX, 8e3)
+        soundings.find_tiles(pose, BOX, 8e3)
     points = np.concatenate(asked)
     assert len(np.unique(points, axis=0)) == len(points)
     area = (100e3 + 60e3 + 16e3 + 10e3) * (20e3 + 16e3 + 20e3)

@@ -16,7 +16,7 @@ from riftberg.engines.common.crack_tips import NO_TIPS, TIP_NAMES, CrackTips
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.fragments.connectivity import bridge_moments, connected_parts, find_bridges
 from riftberg.engines.quasi_static.bodies.pose import bodies_from_elements, tangent_coordinates
-from riftberg.engines.quasi_static.fracture.crack_paths import CrackPaths, tips_of_rifts
+from riftberg.engines.quasi_static.fracture.crack_paths import CrackPaths, find_rift_tips
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, IceStress, Strengths, Toughness, overloads
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
 from riftberg.engines.quasi_static.lattice.cells import ElasticCells, add_new_cells
@@ -210,7 +210,7 @@ def cracked_plate(packing: str, angle: float, inclined: float, *, rift: bool = T
     line = np.array([half, -half]) + np.array([0.21 * SPACING, 0.13 * SPACING])
     cut = berg.with_rifts([line], broken=True)
     plate = Plate(packing, angle, 72e3, 72e3, cut)
-    plate.tips = tips_of_rifts(plate.el, plate.bonds, plate.p)
+    plate.tips = find_rift_tips(plate.el, plate.bonds, plate.p)
     return plate
 
 
@@ -233,9 +233,9 @@ def test_a_crack_goes_on_normal_to_the_tension(packing, angle, inclined) -> None
         if min(ways) >= 8.0 * SPACING:
             break
         tip = standing[int(np.argmin(ways))]
-        crossing = paths.ahead(tip, moment.triangle_stress, moment.intensities.get(tip.row))
+        crossing = paths.find_crossing(tip, moment.triangle_stress, moment.intensities.get(tip.row))
         assert crossing is not None
-        paths._step(crossing.tip, crossing.bond, crossing.part)
+        paths._step(crossing.tip, crossing.bond, crossing.fraction)
         plate.tips = paths.tips
         plate.without(crossing.bond)
     for tip, start in zip(standing, began, strict=True):
@@ -282,7 +282,7 @@ def test_a_crack_from_the_edge_runs_at_the_k_of_the_handbook(packing, angle, cel
         # Beside the middle, where a row of elements may lie.
         line = [(0.21 * SPACING, -0.6 * width), (0.21 * SPACING, depth - 0.5 * width)]
         plate = Plate(packing, angle, length, width, whole.with_rifts([line], broken=True))
-        plate.tips = tips_of_rifts(plate.el, plate.bonds, plate.p)
+        plate.tips = find_rift_tips(plate.el, plate.bonds, plate.p)
         pull = np.zeros(plate.el.size)
         for sign in (-1.0, 1.0):  # without a moment about the middle line, over the last three cells
             mass = plate.el.mass * (sign * plate.x > 0.5 * length - 3.0 * SPACING)
@@ -325,7 +325,7 @@ def test_a_tip_at_a_crack_or_at_the_outline_has_run_out() -> None:
     flat = tip._replace(place=tip.place + np.array([100.0, 100.0]), direction=np.array([1.0, 0.0]))
     calm = np.zeros((len(plate.now.cells._middle), 3))
     seen = 0
-    while (crossing := paths.ahead(flat, calm)) is not None:
+    while (crossing := paths.find_crossing(flat, calm)) is not None:
         assert plate.bonds.status[crossing.bond] == 0
         flat = flat._replace(place=flat.place + np.array([0.5 * SPACING, 0.0]))
         seen += 1
@@ -333,7 +333,7 @@ def test_a_tip_at_a_crack_or_at_the_outline_has_run_out() -> None:
     # Upright bonds do not lie in the way of a level ray, and the level ones end at the crack.
     assert flat.place[0] < 0.3
     away = tip._replace(direction=np.array([-1.0, 0.0]), place=np.array([-7.4e3, 0.1]))
-    assert paths.ahead(away, calm) is None
+    assert paths.find_crossing(away, calm) is None
 
 
 def test_tips_go_on_from_a_restart_bit_for_bit(tmp_path) -> None:

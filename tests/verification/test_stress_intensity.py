@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.engines.quasi_static.fracture.crack_paths import TipIntensity, tips_of_rifts
+from riftberg.engines.quasi_static.fracture.crack_paths import TipIntensity, find_rift_tips
 from riftberg.engines.quasi_static.fracture.stress_intensity import TipRing, tip_ring
 from riftberg.physics.crack_tip import hoop_intensity
 from riftberg.state import Floats
@@ -43,7 +43,7 @@ def plate_with(rift: Floats, packing: str, angle: float, length: float, width: f
     plate = Plate(
         packing, angle, length, width, made.with_rifts([rift + np.array([0.21, 0.13]) * SPACING], broken=True)
     )
-    plate.tips = tips_of_rifts(plate.el, plate.bonds, plate.p)
+    plate.tips = find_rift_tips(plate.el, plate.bonds, plate.p)
     return plate
 
 

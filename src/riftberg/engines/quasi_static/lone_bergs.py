@@ -78,36 +78,38 @@ def find_lone_bergs(
     return (lone, unreachable & ~alone) if lone.size >= least else None
 
 
-def run_of(model: RunState, rows: Ints, forcing: Any) -> tuple[RunState, Ints]:
+def cut_out_run(model: RunState, rows: Ints, forcing: Any) -> tuple[RunState, Ints]:
     """Return a run of some of the elements, as copies, and the rows of their bonds."""
     elements, bonds, bond_rows = cut_out(model.elements, model.bonds, rows)
-    some = RunState(
+    subset = RunState(
         Population(elements, bonds), forcing, model.parameters, model.constants, model.fragments, model.start, model.time,
         model.step_number, model.contacts, model.outlines, model.laws,
     )  # fmt: skip
-    return some, bond_rows
+    return subset, bond_rows
 
 
-def bodies_of(bodies: Bodies, rows: Ints) -> tuple[Bodies, Ints]:
+def select_bodies(bodies: Bodies, rows: Ints) -> tuple[Bodies, Ints]:
     """Return the bodies of some elements, and their numbers among all; all elements of a body must be among them."""
     numbers, body = np.unique(bodies.body[rows], return_inverse=True)
-    some = Bodies(body, bodies.reference[rows], bodies.pose[numbers], bodies.twist[numbers], bodies.displacement[rows])
-    return some, numbers
+    subset = Bodies(
+        body, bodies.reference[rows], bodies.pose[numbers], bodies.twist[numbers], bodies.displacement[rows]
+    )
+    return subset, numbers
 
 
-def joined_bodies(body: Ints, parts: tuple[tuple[Ints, Bodies], ...]) -> Bodies:
-    """Return all bodies, ``body`` of each element, from those of parts of the elements, given with their rows."""
+def join_bodies(body: Ints, groups: tuple[tuple[Ints, Bodies], ...]) -> Bodies:
+    """Join the bodies of groups of elements, given with their rows; ``body``: fragment of each element."""
     count = int(body.max()) + 1
     reference, displacement = np.empty((2, body.size, 3))
     pose, twist = np.empty((count, 3, 3)), np.empty((count, 3))
-    for rows, part in parts:
-        reference[rows], displacement[rows] = part.reference, part.displacement
-        pose[body[rows]], twist[body[rows]] = part.pose[part.body], part.twist[part.body]
+    for rows, group in groups:
+        reference[rows], displacement[rows] = group.reference, group.displacement
+        pose[body[rows]], twist[body[rows]] = group.pose[group.body], group.twist[group.body]
     return Bodies(body, reference, pose, twist, displacement)
 
 
 class LoneStep(NamedTuple):
-    """What a time step has made of lone bergs."""
+    """Result of a time step of lone bergs."""
 
     rows: Ints  # Those to which nothing happened
     bodies: Bodies
@@ -115,7 +117,7 @@ class LoneStep(NamedTuple):
 
 
 class OneAtATime(WrappedForcing):
-    """A forcing that the threads of a step share: it samples for one of them at a time, so that it may keep what it likes."""
+    """A forcing that the threads of a step share: it samples for one of them at a time, so that it may keep a cache."""
 
     def __init__(self, forcing: Forcing) -> None:
         super().__init__(forcing)
@@ -135,25 +137,29 @@ def step_lone_bergs(
     ``unknown``: bodies that take the velocities of their elements; None where all are as the last step has left them.
     ``applied`` takes the mean accelerations of lone bergs to which nothing happens, shape (elements, forces, 2).
     """
-    el, dt, own = model.elements, model.parameters.stepping.time_step, bodies.body[lone]
-    twist = bodies.twist[own]
+    el, dt, lone_body = model.elements, model.parameters.stepping.time_step, bodies.body[lone]
+    twist = bodies.twist[lone_body]
     if unknown is not None:
-        twist[unknown[own]] = np.column_stack([el.u, el.v, el.spin])[lone[unknown[own]]]
+        twist[unknown[lone_body]] = np.column_stack([el.u, el.v, el.spin])[lone[unknown[lone_body]]]
     blocks = []
     for first in range(0, el.size, BLOCK):
-        mine = slice(*np.searchsorted(lone, (first, first + BLOCK)))
-        rows, numbers = lone[mine], own[mine]
+        in_block = slice(*np.searchsorted(lone, (first, first + BLOCK)))
+        rows, numbers = lone[in_block], lone_body[in_block]
         of_block = Bodies(
-            np.arange(rows.size), bodies.reference[rows], bodies.pose[numbers], twist[mine], bodies.displacement[rows]
+            np.arange(rows.size),
+            bodies.reference[rows],
+            bodies.pose[numbers],
+            twist[in_block],
+            bodies.displacement[rows],
         )
         blocks.append(_Block(model, slice(first, first + BLOCK), rows - first, of_block, sizes, applied))
     with ThreadPoolExecutor(config.NUMBA_NUM_THREADS) as pool:  # type: ignore[attr-defined]
-        parts = math.ceil(dt / min(pool.map(_Block.longest_step, blocks)) - 1e-9)
-        for n in range(parts):
-            list(pool.map(lambda block: block.predict(parts), blocks))
+        substeps = math.ceil(dt / min(pool.map(_Block.longest_step, blocks)) - 1e-9)
+        for n in range(substeps):
+            list(pool.map(lambda block: block.predict(substeps), blocks))
             # A forcing may draw numbers for all elements of a cell, in whatever block they are.
-            forcing.sample(el, model.time + (n + 1) * dt / parts)
-            list(pool.map(lambda block: block.correct(parts), blocks))
+            forcing.sample(el, model.time + (n + 1) * dt / substeps)
+            list(pool.map(lambda block: block.correct(substeps), blocks))
         return list(pool.map(_Block.finish, blocks))
 
 
@@ -166,9 +172,9 @@ class _Block:
         self.el, self.sizes, self.first = model.elements.shown_in(block), sizes_in(sizes, block), block.start
         self.model, self.c, self.stepping = model, model.constants, model.parameters.stepping
         self.lone, self.bodies, self.applied = lone, bodies, applied[block]
-        # What is found for all elements of the block, lone or not.
-        self.found = [array for group in (self.el.place, self.el.shown, self.el.environment) for array in group]
-        self.start = [array.copy() for array in self.found]
+        # Arrays that a step overwrites for all elements of the block, lone or not.
+        self.restored = [array for group in (self.el.place, self.el.shown, self.el.environment) for array in group]
+        self.start = [array.copy() for array in self.restored]
         self.lon, self.lat = self.el.lon[lone], self.el.lat[lone]
         self.middle, self.turned, self.spin_rate = np.empty_like(bodies.twist), np.zeros(lone.size), np.zeros(lone.size)
         self.happened = np.zeros(self.el.size, np.bool_)
@@ -179,11 +185,11 @@ class _Block:
         self._evaluate()
         return longest_trial_step(self.forcing, self.stepping.time_step)
 
-    def predict(self, parts: int) -> None:
+    def predict(self, substeps: int) -> None:
         """Take the first half kick of one of some parts of the step, and drift to its end."""
         el, c, lone, (body, reference, pose, twist, displacement) = self.el, self.c, self.lone, self.bodies
-        h, new, grid = self.stepping.time_step / parts, np.empty_like(pose), self.model.forcing.grid
-        _kick(lone, twist, self.forcing, 0.5 * h, 0.5 / parts, self.middle, self.applied)
+        h, new, grid = self.stepping.time_step / substeps, np.empty_like(pose), self.model.forcing.grid
+        _kick(lone, twist, self.forcing, 0.5 * h, 0.5 / substeps, self.middle, self.applied)
         move_poses(pose, self.middle, h, c.latlon, c.earth_radius, new, np.empty((3, 3)))
         self.bodies = moved = Bodies(body, reference, new, twist, displacement)
         place_elements(moved, self.lon, self.lat, np.zeros(lone.size), c.latlon, c.earth_radius, c.period)
@@ -195,13 +201,13 @@ class _Block:
             self.happened |= land_corrections(el, far_lon, far_lat, c).any(axis=1)
             self.lon, self.lat = el.lon[lone], el.lat[lone]
 
-    def correct(self, parts: int) -> None:
+    def correct(self, substeps: int) -> None:
         """Take the second half kick, with the forces at the new place and time."""
         self._evaluate()
-        half_dt, twist = 0.5 * self.stepping.time_step / parts, self.bodies.twist
+        half_dt, twist = 0.5 * self.stepping.time_step / substeps, self.bodies.twist
         twist[:] = 2.0 * self.middle - twist  # first guess: the second half changes it as the first has done
         check_converged(
-            _solve(self.lone, self.middle, twist, self.forcing, half_dt, 0.5 / parts, self.spin_rate, self.applied)
+            _solve(self.lone, self.middle, twist, self.forcing, half_dt, 0.5 / substeps, self.spin_rate, self.applied)
         )
 
     def finish(self) -> LoneStep:
@@ -212,8 +218,8 @@ class _Block:
         stays = np.ones(el.size, np.bool_)
         stays[rows] = False
         others = np.flatnonzero(stays)  # a few: found once, not for each array
-        for array, before in zip(self.found, self.start, strict=True):
-            array[others] = before[others]
+        for array, initial in zip(self.restored, self.start, strict=True):
+            array[others] = initial[others]
         self.applied[lone[~quiet]] = 0.0
         motion, shown = el.motion, el.shown
         for array, values in (
@@ -234,13 +240,13 @@ class _Block:
 
 @kernel
 def _acceleration(
-    forcing: ElementForcing, e: int, u: float, v: float, part: float, applied: Floats
+    forcing: ElementForcing, e: int, u: float, v: float, weight: float, applied: Floats
 ) -> tuple[float, float, float, float, float, float, float, float]:
     """Acceleration (m s-2) of an element by all forces, with what follows from it.
 
     Then come minus its derivatives xx, xy and yy (s-1), the Coriolis parameter, which enters beside xy with both signs, the
-    drag per velocity through the media (s-1), and what that grows by with the velocity (m-1).
-    ``part`` of each acceleration goes into ``applied``, if it is not 0. Forces are summed in the order of
+    drag per velocity through the media (s-1), and the growth of this drag with the velocity (m-1).
+    ``weight`` of each acceleration goes into ``applied``, if it is not 0. Forces are summed in the order of
     `riftberg.engines.quasi_static.bodies.dynamics.add_forces`.
     """
     media, mass = forcing.media, forcing.mass
@@ -248,9 +254,9 @@ def _acceleration(
     if forcing.media_act:
         f = forcing.coriolis[e]
         ax, ay = f * v, -f * u
-        if part != 0.0:
-            applied[e, CORIOLIS, 0] += part * ax
-            applied[e, CORIOLIS, 1] += part * ay
+        if weight != 0.0:
+            applied[e, CORIOLIS, 0] += weight * ax
+            applied[e, CORIOLIS, 1] += weight * ay
     for k in range(len(MEDIA)):
         if forcing.media_act:
             dx, dy, dxx, dxy, dyy, of_medium = drag_and_jacobian(media[e, k], u, v)
@@ -261,21 +267,21 @@ def _acceleration(
             jyy += dyy
             rate += of_medium
             quadratic += media[e, k, QUADRATIC]
-            if part != 0.0:
-                applied[e, k, 0] += part * dx
-                applied[e, k, 1] += part * dy
+            if weight != 0.0:
+                applied[e, k, 0] += weight * dx
+                applied[e, k, 1] += weight * dy
     return ax + forcing.push_x[e] / mass[e], ay + forcing.push_y[e] / mass[e], jxx, jxy, jyy, f, rate, quadratic
 
 
 @kernel
 def _kick(
-    rows: Ints, twist: Floats, forcing: ElementForcing, half_dt: float, part: float, new: Floats, applied: Floats
+    rows: Ints, twist: Floats, forcing: ElementForcing, half_dt: float, weight: float, new: Floats, applied: Floats
 ) -> None:
-    """First half kick: velocities ``new`` at mid-step; ``part`` of the accelerations goes into ``applied``."""
+    """First half kick: velocities ``new`` at mid-step; ``weight`` of the accelerations goes into ``applied``."""
     for n in range(rows.size):
         e = rows[n]
         u, v, w = twist[n, 0], twist[n, 1], twist[n, 2]
-        ax, ay, _, _, _, _, rate, quadratic = _acceleration(forcing, e, u, v, part, applied)
+        ax, ay, _, _, _, _, rate, quadratic = _acceleration(forcing, e, u, v, weight, applied)
         torque, turning = spin_torque(forcing, e, w)
         inertia = forcing.inertia[e]
         rates = rate, 0.0
@@ -287,12 +293,12 @@ def _kick(
         new[n, 1] = (v + half_dt * (ay + excess * v)) / (1.0 + half_dt * excess)
         new[n, 2] = (w + half_dt * (torque / inertia + excess_spin * w)) / (1.0 + half_dt * excess_spin)
         du, dv = new[n, 0] - u, new[n, 1] - v
-        accumulate_excess(forcing, e, (u, v), (du, dv), rates, half_dt, part, applied)
+        accumulate_excess(forcing, e, (u, v), (du, dv), rates, half_dt, weight, applied)
 
 
 @kernel
 def _solve(
-    rows: Ints, middle: Floats, twist: Floats, forcing: ElementForcing, half_dt: float, part: float, spin_rate: Floats,
+    rows: Ints, middle: Floats, twist: Floats, forcing: ElementForcing, half_dt: float, weight: float, spin_rate: Floats,
     applied: Floats,
 ) -> int:  # fmt: skip
     """Second half kick: velocities at the end, in ``twist``, by Newton's method from those at mid-step and a first guess.
@@ -305,7 +311,7 @@ def _solve(
         mass, inertia = forcing.mass[e], forcing.inertia[e]
         arm = math.sqrt(inertia / mass)
         kick_spin = half_dt / inertia
-        u, v, w, before, iterations = twist[n, 0], twist[n, 1], twist[n, 2], 0.0, 0
+        u, v, w, previous_change, iterations = twist[n, 0], twist[n, 1], twist[n, 2], 0.0, 0
         ice, px, py = forcing.media[e, SEA_ICE], 0.0, 0.0
         while True:
             if iterations == MAX_ITERATIONS:
@@ -327,11 +333,12 @@ def _solve(
             iterations += 1
             change = relative_change(du, dv, dw, u, v, w, arm)
             # Velocities that are not numbers end the iteration; the checks of places then say where they came from.
-            if has_converged(change, before) or not np.isfinite(u + v + w):
+            if has_converged(change, previous_change) or not np.isfinite(u + v + w):
                 break
-            before = 0.0 if ice[LIMIT] > 0.0 else change  # beside a corner one small change tells nothing of the next
+            # Beside a corner one small change tells nothing of the next.
+            previous_change = 0.0 if ice[LIMIT] > 0.0 else change
         most = max(most, iterations)
         twist[n, 0], twist[n, 1], twist[n, 2] = u, v, w
-        _acceleration(forcing, e, u, v, part, applied)
+        _acceleration(forcing, e, u, v, weight, applied)
         spin_rate[n] = spin_torque(forcing, e, w)[0] / inertia
     return most

@@ -1,4 +1,4 @@
-"""Compiled parts of a trial step: predictor, operators at the new place, loads, and what they leave in the state.
+"""Compiled parts of a trial step: predictor, operators at the new place, loads, and their record in the state.
 
 For a berg of some hundred elements a call from Python takes as long as a law, so the kernels of
 `riftberg.engines.quasi_static.bodies` are called together. All arrays come from Python (`riftberg.compiled.kernels.borrower`).
@@ -54,7 +54,7 @@ from riftberg.state import Bonds, Elements, Floats, Ints, Motion, Shown
 from riftberg.state.population import rows_of
 
 EVERY_MEDIUM, NOTHING = np.ones(len(MEDIA), np.bool_), np.empty((1, 0, 0))
-"""What `evaluate_forcing` is given in the place of the results of a velocity solve."""
+"""Arguments of `evaluate_forcing` in place of the results of a velocity solve."""
 
 
 class BodyState(NamedTuple):
@@ -90,14 +90,14 @@ def predict(
         m, q = op.levers[e], twist[body[e]]
         rotation[e] += h * (m[6] * q[0] + m[7] * q[1] + m[8] * q[2])
     # Displacements lag by the whole time step: those of a trial are known only after its velocities and loads.
-    there = Bodies(body, bodies.reference, new.pose, twist, frozen_displacement)
-    place_elements(there, lon, lat, static, latlon, radius, period)
+    drifted = Bodies(body, bodies.reference, new.pose, twist, frozen_displacement)
+    place_elements(drifted, lon, lat, static, latlon, radius, period)
 
 
 def assemble_operators(
     el: Elements, sizes: Sizes, bodies: Bodies, p: KernelParameters, work: BodyWorkspace, sides: Floats | None = None
 ) -> BodyOperators:
-    """Find what moves the fragments, from the environment that the elements carry; no supports yet.
+    """Assemble the forces and inertia of the fragments from the environment that the elements carry; no supports yet.
 
     ``sides``: points on their outlines, as `ElementForcing` has them.
     """
@@ -153,12 +153,12 @@ def find_loads(
 
 @borrower
 def remove_rigid_modes(
-    body: Ints, xy: Floats, displacement: Floats, before: Floats, rotation: Floats, forcing: ElementForcing,
+    body: Ints, xy: Floats, displacement: Floats, previous: Floats, rotation: Floats, forcing: ElementForcing,
     supported: Booleans, mean: Floats, moments: Floats,
 ) -> bool:  # fmt: skip
     """Subtract the mean displacement of each fragment, which its pose contains, and rotate the elements by the rest.
 
-    Fragments with supports keep theirs. Returns whether all displacements are finite; ``before`` are those until now.
+    Fragments with supports keep theirs. Returns whether all displacements are finite; ``previous`` are those until now.
     """
     for e in range(body.size):
         for i in range(3):
@@ -170,20 +170,20 @@ def remove_rigid_modes(
             mean[b, :] = 0.0
     subtract_mean(body, xy, displacement, mean, moments)
     for e in range(body.size):
-        rotation[e] += displacement[e, 2] - before[e, 2]
+        rotation[e] += displacement[e, 2] - previous[e, 2]
     return True
 
 
 @borrower
 def accumulate_step_forces(
-    op: BodyOperators, terms: ForceTerms, end_terms: ForceTerms, twist: Floats, half_dt: float, part: float, middle: Floats,
+    op: BodyOperators, terms: ForceTerms, end_terms: ForceTerms, twist: Floats, half_dt: float, weight: float, middle: Floats,
     applied: Floats, work: BodyWorkspace,
 ) -> None:  # fmt: skip
-    """Add to ``applied`` the accelerations of a step by the trapezoidal rule: ``part`` of those at each of its ends."""
+    """Add to ``applied`` the accelerations of a step by the trapezoidal rule: ``weight`` of those at each of its ends."""
     first_half_kick(op, twist, terms, half_dt, middle, work)
-    accumulate_forces(terms.accelerations, part, applied)
-    accumulate_excess_drag(op, twist, terms, middle, half_dt, part, applied, work)
-    accumulate_forces(end_terms.accelerations, part, applied)
+    accumulate_forces(terms.accelerations, weight, applied)
+    accumulate_excess_drag(op, twist, terms, middle, half_dt, weight, applied, work)
+    accumulate_forces(end_terms.accelerations, weight, applied)
 
 
 # ---- between two steps ----
@@ -206,10 +206,12 @@ class StepSnapshot(NamedTuple):
     def is_current(self, el: Elements) -> bool:
         """Whether nothing of this has changed since."""
         # As bytes, which compare quickly.
-        return all(now.tobytes() == then.tobytes() for now, then in zip(_arrays_of(el), self, strict=True))
+        return all(
+            current.tobytes() == saved.tobytes() for current, saved in zip(_collect_arrays(el), self, strict=True)
+        )
 
 
-def _arrays_of(el: Elements) -> StepSnapshot:
+def _collect_arrays(el: Elements) -> StepSnapshot:
     place, motion, body = el.place, el.motion, el.body
     return StepSnapshot(
         body.id, place.lon, place.lat, motion.u, motion.v, motion.spin, body.static, body.free_y, body.load_x, body.load_y
@@ -218,7 +220,7 @@ def _arrays_of(el: Elements) -> StepSnapshot:
 
 def take_snapshot(el: Elements) -> StepSnapshot:
     """Return a copy of the elements as they are."""
-    return StepSnapshot._make([array.copy() for array in _arrays_of(el)])
+    return StepSnapshot._make([array.copy() for array in _collect_arrays(el)])
 
 
 def sync_bodies(
@@ -233,11 +235,11 @@ def sync_bodies(
     """
     body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
     count = int(body.max()) + 1
-    row, known = rows_of(snapshot.id, el.body.id)
-    now = _arrays_of(el)
-    differs = {name: a != b[row] for name, a, b in zip(StepSnapshot._fields, now, snapshot, strict=True)}
-    moved = ~known | differs["lon"] | differs["lat"]
-    pushed = ~known | differs["u"] | differs["v"] | differs["spin"] | differs["static"] | differs["free_y"]
+    row, existed = rows_of(snapshot.id, el.body.id)
+    current = _collect_arrays(el)
+    differs = {name: a != b[row] for name, a, b in zip(StepSnapshot._fields, current, snapshot, strict=True)}
+    moved = ~existed | differs["lon"] | differs["lat"]
+    pushed = ~existed | differs["u"] | differs["v"] | differs["spin"] | differs["static"] | differs["free_y"]
 
     # A fragment comes from one old body (``source``), unless some of its elements were moved or came from several.
     anew, source, last = np.zeros(count, bool), np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
@@ -245,15 +247,15 @@ def sync_bodies(
     np.minimum.at(source, body, old.body[row])
     np.maximum.at(last, body, old.body[row])
     anew |= source != last
-    whole = ~anew & (np.bincount(body, minlength=count) == np.bincount(old.body)[source])
+    unchanged = ~anew & (np.bincount(body, minlength=count) == np.bincount(old.body)[source])
 
     new = Bodies(
         body, np.zeros((el.size, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros((el.size, 3))
     )  # fmt: skip
-    stays = whole[body]
+    stays = unchanged[body]
     new.reference[stays], new.displacement[stays] = old.reference[row[stays]], old.displacement[row[stays]]
-    new.pose[whole], new.twist[whole] = old.pose[source[whole]], old.twist[source[whole]]
-    parted = ~anew & ~whole
+    new.pose[unchanged], new.twist[unchanged] = old.pose[source[unchanged]], old.twist[source[unchanged]]
+    parted = ~anew & ~unchanged
     if parted.any():
         inside = parted[body]
         was = row[inside]
@@ -262,12 +264,12 @@ def sync_bodies(
         _insert(new, parted, split_bodies(of_old, numbers, mass, p.latlon, p.earth_radius))
     if anew.any():
         inside = anew[body]
-        lon, lat = _without_load(el, old, snapshot, row, known, p)
-        made = bodies_from_elements(
+        lon, lat = _without_load(el, old, snapshot, row, existed, p)
+        remade = bodies_from_elements(
             lon[inside], lat[inside], _renumbered(anew)[body[inside]], el.body.mass[inside], p.latlon, p.earth_radius,
             p.period,
         )  # fmt: skip
-        _insert(new, anew, made)
+        _insert(new, anew, remade)
     unknown = anew.copy()
     unknown[body[pushed]] = True
     return new, unknown
@@ -278,21 +280,21 @@ def _renumbered(chosen: NDArray[np.bool_]) -> Ints:
     return np.asarray(np.cumsum(chosen) - 1, np.int64)
 
 
-def _insert(new: Bodies, chosen: NDArray[np.bool_], made: Bodies) -> None:
+def _insert(new: Bodies, chosen: NDArray[np.bool_], bodies: Bodies) -> None:
     """Write the bodies of some fragments to their places among all."""
     inside = chosen[new.body]
-    new.reference[inside], new.displacement[inside] = made.reference, made.displacement
-    new.pose[chosen], new.twist[chosen] = made.pose, made.twist
+    new.reference[inside], new.displacement[inside] = bodies.reference, bodies.displacement
+    new.pose[chosen], new.twist[chosen] = bodies.pose, bodies.twist
 
 
 def _without_load(
-    el: Elements, old: Bodies, snapshot: StepSnapshot, row: Ints, known: NDArray[np.bool_], p: KernelParameters
+    el: Elements, old: Bodies, snapshot: StepSnapshot, row: Ints, existed: NDArray[np.bool_], p: KernelParameters
 ) -> tuple[Floats, Floats]:
     """Positions of the elements now, less the displacements by load that they had at the end of the step."""
     lon, lat = snapshot.lon.copy(), snapshot.lat.copy()
     undeformed = old._replace(displacement=np.zeros_like(old.displacement))
     place_elements(undeformed, lon, lat, np.zeros(lon.size), p.latlon, p.earth_radius, p.period)
     return (
-        el.place.lon - np.where(known, (snapshot.lon - lon)[row], 0.0),
-        el.place.lat - np.where(known, (snapshot.lat - lat)[row], 0.0),
+        el.place.lon - np.where(existed, (snapshot.lon - lon)[row], 0.0),
+        el.place.lat - np.where(existed, (snapshot.lat - lat)[row], 0.0),
     )

@@ -2,7 +2,7 @@
 
 A time step is a sequence of trial steps, each up to the first event in it (`TimeStep`):
 
-1. checkpoint: what a trial changes in the model is copied;
+1. checkpoint: arrays that a trial changes in the model are copied;
 2. trial step: contact in sub-steps, predictor, constraint of land, forcing at the new place, corrector, equilibrium;
 3. events: fracture by contact or the sea floor, overload; the trial is rolled back and taken again to the first;
 4. fracture: bonds break one by one under fixed loads until none is overloaded, and pieces become bodies of their own;
@@ -50,7 +50,7 @@ LONGEST_CONTACT_STEP = 1800.0
 class TimeStep:
     """One time step of a model, from event to event.
 
-    ``lattice``, ``state`` and ``sizes`` are those of the step before, where nothing has changed since. ``unknown``:
+    ``lattice``, ``state`` and ``sizes`` come from the step before, where nothing has changed since. ``unknown``:
     bodies that take the velocity of their elements, None where the twists of ``bodies`` are right; ``cells``: the elastic cells
     and the topology of their mesh; ``cracks``: the tips, and the highest number of a crack in the run.
     """
@@ -77,13 +77,11 @@ class TimeStep:
             lattice.follow_cracks(bodies, cracks[0])
         self.motion.lattice = lattice
         if newly_made:
-            known = np.zeros(bodies.pose.shape[0], np.bool_) if unknown is None else ~unknown
-            bodies = bodies._replace(
-                twist=np.where(known[:, None], bodies.twist, self.motion.twists_of_elements(bodies))
-            )
+            has_twist = np.zeros(bodies.pose.shape[0], np.bool_) if unknown is None else ~unknown
+            bodies = bodies._replace(twist=np.where(has_twist[:, None], bodies.twist, self.motion.fit_twists(bodies)))
         if self.laws.seabed is not None:
             self.laws.seabed.check_start(model, bodies)
-        self.state = state or self.motion.state_at(bodies, model.time)
+        self.state = state or self.motion.find_state(bodies, model.time)
         if newly_made:
             self.state = self.motion.in_equilibrium(self.state)
         self.motion.frozen_displacement = self.state.bodies.displacement
@@ -105,9 +103,9 @@ class TimeStep:
             # The rest in equal parts, so that the last one is no shorter than it must be.
             h = min(rest / math.ceil(rest / self._max_dt - 1e-9), next_dt)
             next_dt = self._advance_to_event(h, may_break)
-        now = self._equilibrium(self.state)
-        self._store(now)
-        self.tips = self.lattice.told_tips(now)
+        equilibrium = self._equilibrium(self.state)
+        self._store(equilibrium)
+        self.tips = self.lattice.tips_with_intensities(equilibrium)
 
     # One step to the first event
 
@@ -148,7 +146,7 @@ class TimeStep:
         if trial.contact is not None and self.lattice.overload(self._peak_equilibrium(trial)) > 0.0:
             # Cracks by contact may follow each other as quickly as its sub-steps.
             shortest = trial.contact.shortest_substep
-            trial = self._located(trial, self._overload_in, shortest * EVENT_TOLERANCE, min(least, shortest))
+            trial = self._locate_event(trial, self._find_overload, shortest * EVENT_TOLERANCE, min(least, shortest))
             if (
                 self._peak_equilibrium(trial) is not None
                 and self.lattice.overload(self._equilibrium(trial.state)) <= 0.0
@@ -186,40 +184,40 @@ class TimeStep:
         self._propagate_crack(first_broken)
         return math.inf
 
-    def _located(
+    def _locate_event(
         self, trial: Trial, event: Callable[[Trial], float], tolerance: float, least: float = 0.0
     ) -> Trial:  # fmt: skip
         """Return a trial that ends at most ``tolerance`` s after the first event in ``trial``.
 
         ``event`` is above 0 where a trial holds one. In the first ``least`` s none is located. Trials without an event become
-        the state, and what is returned starts from there: an impact need not be gone through from its start each time.
+        the state, and the returned trial starts from there: an impact need not be gone through from its start each time.
         """
-        done, latest = 0.0, (trial.h, trial)
+        elapsed, latest = 0.0, (trial.h, trial)
 
         def until(t: float) -> float:
-            nonlocal done, latest
+            nonlocal elapsed, latest
             self._rollback()
-            latest = t, self.motion.trial(self.state, t - done)
+            latest = t, self.motion.trial(self.state, t - elapsed)
             value = event(latest[1])
             if value <= 0.0:
                 self._accept(latest[1])
                 self._checkpoint()
-                done = t
+                elapsed = t
             return value
 
-        before, after = (0.0, -1.0), (trial.h, event(trial))
+        lower, upper = (0.0, -1.0), (trial.h, event(trial))
         if 0.0 < least < trial.h:
             early = least, until(least)
-            before, after = (early, after) if early[1] <= 0.0 else (before, early)
-        end = after[0] if after[0] <= least else first_moment(until, before, after, tolerance)
-        if latest[0] == end > done:
+            lower, upper = (early, upper) if early[1] <= 0.0 else (lower, early)
+        end = upper[0] if upper[0] <= least else first_moment(until, lower, upper, tolerance)
+        if latest[0] == end > elapsed:
             return latest[1]
         self._rollback()
-        return self.motion.trial(self.state, end - done)
+        return self.motion.trial(self.state, end - elapsed)
 
     def _checkpoint(self) -> None:
-        """Copy what a trial step changes in the model and the next trial reads before it finds it anew."""
-        self._kept = [array.copy() for array in self._changed_by_trials()], self.laws.checkpoint()
+        """Copy the arrays that a trial step changes in the model and that the next trial reads before it fills them anew."""
+        self._saved = [array.copy() for array in self._changed_by_trials()], self.laws.checkpoint()
 
     def _changed_by_trials(self) -> tuple[np.ndarray, ...]:
         el = self.el
@@ -229,8 +227,8 @@ class TimeStep:
 
     def _rollback(self) -> None:
         """Return to the last checkpoint."""
-        kept, laws = self._kept
-        for array, values in zip(self._changed_by_trials(), kept, strict=True):
+        saved, laws = self._saved
+        for array, values in zip(self._changed_by_trials(), saved, strict=True):
             array[:] = values
         self.laws.rollback(laws)
 
@@ -238,15 +236,23 @@ class TimeStep:
         """Make a trial step the state: record its forces, its contacts and, unless a crack follows, its peak stresses."""
         start, end, contact, work = self.state, trial.state, trial.contact, self.motion.workspace(trial.state.bodies)
         self.state = end
-        before = self.applied[contact.rows] if contact else self.applied[:0]
-        part = 0.5 * trial.h / self.dt
+        previous = self.applied[contact.rows] if contact else self.applied[:0]
+        weight = 0.5 * trial.h / self.dt
         middle = np.empty_like(start.bodies.twist)
         accumulate_step_forces(
-            start.operators, start.terms, end.terms, start.bodies.twist, 0.5 * trial.h, part, middle, self.applied, work
+            start.operators,
+            start.terms,
+            end.terms,
+            start.bodies.twist,
+            0.5 * trial.h,
+            weight,
+            middle,
+            self.applied,
+            work,
         )
         if contact is not None:
             # In contact the impulses of all forces were summed over the sub-steps instead.
-            self.applied[contact.rows] = before + contact.applied / self.dt
+            self.applied[contact.rows] = previous + contact.applied / self.dt
             self.touched.append((contact.first, contact.second))
         if not cracks:
             self._record_peaks(self._equilibrium(end), self._peak_equilibrium(trial))
@@ -259,7 +265,7 @@ class TimeStep:
 
     # Events
 
-    def _overload_in(self, trial: Trial) -> float:
+    def _find_overload(self, trial: Trial) -> float:
         """Event function of fracture in a trial, by contact on the way or under the loads at its end."""
         return max(
             self.lattice.overload(self._peak_equilibrium(trial)), self.lattice.overload(self._equilibrium(trial.state))
@@ -290,33 +296,33 @@ class TimeStep:
         """Break bonds under fixed loads until none is overloaded: a crack runs faster than the loads change.
 
         The most critical bond breaks, then the next one in the equilibrium without it. ``first`` (a row of the state)
-        begins in any case where none is overloaded. ``impact``: the loads are those of the strongest moment of a contact. They
-        end where a piece parts: the next step finds what contact does to the pieces.
+        begins in any case where none is overloaded. ``impact``: the loads are the peak loads of a contact. They
+        end where a piece parts: the next step finds the contact of the pieces.
         """
-        now = self._equilibrium(self.state)
-        self._store(now)
-        bond, ratio = self.lattice.critical_bond(now)
+        equilibrium = self._equilibrium(self.state)
+        self._store(equilibrium)
+        bond, ratio = self.lattice.critical_bond(equilibrium)
         bond = bond if ratio > 1.0 else first
         if bond < 0:
             return
-        bond = self.lattice.next_bond(now, bond)
+        bond = self.lattice.next_bond(equilibrium, bond)
         self.cracked, first_broken, area = True, bond, 0.0
-        before = self.state
+        initial = self.state
         while True:
             area += self.lattice.facet_area(bond)
-            self.bonds.break_strength[bond] = self.lattice.exceeded(now, bond)
+            self.bonds.break_strength[bond] = self.lattice.exceeded(equilibrium, bond)
             self._break_bond(bond)
-            now = self._equilibrium(self.state)
-            bond, ratio = self.lattice.critical_bond(now)
+            equilibrium = self._equilibrium(self.state)
+            bond, ratio = self.lattice.critical_bond(equilibrium)
             if ratio <= 1.0:
                 break
             # What the last bonds bear while a crack runs through them is no stress that the ice has borne.
-            bond = self.lattice.next_bond(now, bond)
-        after = self.state
+            bond = self.lattice.next_bond(equilibrium, bond)
+        final = self.state
         # What the load of an impact has stored goes into the rebound of the pieces.
-        if not (impact and after.bodies.pose.shape[0] != before.bodies.pose.shape[0]):
+        if not (impact and final.bodies.pose.shape[0] != initial.bodies.pose.shape[0]):
             self.bonds.released_energy[first_broken] = released_energy(
-                before.bodies.displacement, before.load, after.bodies.displacement, after.load
+                initial.bodies.displacement, initial.load, final.bodies.displacement, final.load
             )
         self.bonds.cracked_area[first_broken] = area
         self._renumber()
@@ -344,7 +350,7 @@ class TimeStep:
             self.motion.frozen_displacement = bodies.displacement
             self.motion.lattice = self.lattice.anew(bodies)
             self.motion.publish_positions(bodies)
-            self.state = self.motion.state_at(bodies, state.time)
+            self.state = self.motion.find_state(bodies, state.time)
         elif self.lattice.update_rank >= MAX_LOW_RANK_UPDATES:
             self.motion.lattice = self.lattice.anew(state.bodies)
         else:
@@ -361,11 +367,18 @@ class TimeStep:
         model.fragments.update(el, bonds, self.state.time, model.constants)
         if self.lattice.update_rank:  # else it has just been factored, as where pieces part
             self.motion.lattice = self.lattice.anew(self.state.bodies)
-        self.state = self.motion.in_equilibrium(self.motion.state_at(self.state.bodies, self.state.time))
+        self.state = self.motion.in_equilibrium(self.motion.find_state(self.state.bodies, self.state.time))
 
-    def _store(self, now: Equilibrium) -> None:
+    def _store(self, equilibrium: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
-        store_stresses(self.bonds, now.lattice, now.intact, now.deformation, now.stress, self.state.operators.levers)
+        store_stresses(
+            self.bonds,
+            equilibrium.lattice,
+            equilibrium.intact,
+            equilibrium.deformation,
+            equilibrium.stress,
+            self.state.operators.levers,
+        )
 
 
 def first_bodies(el: Elements, bonds: Bonds, p: KernelParameters) -> Bodies:
@@ -375,28 +388,28 @@ def first_bodies(el: Elements, bonds: Bonds, p: KernelParameters) -> Bodies:
 
 
 def first_moment(
-    value: Callable[[float], float], before: tuple[float, float], after: tuple[float, float], tolerance: float
+    value: Callable[[float], float], lower: tuple[float, float], upper: tuple[float, float], tolerance: float
 ) -> float:
     """Find the first moment at which ``value`` is above 0, to ``tolerance`` (s): the end of the bracket, just after it.
 
-    ``before`` and ``after``: the ends of a bracket, and the values there. By the ITP method (Oliveira and Takahashi 2020,
+    ``lower`` and ``upper``: the ends of a bracket, and the values there. By the ITP method (Oliveira and Takahashi 2020,
     doi:10.1145/3423597): the secant through both ends, moved towards the middle, and never so far from it that bisection would
     need more than one evaluation less. Values may jump, as the sea floor and other fragments act from one moment to the next;
     of signs alone it makes bisection.
     """
-    (a, low), (b, high), width = before, after, after[0] - before[0]
+    (a, low), (b, high), width = lower, upper, upper[0] - lower[0]
     most = math.ceil(math.log2(max(width / tolerance, 1.0))) + 1  # one more than bisection
     for n in range(most):
         if b - a <= tolerance:
             break
         low, high, middle = max(-1.0, low), min(high, 1.0), 0.5 * (a + b)  # without ice or strength they are infinite
         from_secant = middle - (a * high - b * low) / (high - low)
-        away = max(abs(from_secant) - 0.2 / width * (b - a) ** 2, 0.0)
-        away = min(away, max(0.5 * tolerance * 2.0 ** (most - n) - 0.5 * (b - a), 0.0))
-        t = middle - math.copysign(away, from_secant)
-        now = value(t)
-        if now > 0.0:
-            b, high = t, now
+        shift = max(abs(from_secant) - 0.2 / width * (b - a) ** 2, 0.0)
+        shift = min(shift, max(0.5 * tolerance * 2.0 ** (most - n) - 0.5 * (b - a), 0.0))
+        t = middle - math.copysign(shift, from_secant)
+        latest = value(t)
+        if latest > 0.0:
+            b, high = t, latest
         else:
-            a, low = t, now
+            a, low = t, latest
     return b

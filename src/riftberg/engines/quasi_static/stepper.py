@@ -1,4 +1,4 @@
-"""The default scheme as a model calls it: what lives from one time step to the next, and how populations are stepped."""
+"""The default scheme as a model calls it: its memory from one time step to the next, and the stepping of populations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.pose import Bodies
 from riftberg.engines.quasi_static.contact.faces import FaceContact
 from riftberg.engines.quasi_static.fracture.brittle_lattice import BrittleLattice
-from riftberg.engines.quasi_static.fracture.crack_paths import tips_of_rifts
+from riftberg.engines.quasi_static.fracture.crack_paths import find_rift_tips
 from riftberg.engines.quasi_static.ground.seabed import Seabed
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellTopology
 from riftberg.engines.quasi_static.lattice.cells import (
@@ -34,10 +34,10 @@ from riftberg.engines.quasi_static.lattice.footprints import FootprintBook
 from riftberg.engines.quasi_static.lattice.sides import FragmentSides
 from riftberg.engines.quasi_static.lone_bergs import (
     OneAtATime,
-    bodies_of,
+    cut_out_run,
     find_lone_bergs,
-    joined_bodies,
-    run_of,
+    join_bodies,
+    select_bodies,
     step_lone_bergs,
 )
 from riftberg.engines.quasi_static.rigid_step import BodyState, StepSnapshot, sync_bodies, take_snapshot
@@ -54,7 +54,7 @@ SNAPSHOT_NAMES = tuple(f"rigid_left_{name}" for name in StepSnapshot._fields)
 
 
 class QuasiStaticStepper:
-    """The scheme, and what lives from one time step to the next."""
+    """The scheme, with its memory from one time step to the next."""
 
     def __init__(self, model: RunState) -> None:
         self._bodies: Bodies | None = None
@@ -64,7 +64,7 @@ class QuasiStaticStepper:
         self._tips = NO_TIPS
         if model.bonds.first.size and model.step_number == 0:
             self._cells = add_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
-            self._tips = tips_of_rifts(model.elements, model.bonds, model.constants)
+            self._tips = find_rift_tips(model.elements, model.bonds, model.constants)
         self._footprints = FootprintBook(model)
         self._faces = FaceContact(model, self._footprints)
         aground = model.parameters.grounding.law == "seabed"
@@ -100,16 +100,16 @@ class QuasiStaticStepper:
         return self._tips
 
     def state_dict(self) -> dict[str, Any]:
-        """Return what a restart file must hold beside the state."""
+        """Return the arrays that a restart file must hold beside the state."""
         bodies = {} if self._bodies is None else dict(zip(BODY_NAMES, self._bodies, strict=True))
-        before = {} if self._snapshot is None else dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))
+        snapshot = {} if self._snapshot is None else dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))
         tips = dict(zip(TIP_NAMES, self._tips, strict=True)) if self._tips.crack.size else {}
         cells = {} if self._cells is None else cells_to_arrays(self._cells)
         laws = [law.state_dict() for law in (self._footprints, self._seabed, self._faces) if law]
-        return {**bodies, **before, **cells, **tips, **{name: array for law in laws for name, array in law.items()}}
+        return {**bodies, **snapshot, **cells, **tips, **{name: array for law in laws for name, array in law.items()}}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Restore what `state_dict` gave."""
+        """Restore the arrays of `state_dict`."""
         if all(name in saved for name in BODY_NAMES):
             body, *rest = (np.asarray(saved[name]) for name in BODY_NAMES)
             self._bodies = Bodies(body.astype(np.int64), *(np.array(a, np.float64) for a in rest))
@@ -178,27 +178,27 @@ class QuasiStaticStepper:
         sizes = self._sizes or interaction_sizes(model.elements, c)
         near_floor = None
         if self._seabed is not None:
-            near_floor = self._seabed.near(model, bodies, model.parameters.stepping.time_step)
-        found = find_lone_bergs(model, bodies, sizes, self._faces, near_floor)
-        if found is None:
+            near_floor = self._seabed.find_near_floor(model, bodies, model.parameters.stepping.time_step)
+        lone_bergs = find_lone_bergs(model, bodies, sizes, self._faces, near_floor)
+        if lone_bergs is None:
             return False
-        lone, unreachable = found
+        lone, unreachable = lone_bergs
         self._lattice = self._state = None
         applied = np.zeros((model.elements.size, len(FORCES), 2))
-        parts: list[tuple[Ints, Bodies]] = []
+        groups: list[tuple[Ints, Bodies]] = []
         touched: list[tuple[Ints, Ints]] = []
         highest_crack, cracked = int(bonds.crack.max(initial=0)), False
 
         def step_group(rows: Ints, group: RunState, **options: Any) -> TimeStep:
             """Take a group, the copy of its rows, through the time step."""
             nonlocal highest_crack, cracked
-            theirs, numbers = bodies_of(bodies, rows)
+            group_bodies, numbers = select_bodies(bodies, rows)
             new = None if unknown is None else unknown[numbers]
-            step = TimeStep(group, theirs, unknown=new, cracks=(self._tips, highest_crack), **options)
+            step = TimeStep(group, group_bodies, unknown=new, cracks=(self._tips, highest_crack), **options)
             step.run()
             applied[rows] = step.applied
             touched.extend((rows[first], rows[second]) for first, second in step.touched)
-            parts.append((rows, step.state.bodies))
+            groups.append((rows, step.state.bodies))
             self._cells, self._tips, cracked = step.lattice.elastic_cells, step.tips, cracked or step.cracked
             highest_crack = max(highest_crack, int(group.bonds.crack.max(initial=0)))
             return step
@@ -209,28 +209,30 @@ class QuasiStaticStepper:
         reachable = ~unreachable
         reachable[lone] = False
         forcing = OneAtATime(model.forcing)
-        apart, near = ((rows, *run_of(model, rows, forcing)) for rows in map(np.flatnonzero, (unreachable, reachable)))
+        isolated, meeting = (
+            (rows, *cut_out_run(model, rows, forcing)) for rows in map(np.flatnonzero, (unreachable, reachable))
+        )
         with ThreadPoolExecutor(1) as beside:
-            begun = beside.submit(step_lone_bergs, model, forcing, bodies, unknown, lone, sizes, applied)
-            if apart[0].size:
+            lone_steps = beside.submit(step_lone_bergs, model, forcing, bodies, unknown, lone, sizes, applied)
+            if isolated[0].size:
                 step = step_group(
-                    *apart[:2], cells=(self._cells, self._cell_topology), laws=LawsWithMemory(sides=self._sides)
+                    *isolated[:2], cells=(self._cells, self._cell_topology), laws=LawsWithMemory(sides=self._sides)
                 )
                 self._cell_topology = step.lattice.topology
-            if near[0].size:
-                step_group(*near[:2], cells=(self._cells, None), laws=self._laws)
+            if meeting[0].size:
+                step_group(*meeting[:2], cells=(self._cells, None), laws=self._laws)
             else:
                 self._faces.forget_pairs()
-            done = begun.result()
-        happened = np.concatenate([block.happened for block in done])
-        alone = (happened, *run_of(model, happened, forcing))
+            blocks = lone_steps.result()
+        happened = np.concatenate([block.happened for block in blocks])
+        alone = (happened, *cut_out_run(model, happened, forcing))
         if happened.size:
             step_group(*alone[:2], cells=(self._cells, None))
-        for rows, group, bond_rows in (apart, near, alone):
+        for rows, group, bond_rows in (isolated, meeting, alone):
             put_back(model.elements, bonds, rows, bond_rows, group.elements, group.bonds)
-        parts += [(block.rows, block.bodies) for block in done]
+        groups += [(block.rows, block.bodies) for block in blocks]
         body = connected_parts(model.elements.size, bonds.first, bonds.second, bonds.status)
-        self._bodies = joined_bodies(body, tuple(parts))
+        self._bodies = join_bodies(body, tuple(groups))
         self.applied, self.touched, self._sizes = applied, concatenate_pairs(touched), sizes
         if cracked:
             self._topology = _topology_key(model)
@@ -243,11 +245,11 @@ class QuasiStaticStepper:
 
         Returns which bodies take the velocity of their elements; None where all are as the last step has left them.
         """
-        now, count = _topology_key(model), model.elements.size
-        same_connectivity = self._topology[:N_CONNECTIVITY] == now[:N_CONNECTIVITY]
-        if self._topology and self._topology != now:
+        topology, count = _topology_key(model), model.elements.size
+        same_connectivity = self._topology[:N_CONNECTIVITY] == topology[:N_CONNECTIVITY]
+        if self._topology and self._topology != topology:
             self._lattice = self._state = self._sizes = None
-        self._topology = now
+        self._topology = topology
         if self._bodies is None:
             return None
         if self._snapshot is None or self._snapshot.id.size != self._bodies.body.size:
@@ -262,7 +264,7 @@ class QuasiStaticStepper:
 
 
 def _topology_key(model: RunState) -> list[bytes]:
-    """What bodies and lattice are made of: elements, supports, intact bonds, and ice; as bytes, which compare quickly."""
+    """Inputs of bodies and lattice: elements, supports, intact bonds, and ice; as bytes, which compare quickly."""
     body, bonds = model.elements.body, model.bonds
     connectivity = body.id, body.static, body.free_y, bonds.id, bonds.status
     arrays = *connectivity, body.mass, body.thickness, body.length, body.width

@@ -45,7 +45,7 @@ from riftberg.engines.quasi_static.contact.islands import (
 )
 from riftberg.engines.quasi_static.fracture.brittle_lattice import BrittleLattice
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, grow_damage
-from riftberg.engines.quasi_static.ground.seabed import Seabed, joined, without
+from riftberg.engines.quasi_static.ground.seabed import Seabed, drop_fragments, join_motions
 from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, supported_loads
 from riftberg.engines.quasi_static.lattice.sides import FragmentSides
 from riftberg.engines.quasi_static.rigid_step import (
@@ -80,15 +80,15 @@ class LawsWithMemory(NamedTuple):
     sides: FragmentSides | None = None
 
     def checkpoint(self) -> Memory:
-        """Return what a step changes of them."""
+        """Return the values that a step changes in them."""
         return (
             None if self.seabed is None else self.seabed.checkpoint(),
             None if self.faces is None else self.faces.pairs,
         )
 
-    def rollback(self, before: Memory) -> None:
-        """Return to what `checkpoint` gave."""
-        bed, pairs = before
+    def rollback(self, saved: Memory) -> None:
+        """Return to the values of `checkpoint`."""
+        bed, pairs = saved
         if self.seabed is not None and bed is not None:
             self.seabed.rollback(bed)
         if self.faces is not None and pairs is not None:
@@ -100,15 +100,15 @@ class Ashore(NamedTuple):
 
     bodies: Ints
     leading: Ints  # The elements that went farthest over land, theirs or of a fragment that they push
-    own: NDArray[np.bool_]  # Whether it is theirs
+    is_own: NDArray[np.bool_]  # Whether it is theirs
     correction: Floats  # Of these, m east and north; shape (fragments, 2)
 
 
-def _stop_at_land(twist: Floats, levers: Floats, ashore: list[Ashore]) -> None:
+def _remove_landward_velocity(twist: Floats, levers: Floats, ashore: list[Ashore]) -> None:
     """Take from fragments the velocity into the land that stops their leading elements, or those that they push."""
-    for bodies, leading, own, correction in ashore:
+    for bodies, leading, is_own, correction in ashore:
         m, q = levers[leading], twist[bodies]
-        q[:, 2] *= own  # of a fragment that pushes the motion of its centre counts
+        q[:, 2] *= is_own  # of a fragment that pushes the motion of its centre counts
         u, v = np.sum(m[:, 0:3] * q, axis=1), np.sum(m[:, 3:6] * q, axis=1)
         du, dv = stopped_by_land(0.0 * u, 0.0 * v, u, v, correction)
         # From the axes of the element to those of the centre: the inverse of a rotation.
@@ -130,7 +130,7 @@ class Trial:
 class FragmentMotion:
     """Takes the fragments of a model through trial steps.
 
-    ``lattice``: that of the bonds that are intact now. ``frozen_displacement``: displacements of the elements at the start of the
+    ``lattice``: of the bonds that are intact now. ``frozen_displacement``: displacements of the elements at the start of the
     time step (m, m, rad), with which they are placed all through it.
     """
 
@@ -151,7 +151,7 @@ class FragmentMotion:
         # Contact: fragments that may touch each other go through the step in sub-steps, island by island; then those that
         # touch a bed of sediment.
         contact, ground, pushed = self._resolve_contacts_and_bed(start, h)
-        in_substeps = joined(contact, ground, bodies.body)
+        in_substeps = join_motions(contact, ground, bodies.body)
 
         # Predictor: first half kick and drift. Bodies in contact drift with the mean twist of their sub-steps.
         new = bodies._replace(pose=np.empty_like(bodies.pose), twist=np.empty_like(bodies.twist))
@@ -169,13 +169,15 @@ class FragmentMotion:
         work.active[:] = True
         if in_substeps is not None:
             work.active[in_substeps.bodies] = False
-        _stop_at_land(new.twist, op.levers, ashore)  # each half kick drives a body into the land that stops it
+        _remove_landward_velocity(
+            new.twist, op.levers, ashore
+        )  # each half kick drives a body into the land that stops it
         check_converged(half_kick_newton(op, new.twist, twist, 0.5 * h, work))
         if contact is not None:
             twist, contact = trapezoidal_correction(contact, soft_pack(start.operators), soft_pack(op), twist, h)
         if ground is not None:
             twist[ground.bodies] = ground.twist
-        _stop_at_land(twist, op.levers, ashore)
+        _remove_landward_velocity(twist, op.levers, ashore)
 
         state = self.in_equilibrium(self._loaded(new, op, time, twist))
         if self.model.parameters.damage.enabled:
@@ -183,19 +185,19 @@ class FragmentMotion:
             lattice, displacement = self.lattice, 0.5 * (bodies.displacement + state.bodies.displacement)
             middle = lattice.moment(displacement, 0.5 * (start.load + state.load))
             grow_damage(self.bonds, lattice.intact, lattice.criterion.damage_drive(middle, lattice.strengths()), h, c)
-        return Trial(h, state, joined(contact, ground, bodies.body), pushed)
+        return Trial(h, state, join_motions(contact, ground, bodies.body), pushed)
 
     def _resolve_contacts_and_bed(
         self, start: BodyState, h: float
     ) -> tuple[SubcycledMotion | None, SubcycledMotion | None, bool]:
-        """Take fragments through contact and over a bed of sediment; the third value is that of `Trial.pushed`."""
+        """Take fragments through contact and over a bed of sediment; the third value goes into `Trial.pushed`."""
         contact = self._resolve_contacts(start, h)
         if self.seabed is None:
             return contact, None, False
         op = linear_pack(start.operators, start.bodies.twist)
         ground, pushed = self.seabed.resolve(self.model, start.bodies, op, start.time, h, contact)
         if contact is not None and ground is not None:
-            contact = without(contact, ground.bodies, start.bodies.body)
+            contact = drop_fragments(contact, ground.bodies, start.bodies.body)
         return contact, ground, pushed
 
     def _resolve_contacts(self, start: BodyState, h: float) -> SubcycledMotion | None:
@@ -232,8 +234,8 @@ class FragmentMotion:
             leading = leading_elements(correction, bodies.body, find_near)
             bodies = bodies._replace(pose=corrected_poses(bodies.pose, el, lon, lat, leading, c))
             stopped = np.flatnonzero(leading >= 0)
-            own = bodies.body[leading[stopped]] == stopped
-            ashore.append(Ashore(stopped, leading[stopped], own, correction[leading[stopped]]))
+            is_own = bodies.body[leading[stopped]] == stopped
+            ashore.append(Ashore(stopped, leading[stopped], is_own, correction[leading[stopped]]))
             place_elements(
                 bodies._replace(displacement=self.frozen_displacement), el.lon, el.lat, el.static, c.latlon,
                 c.earth_radius, c.period,
@@ -252,7 +254,7 @@ class FragmentMotion:
             place_elements(undeformed, el.lon_pair, el.lat_pair, el.static, c.latlon, c.earth_radius, c.period)
 
     def operators(self, bodies: Bodies) -> BodyOperators:
-        """Find what moves the fragments, from the environment that the elements carry."""
+        """Assemble the forces and inertia of the fragments from the environment that the elements carry."""
         el, c = self.el, self.c
         sides = None if self._sides is None else self._sides.find(self.model, bodies.body, self.lattice.xy)
         op = assemble_operators(el, self.sizes, bodies, c, self.workspace(bodies), sides)
@@ -299,7 +301,7 @@ class FragmentMotion:
         self._set_supported_loads(state, load, op.levers[:, 9:11], force)
         return state
 
-    def state_at(self, bodies: Bodies, time: float) -> BodyState:
+    def find_state(self, bodies: Bodies, time: float) -> BodyState:
         """Forces and loads where the bodies are."""
         return self._loaded(bodies, self.operators(bodies), time, bodies.twist)
 
@@ -326,7 +328,7 @@ class FragmentMotion:
         return state._replace(bodies=bodies._replace(displacement=displacement))
 
     def peak_load(self, state: BodyState, peak: PeakContactLoad) -> Floats:
-        """Balanced loads at the end of a trial, those of the touched fragments at the moment of their peak contact load."""
+        """Balanced loads at the end of a trial; of the touched fragments at the moment of their peak contact load."""
         forcing, lattice = state.operators.forcing, self.lattice
         force, axes, spin = scatter_peak_load(peak, self.el.size, state.bodies.pose.shape[0])
         at_peak = balanced_loads(state.bodies.body, lattice.xy, axes, force, forcing.mass, forcing.inertia, spin)
@@ -335,8 +337,8 @@ class FragmentMotion:
         load[peak.rows] = at_peak[peak.rows]
         return load
 
-    def twists_of_elements(self, bodies: Bodies) -> Floats:
-        """Return the rigid motions nearest to the velocities of the elements: those of the same momentum."""
+    def fit_twists(self, bodies: Bodies) -> Floats:
+        """Return the rigid motions with the same momentum as the velocities of the elements."""
         el, op = self.el, self.operators(bodies)
         m, mass, inertia = op.levers, op.forcing.mass, op.forcing.inertia
         momentum = mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])

@@ -1,4 +1,4 @@
-"""The lattice of the intact bonds, with the factors of its stiffness and what decides that its bonds break.
+"""The lattice of the intact bonds, with the factors of its stiffness and its fracture criterion.
 
 It holds between two breaks. A broken bond corrects the factors; where pieces part, or many bonds have broken, the lattice is
 described and factored anew.
@@ -21,7 +21,7 @@ from riftberg.engines.quasi_static.fracture.criteria import (
     SHEAR,
     Equilibrium,
     Strengths,
-    criterion_for,
+    make_criterion,
     overloads,
     residual_strengths,
 )
@@ -68,7 +68,7 @@ class BrittleLattice:
             self.cells = CellStiffness(self.elastic_cells, el, bonds, bodies.body, self.xy, c, self.topology)
             self.topology, gauge_springs = self.cells.topology, self.supports.gauge_springs(bodies.body, self.xy)
             self._solver = StiffnessSolver(self.cells, self.lattice, self.intact, self.supports, gauge_springs)
-        self.criterion = criterion_for(model.parameters.fracture, model.laws.fracture)
+        self.criterion = make_criterion(model.parameters.fracture, model.laws.fracture)
         self._latest: Equilibrium | None = None
         self._strengths: tuple[tuple[int, bytes, bytes], Strengths] | None = None
         self.follow_cracks(bodies, tips)
@@ -94,9 +94,13 @@ class BrittleLattice:
         """The tips of cracks, as the last break has left them."""
         return self._tips if self.paths is None else self.paths.tips
 
-    def told_tips(self, now: Equilibrium) -> CrackTips:
+    def tips_with_intensities(self, moment: Equilibrium) -> CrackTips:
         """Return the tips of cracks with their stress intensity in an equilibrium, as far as it can be told."""
-        return self.tips if self.paths is None or not self.tips.crack.size else self.paths.told(now.intensities)
+        return (
+            self.tips
+            if self.paths is None or not self.tips.crack.size
+            else self.paths.with_intensities(moment.intensities)
+        )
 
     def anew(self, bodies: Bodies) -> BrittleLattice:
         """Return the lattice of the bonds that are intact now."""
@@ -169,27 +173,27 @@ class BrittleLattice:
             residual > 0.0, stress / np.where(residual > 0.0, residual, 1.0), np.where(stress > 0.0, np.inf, 0.0)
         )
 
-    def exceeded(self, now: Equilibrium, bond: int) -> int:
+    def exceeded(self, moment: Equilibrium, bond: int) -> int:
         """Which strength a bond exceeds most: normal, shear or flexural."""
-        row, residual = int(np.searchsorted(now.intact, bond)), self.strengths()
+        row, residual = int(np.searchsorted(moment.intact, bond)), self.strengths()
         ratios = [
-            stress_ratio(now.stress[row, 0], 0.0, residual.normal[row], residual.shear[row]),
-            stress_ratio(0.0, now.stress[row, 1], residual.normal[row], residual.shear[row]),
-            self._bending_ratios(now.intact[row : row + 1])[0],
+            stress_ratio(moment.stress[row, 0], 0.0, residual.normal[row], residual.shear[row]),
+            stress_ratio(0.0, moment.stress[row, 1], residual.normal[row], residual.shear[row]),
+            self._bending_ratios(moment.intact[row : row + 1])[0],
         ]
         return (NORMAL, SHEAR, FLEXURAL)[int(np.argmax(ratios))]
 
-    def next_bond(self, now: Equilibrium, failing: int) -> int:
+    def next_bond(self, moment: Equilibrium, failing: int) -> int:
         """Return the bond that breaks where one fails: the next one on the way of a crack line."""
-        if self.exceeded(now, failing) == FLEXURAL:  # bending says itself along which line
+        if self.exceeded(moment, failing) == FLEXURAL:  # bending says itself along which line
             return failing
         assert self.paths is not None
-        row, count = int(np.searchsorted(now.intact, failing)), self._model.bonds.first.size
+        row, count = int(np.searchsorted(moment.intact, failing)), self._model.bonds.first.size
         strengths, ratio, strength = self.strengths(), np.zeros(count), np.zeros(count)
-        ratio[now.intact], strength[now.intact] = overloads(now.stress, strengths), strengths.normal
-        last = row in now.bridges
+        ratio[moment.intact], strength[moment.intact] = overloads(moment.stress, strengths), strengths.normal
+        last = row in moment.bridges
         return self.paths.next_bond(
-            failing, last, now.tensor[row], now.triangle_stress, ratio, strength, now.intensities
+            failing, last, moment.tensor[row], moment.triangle_stress, ratio, strength, moment.intensities
         )
 
     def facet_area(self, bond: int) -> float:

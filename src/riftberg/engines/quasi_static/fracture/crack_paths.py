@@ -61,36 +61,36 @@ FLANK = 0.75
 """Distance (in distances of elements) from the line of a crack within which triangles are freed by it, not by others."""
 
 
-def tips_of_rifts(el: Elements, bonds: Bonds, p: KernelParameters) -> CrackTips:
+def find_rift_tips(el: Elements, bonds: Bonds, p: KernelParameters) -> CrackTips:
     """Return the tips of the rifts that are there from the start, at both ends of each line of crossed bonds.
 
     A tip at the outline finds no ice ahead of it and ends with the first bond that fails near it. A line of one crossing has
     no direction, and no tips.
     """
-    found = []
+    tips = []
     for number in np.unique(bonds.crack[bonds.crack > 0]):
         rows = np.flatnonzero(bonds.crack == number)
         rows = rows[np.argsort(bonds.crack_order[rows])]
         if rows.size < 2:
             continue
-        first, second, part = bonds.first[rows], bonds.second[rows], bonds.crack_part[rows]
+        first, second, fraction = bonds.first[rows], bonds.second[rows], bonds.crack_part[rows]
         # On a plane about the first crossing; a rift is short beside the Earth.
         plane = ConformalPlane(float(el.lon[first[0]]), float(el.lat[first[0]]), p.earth_radius, p.latlon)
         a, b = (np.column_stack(plane.forward(el.lon[e], el.lat[e])) for e in (first, second))
-        way = a + part[:, None] * (b - a)
-        length = float(np.hypot(*np.diff(way, axis=0).T).sum())
-        for end, before, order in ((0, 1, -1), (-1, -2, rows.size)):
-            direction = (way[end] - way[before]) / np.hypot(*(way[end] - way[before]))
+        crossings = a + fraction[:, None] * (b - a)
+        length = float(np.hypot(*np.diff(crossings, axis=0).T).sum())
+        for end, neighbour, order in ((0, 1, -1), (-1, -2, rows.size)):
+            direction = (crossings[end] - crossings[neighbour]) / np.hypot(*(crossings[end] - crossings[neighbour]))
             along = b[end] - a[end]
             spacing = float(np.hypot(*along))
             axes = np.array([along, [-along[1], along[0]]]) / spacing
-            place = axes @ (way[end] + BEYOND * spacing * direction - a[end])
+            position = axes @ (crossings[end] + BEYOND * spacing * direction - a[end])
             beside = [el.body.id[first[end]], el.body.id[second[end]]]
-            found.append((beside, place, axes @ direction, number, order, length, (0.0, 0.0, UNTOLD)))
-    if not found:
+            tips.append((beside, position, axes @ direction, number, order, length, (0.0, 0.0, UNTOLD)))
+    if not tips:
         return NO_TIPS
     return CrackTips._make([
-        np.array(values, old.dtype) for old, values in zip(NO_TIPS, zip(*found, strict=True), strict=True)
+        np.array(values, old.dtype) for old, values in zip(NO_TIPS, zip(*tips, strict=True), strict=True)
     ])  # fmt: skip
 
 
@@ -122,7 +122,7 @@ class Crossing(NamedTuple):
     """Where the way of a crack crosses a bond."""
 
     bond: int  # Row of the state
-    part: float  # Of the way from its first end to its second
+    fraction: float  # Of the way from its first end to its second
     tip: Tip  # With its new direction, before it steps
 
 
@@ -145,10 +145,10 @@ class CrackPaths:
         """Return the tips in the frames of their fragments, without those whose elements have parted or melted away."""
         if self._standing[0] is self.tips:
             return self._standing[1]
-        rows, known = rows_of(self._ids, self.tips.beside.ravel())
+        rows, is_present = rows_of(self._ids, self.tips.beside.ravel())
         a, b = rows.reshape(-1, 2).T
-        here = known.reshape(-1, 2).all(axis=1)
-        found = []
+        here = is_present.reshape(-1, 2).all(axis=1)
+        tips = []
         for n in np.flatnonzero(here):
             i, j = a[n], b[n]
             if self._body[i] != self._body[j]:
@@ -156,26 +156,26 @@ class CrackPaths:
             along = self._xy[j] - self._xy[i]
             spacing = float(np.hypot(*along))
             axes = np.array([along, [-along[1], along[0]]]) / spacing
-            place, direction = self._xy[i] + self.tips.place[n] @ axes, self.tips.direction[n] @ axes
-            found.append(Tip(int(n), int(self._body[i]), place, direction, spacing))
-        self._standing = self.tips, found
-        return found
+            position, direction = self._xy[i] + self.tips.place[n] @ axes, self.tips.direction[n] @ axes
+            tips.append(Tip(int(n), int(self._body[i]), position, direction, spacing))
+        self._standing = self.tips, tips
+        return tips
 
     def intensities(self, of_elements: Floats, load: Floats) -> dict[int, TipIntensity]:
         """Stress intensity at the standing tips, by their rows; tips without a ring are left out.
 
         ``of_elements``: displacements (m, m, rad); ``load``: balanced (N, N, N m).
         """
-        rings = [(tip, ring) for tip in self.standing() if isinstance(ring := self._ring_at(tip), TipRing)]
-        found = {}
+        rings = [(tip, ring) for tip in self.standing() if isinstance(ring := self._find_ring(tip), TipRing)]
+        intensities = {}
         if rings:
             displacement = self._cells.displacements(of_elements)
             for tip, ring in rings:
                 opening, shearing = ring.intensities(displacement, load).tolist()
-                found[tip.row] = TipIntensity(tip, ring, opening, shearing, *hoop_intensity(opening, shearing))
-        return found
+                intensities[tip.row] = TipIntensity(tip, ring, opening, shearing, *hoop_intensity(opening, shearing))
+        return intensities
 
-    def _ring_at(self, tip: Tip) -> TipRing | float:
+    def _find_ring(self, tip: Tip) -> TipRing | float:
         """Ring around a tip, found anew where a bond has broken."""
         key = (tip.body, *tip.place, *tip.direction)
         if key not in self._rings:
@@ -184,12 +184,12 @@ class CrackPaths:
 
     def _ring(self, tip: Tip) -> TipRing | float:
         """Ring around the end of a crack; ``UNTOLD`` where there is no room for one, ``RUN_OUT`` where the crack has ended."""
-        bond, part = self._crossed(tip, int(self.tips.crack[tip.row]))
+        bond, fraction = self._crossed(tip, int(self.tips.crack[tip.row]))
         if bond < 0:
             return RUN_OUT
         # The crack ends somewhere between the last bond that it has crossed and the next one.
         i, j, spacing = self._bonds.first[bond], self._bonds.second[bond], tip.spacing
-        end = 0.5 * (tip.place + self._xy[i] + part * (self._xy[j] - self._xy[i]))
+        end = 0.5 * (tip.place + self._xy[i] + fraction * (self._xy[j] - self._xy[i]))
         length = float(np.hypot(*(self._line(tip)[-1] - end))) + 0.5 * spacing
         if length < LEAST_CRACK * spacing:
             return UNTOLD
@@ -208,8 +208,8 @@ class CrackPaths:
         element = np.flatnonzero((self._body == tip.body) & (np.hypot(*(self._xy - end).T) < radius))
         # Beside a tip stress is a matter of the size of the elements.
         first, second = self._bonds.first, self._bonds.second
-        away = 0.5 * (self._xy[first] + self._xy[second]) - tip.place
-        beside = (self._body[first] == tip.body) & (np.hypot(*away.T) <= REACH * spacing) & (self._bonds.status == 0)
+        offset = 0.5 * (self._xy[first] + self._xy[second]) - tip.place
+        beside = (self._body[first] == tip.body) & (np.hypot(*offset.T) <= REACH * spacing) & (self._bonds.status == 0)
         return tip_ring(
             ice, element, self._xy[element], end, tip.direction, radius, self._cells.elastic,
             reliable=radius >= RELIABLE_RING * spacing, beside=np.flatnonzero(beside),
@@ -225,12 +225,12 @@ class CrackPaths:
         a, b = self._xy[bonds.first[rows]], self._xy[bonds.second[rows]]
         return np.asarray(a + bonds.crack_part[rows, None] * (b - a))
 
-    def told(self, intensities: Mapping[int, TipIntensity]) -> CrackTips:
+    def with_intensities(self, intensities: Mapping[int, TipIntensity]) -> CrackTips:
         """Return the tips with their intensities, as far as these can be told."""
         values = np.zeros((self.tips.crack.size, 3))
         values[:, 2] = UNTOLD
         for tip in self.standing():
-            ring, k = self._ring_at(tip), intensities.get(tip.row)
+            ring, k = self._find_ring(tip), intensities.get(tip.row)
             if k is not None and k.ring.reliable:
                 values[tip.row] = k.opening, k.shearing, max(k.hoop, self.tips.intensity[tip.row, 2])
             elif ring == RUN_OUT:
@@ -249,27 +249,29 @@ class CrackPaths:
         """
         i, j = self._bonds.first[failing], self._bonds.second[failing]
         middle, spacing = 0.5 * (self._xy[i] + self._xy[j]), float(np.hypot(*(self._xy[j] - self._xy[i])))
-        near = [(float(np.hypot(*(tip.place - middle))), tip) for tip in self.standing() if tip.body == self._body[i]]
+        nearby = [(float(np.hypot(*(tip.place - middle))), tip) for tip in self.standing() if tip.body == self._body[i]]
         ended = []
-        for distance, tip in sorted(near, key=lambda pair: pair[0]):
+        for distance, tip in sorted(nearby, key=lambda pair: pair[0]):
             if distance > REACH * spacing:
                 break
-            crossing = Crossing(failing, 0.5, tip) if last else self.ahead(tip, stress, intensities.get(tip.row))
+            crossing = (
+                Crossing(failing, 0.5, tip) if last else self.find_crossing(tip, stress, intensities.get(tip.row))
+            )
             if crossing is None:
                 ended.append(tip.row)
                 continue
-            bond, part = crossing.bond, crossing.part
+            bond, fraction = crossing.bond, crossing.fraction
             if ratio[bond] <= 1.0 and strength[failing] < strength[bond] * (1.0 - 1e-9):
                 # Ice of uneven strength: the crack goes to the weaker bond beside its way.
-                bond, part = failing, 0.5
-            self._step(crossing.tip, bond, part)
+                bond, fraction = failing, 0.5
+            self._step(crossing.tip, bond, fraction)
             self._drop(ended)
             return bond
         self._drop(ended)
         self._start(failing, middle, spacing, tensor)
         return failing
 
-    def ahead(self, tip: Tip, stress: Floats, intensity: TipIntensity | None = None) -> Crossing | None:
+    def find_crossing(self, tip: Tip, stress: Floats, intensity: TipIntensity | None = None) -> Crossing | None:
         """Return the unbroken bond that a tip crosses next; None where it ends.
 
         A rift turns by its stress intensity, all else normal to the larger principal stress ahead.
@@ -279,8 +281,8 @@ class CrackPaths:
             direction = np.array([[c, -s], [s, c]]) @ tip.direction
         else:
             direction = self._across_tension(tip, stress)
-        bond, part = self._crossed(tip._replace(direction=direction), int(self.tips.crack[tip.row]))
-        return None if bond < 0 else Crossing(bond, part, tip._replace(direction=direction))
+        bond, fraction = self._crossed(tip._replace(direction=direction), int(self.tips.crack[tip.row]))
+        return None if bond < 0 else Crossing(bond, fraction, tip._replace(direction=direction))
 
     def _is_given(self, tip: Tip) -> bool:
         """Whether a tip stands where a rift ended at the start: the bond that it crossed last never broke in the run."""
@@ -308,8 +310,8 @@ class CrackPaths:
         limit, _, _ = _nearest_on_ray(tip, a + 0.5 * (along - facet), facet, LONGEST_STEP * tip.spacing)
         intact = np.flatnonzero(inside & (status == 0))
         a, along = self._xy[first[intact]], self._xy[second[intact]] - self._xy[first[intact]]
-        _, nearest, part = _nearest_on_ray(tip, a, along, limit)
-        return (int(intact[nearest]) if nearest >= 0 else -1), part
+        _, nearest, fraction = _nearest_on_ray(tip, a, along, limit)
+        return (int(intact[nearest]) if nearest >= 0 else -1), fraction
 
     def _start(self, bond: int, middle: Floats, spacing: float, tensor: Floats) -> None:
         """Start a crack in the middle of a bond, with two tips."""
@@ -321,9 +323,9 @@ class CrackPaths:
             direction = sign * np.array([math.cos(angle), math.sin(angle)])
             self._add(bond, middle + BEYOND * spacing * direction, direction, number, int(sign), spacing)
 
-    def _add(self, bond: int, place: Floats, direction: Floats, number: int, order: int, length: float) -> None:
+    def _add(self, bond: int, position: Floats, direction: Floats, number: int, order: int, length: float) -> None:
         beside, axes, origin = self._axes(bond)
-        tip = (beside, axes @ (place - origin), axes @ direction, number, order, length, (0.0, 0.0, UNTOLD))
+        tip = (beside, axes @ (position - origin), axes @ direction, number, order, length, (0.0, 0.0, UNTOLD))
         self.tips = CrackTips._make([np.concatenate([old, [new]]) for old, new in zip(self.tips, tip, strict=True)])
 
     def _axes(self, bond: int) -> tuple[list[int], Floats, Floats]:
@@ -332,39 +334,39 @@ class CrackPaths:
         axes = np.array([along, [-along[1], along[0]]]) / np.hypot(*along)
         return [int(self._ids[i]), int(self._ids[j])], axes, self._xy[i]
 
-    def _step(self, tip: Tip, bond: int, part: float) -> None:
+    def _step(self, tip: Tip, bond: int, fraction: float) -> None:
         """Let a tip cross a bond."""
         row, tips = tip.row, CrackTips._make([array.copy() for array in self.tips])
         i, j = self._bonds.first[bond], self._bonds.second[bond]
-        place = self._xy[i] + part * (self._xy[j] - self._xy[i])
-        advance = place - tip.place
+        position = self._xy[i] + fraction * (self._xy[j] - self._xy[i])
+        advance = position - tip.place
         direction = tip.direction if advance @ tip.direction > 0.0 else advance / np.hypot(*advance)
-        place = place + BEYOND * tip.spacing * direction
+        position = position + BEYOND * tip.spacing * direction
         number, order = int(tips.crack[row]), int(tips.order[row])
-        self._bonds.crack[bond], self._bonds.crack_order[bond], self._bonds.crack_part[bond] = number, order, part
+        self._bonds.crack[bond], self._bonds.crack_order[bond], self._bonds.crack_part[bond] = number, order, fraction
         beside, axes, origin = self._axes(bond)
-        tips.beside[row], tips.place[row], tips.direction[row] = beside, axes @ (place - origin), axes @ direction
+        tips.beside[row], tips.place[row], tips.direction[row] = beside, axes @ (position - origin), axes @ direction
         tips.order[row] += 1 if order > 0 else -1
         tips.intensity[row] = 0.0, 0.0, UNTOLD
-        tips.length[tips.crack == number] += np.hypot(*(place - tip.place))
+        tips.length[tips.crack == number] += np.hypot(*(position - tip.place))
         self.tips = tips
 
     def _drop(self, rows: list[int]) -> None:
         if rows:
-            kept = np.setdiff1d(np.arange(self.tips.crack.size), rows)
-            self.tips = CrackTips._make([array[kept] for array in self.tips])
+            remaining = np.setdiff1d(np.arange(self.tips.crack.size), rows)
+            self.tips = CrackTips._make([array[remaining] for array in self.tips])
 
 
 def _nearest_on_ray(tip: Tip, begin: Floats, along: Floats, limit: float) -> tuple[float, int, float]:
     """First segment on the ray of a tip within ``limit`` (m): the way to it, its row (-1 for none), and where on it (0 to 1)."""
     x, y = tip.direction
-    away, turn = begin - tip.place, x * along[:, 1] - y * along[:, 0]
+    offset, turn = begin - tip.place, x * along[:, 1] - y * along[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        way = (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0]) / turn
-        part = (away[:, 0] * y - away[:, 1] * x) / turn
+        distance = (offset[:, 0] * along[:, 1] - offset[:, 1] * along[:, 0]) / turn
+        fraction = (offset[:, 0] * y - offset[:, 1] * x) / turn
     # A ray through an element crosses one of its bonds at least, whatever round-off says.
-    crossed = (way > 0.0) & (way <= limit) & (part >= -1e-9) & (part <= 1.0 + 1e-9)
+    crossed = (distance > 0.0) & (distance <= limit) & (fraction >= -1e-9) & (fraction <= 1.0 + 1e-9)
     if not crossed.any():
         return limit, -1, 0.0
-    row = int(np.argmin(np.where(crossed, way, np.inf)))
-    return float(way[row]), row, float(np.clip(part[row], 0.0, 1.0))
+    row = int(np.argmin(np.where(crossed, distance, np.inf)))
+    return float(distance[row]), row, float(np.clip(fraction[row], 0.0, 1.0))

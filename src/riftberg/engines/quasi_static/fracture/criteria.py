@@ -1,10 +1,10 @@
 """Fracture criteria: which bond of a lattice in equilibrium breaks next, by its own stress, that of the ice, or its toughness.
 
-Strengths of bonds stand here too, and what stress does to them: overload, damage, and what the state keeps of both.
+Strengths of bonds stand here too, and the effects of stress on them: overload, damage, and their record in the state.
 
-`criterion_for` is the one place where a criterion is chosen, and `riftberg.engines.quasi_static.fracture.brittle_lattice` the
+`make_criterion` is the one place where a criterion is chosen, and `riftberg.engines.quasi_static.fracture.brittle_lattice` the
 one where it is called. A criterion sees the whole lattice, never one bond by itself: `Equilibrium` is the lattice with its
-intact bonds, displacements, loads and stresses, `Strengths` what damage has left of the strengths. All else follows from what
+intact bonds, displacements, loads and stresses, `Strengths` the residual strengths after damage. All else follows from what
 it answers: the moment within a step at which the first bond fails (the scheme looks for the sign change of "stress over
 strength - 1" between both ends), how far a crack runs at once, and how damage grows.
 
@@ -188,7 +188,7 @@ def record_peak_stress(peak: Floats, intact: Ints, stress: Floats) -> None:
 
 
 class Criterion(Protocol):
-    """What decides that bonds break; see the text above for how to add one."""
+    """A rule by which bonds break; see the text above for how to add one."""
 
     def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """Find which bond breaks next.
@@ -210,7 +210,7 @@ class Criterion(Protocol):
         """
 
     def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
-        """Find what lets the damage of bonds grow.
+        """Find the ratio by which the damage of bonds grows.
 
         Parameters
         ----------
@@ -226,10 +226,10 @@ class Criterion(Protocol):
         """
 
 
-def criterion_for(fracture: Fracture, own: Ratios | None = None) -> Criterion:
-    """Make the criterion that the parameters name; ``own`` takes its place."""
-    if own is not None:
-        return OwnRatios(own)
+def make_criterion(fracture: Fracture, user_ratios: Ratios | None = None) -> Criterion:
+    """Make the criterion that the parameters name; ``user_ratios`` takes its place."""
+    if user_ratios is not None:
+        return OwnRatios(user_ratios)
     return Toughness(fracture.toughness) if fracture.criterion == "toughness" else IceStress()
 
 
@@ -253,8 +253,8 @@ class OwnRatios:
         with to_read((seen, moment.lattice, strengths), "equilibrium", where):
             ratios = np.asarray(self._ratios(moment, strengths), np.float64)
         if ratios.shape != moment.intact.shape or np.isnan(ratios).any():
-            what = "a value that is no number" if ratios.shape == moment.intact.shape else f"shape {ratios.shape}"
-            raise RunError(f"{where} returns {what}; there are {moment.intact.size} intact bonds")
+            fault = "a value that is no number" if ratios.shape == moment.intact.shape else f"shape {ratios.shape}"
+            raise RunError(f"{where} returns {fault}; there are {moment.intact.size} intact bonds")
         return ratios
 
 
@@ -304,7 +304,7 @@ class Toughness(IceStress):
                 break
             if share <= 1.0:
                 return row, share  # nothing breaks, so it does not matter which bond the crack would cross
-            if (crossing := moment.paths.ahead(k.tip, moment.triangle_stress, k)) is not None:
+            if (crossing := moment.paths.find_crossing(k.tip, moment.triangle_stress, k)) is not None:
                 return int(np.searchsorted(intact, crossing.bond)), share
         return row, ratio
 

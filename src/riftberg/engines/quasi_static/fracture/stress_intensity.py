@@ -50,12 +50,12 @@ class TipRing(NamedTuple):
 
 
 def tip_ring(
-    ice: LaidTriangles, element: Ints, centre: Floats, place: Floats, direction: Floats, radius: float,
+    ice: LaidTriangles, element: Ints, centre: Floats, position: Floats, direction: Floats, radius: float,
     elastic: tuple[float, float], *, reliable: bool = True, beside: Ints = NONE,
 ) -> TipRing:  # fmt: skip
     """Find the weights of the ring around a tip.
 
-    ``ice``: the triangles around it; ``element``, ``centre``: rows and places (m) of the elements there; ``place``: of the
+    ``ice``: the triangles around it; ``element``, ``centre``: rows and places (m) of the elements there; ``position``: of the
     tip, m; ``direction``: unit vector in which the crack ends; ``radius``: m; ``elastic``: modulus (Pa) and Poisson's ratio;
     ``reliable``, ``beside``: see `TipRing`.
     """
@@ -63,7 +63,7 @@ def tip_ring(
 
     youngs, poisson = elastic
     axes = np.array([direction, [-direction[1], direction[0]]])
-    vertex = (ice.vertex - place) @ axes.T
+    vertex = (ice.vertex - position) @ axes.T
     disc = np.hypot(*vertex.mean(axis=1).T) < 0.5 * radius
     thickness = float(ice.volume[disc].sum() / ice.area[disc].sum())  # that at the tip, where it changes evenly
     weight = np.clip(2.0 - 2.0 * np.hypot(vertex[..., 0], vertex[..., 1]) / radius, 0.0, 1.0)
@@ -109,12 +109,12 @@ def tip_ring(
     rotation = np.column_stack([-arm[:, 1], arm[:, 0]])
     of_nodes -= ((of_nodes * rotation).sum(axis=(1, 2)) / (rotation**2).sum())[:, None, None] * rotation
 
-    centre = (centre - place) @ axes.T
+    centre = (centre - position) @ axes.T
     weight = np.clip(2.0 - 2.0 * np.hypot(*centre.T) / radius, 0.0, 1.0)
     loaded = np.flatnonzero(weight > 0.0)
     _, gradient = crack_tip_fields(centre[loaded, 0], centre[loaded, 1], poisson)
     by_load = -0.5 / thickness * weight[loaded, None] * gradient
     return TipRing(
         node, (of_nodes @ axes).reshape(2, -1), element[loaded], (by_load @ axes).reshape(2, -1),
-        place, radius, reliable, beside,
+        position, radius, reliable, beside,
     )  # fmt: skip

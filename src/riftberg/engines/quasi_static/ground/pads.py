@@ -55,12 +55,12 @@ ORIGIN_X, ORIGIN_Y, SIDE, LOW_X, LOW_Y = range(5)
 
 
 @kernel
-def sides_of_pads(modulus: float, poisson: float, thickness: Floats) -> Floats:
+def choose_pad_sides(modulus: float, poisson: float, thickness: Floats) -> Floats:
     """Sides of the pads (m) of fragments of some thickness (m): a part of ``lambda``, rounded down to one of a few."""
     side = np.empty(thickness.size)
     for b in range(side.size):
-        part = math.sqrt(2.0) * bending_length(modulus, poisson, thickness[b]) / SIDES_PER_LAMBDA
-        side[b] = 2.0 ** (math.floor(RUNGS * math.log2(part)) / RUNGS)
+        target = math.sqrt(2.0) * bending_length(modulus, poisson, thickness[b]) / SIDES_PER_LAMBDA
+        side[b] = 2.0 ** (math.floor(RUNGS * math.log2(target)) / RUNGS)
     return side
 
 
@@ -71,10 +71,10 @@ def _centroid(corner: Floats, a: int, z: int) -> tuple[float, float, float]:
     x0, y0 = corner[a, 0], corner[a, 1]
     for n in range(a + 1, z - 1):
         ux, uy, vx, vy = corner[n, 0] - x0, corner[n, 1] - y0, corner[n + 1, 0] - x0, corner[n + 1, 1] - y0
-        part = 0.5 * (ux * vy - vx * uy)
-        area += part
-        mx += part * (ux + vx) / 3.0
-        my += part * (uy + vy) / 3.0
+        triangle = 0.5 * (ux * vy - vx * uy)
+        area += triangle
+        mx += triangle * (ux + vx) / 3.0
+        my += triangle * (uy + vy) / 3.0
     return (area, x0 + mx / area, y0 + my / area) if area > 0.0 else (0.0, x0, y0)
 
 
@@ -88,31 +88,33 @@ def _cut_by_squares(
     count, most = 0, CORNERS
     for k in range(start.size - 1):
         most = max(most, 2 * (start[k + 1] - start[k]) + CORNERS)
-    whole, band, room, piece = np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2))
+    polygon, band, room, piece = np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2))
     for b in range(first.size - 1):
         side, polygon_start[b] = frame[b, SIDE], count
         for at in range(first[b], first[b + 1]):
             k = order[at]
             size, low, high = start[k + 1] - start[k], math.inf, -math.inf
             for n in range(size):
-                whole[n, 0] = corner[start[k] + n, 0] - frame[b, ORIGIN_X]
-                whole[n, 1] = corner[start[k] + n, 1] - frame[b, ORIGIN_Y]
-                low, high = min(low, whole[n, 1]), max(high, whole[n, 1])
+                polygon[n, 0] = corner[start[k] + n, 0] - frame[b, ORIGIN_X]
+                polygon[n, 1] = corner[start[k] + n, 1] - frame[b, ORIGIN_Y]
+                low, high = min(low, polygon[n, 1]), max(high, polygon[n, 1])
             y0, x0 = frame[b, LOW_Y], frame[b, LOW_X]
             for j in range(
                 max(math.floor((low - y0) / side), 0), min(math.floor((high - y0) / side) + 1, raster[b, 1])
             ):
-                of_band = cut(room, cut(whole, size, 1, y0 + j * side, 1.0, room), 1, y0 + (j + 1) * side, -1.0, band)
-                if of_band < 3:
+                band_size = cut(
+                    room, cut(polygon, size, 1, y0 + j * side, 1.0, room), 1, y0 + (j + 1) * side, -1.0, band
+                )
+                if band_size < 3:
                     continue
                 left, right = math.inf, -math.inf
-                for n in range(of_band):
+                for n in range(band_size):
                     left, right = min(left, band[n, 0]), max(right, band[n, 0])
                 for i in range(
                     max(math.floor((left - x0) / side), 0), min(math.floor((right - x0) / side) + 1, raster[b, 2])
                 ):
                     corners = cut(
-                        room, cut(band, of_band, 0, x0 + i * side, 1.0, room), 0, x0 + (i + 1) * side, -1.0, piece
+                        room, cut(band, band_size, 0, x0 + i * side, 1.0, room), 0, x0 + (i + 1) * side, -1.0, piece
                     )
                     if count + 1 >= out_start.size or out_start[count] + corners > len(out):
                         return -1
@@ -162,38 +164,38 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, count: int, xy: Floats, 
     ``body``: fragment of each of the elements ``footprint.rows``, which come one fragment after the other; ``xy``: their places
     in it (m); ``side``: of the pads of each fragment, m.
     """
-    start, corner, of = footprint.start, footprint.corner, body[footprint.owner]
-    order = np.argsort(of, kind="stable")
-    first = np.searchsorted(of[order], np.arange(count + 1))
-    of_corner = np.repeat(of, np.diff(start))
+    start, corner, fragment = footprint.start, footprint.corner, body[footprint.owner]
+    order = np.argsort(fragment, kind="stable")
+    first = np.searchsorted(fragment[order], np.arange(count + 1))
+    corner_fragment = np.repeat(fragment, np.diff(start))
     frame = np.empty((count, 5))
     box = np.full((2, count, 2), math.inf)
     sums = np.zeros((count, 3))
-    for k in range(of.size):
+    for k in range(fragment.size):
         area, x, y = _centroid(corner, start[k], start[k + 1])
-        sums[of[k]] += area, area * x, area * y
+        sums[fragment[k]] += area, area * x, area * y
     frame[:, :2], frame[:, SIDE] = sums[:, 1:] / sums[:, :1], side
-    away = corner - frame[of_corner, :2]
-    np.minimum.at(box[0], of_corner, away)
-    np.minimum.at(box[1], of_corner, -away)
+    offset = corner - frame[corner_fragment, :2]
+    np.minimum.at(box[0], corner_fragment, offset)
+    np.minimum.at(box[1], corner_fragment, -offset)
     # A berg that is smaller than a pad lies in one square.
     frame[:, LOW_X:] = box[0] - 0.25 * side[:, None]
     shape = np.floor((-box[1] - frame[:, LOW_X:]) / side[:, None]).astype(np.int64)[:, ::-1] + 1
     squares = np.concatenate([[0], np.cumsum(shape.prod(axis=1))])
     raster = np.column_stack([squares[:-1], shape])
-    room = 3 * squares[-1] + 4 * of.size + CORNERS
+    room = 3 * squares[-1] + 4 * fragment.size + CORNERS
     while True:
         out_start, out, origin = np.zeros(room + 1, np.int64), np.empty((6 * room, 2)), np.empty(room, np.int64)
         square, polygon_start = np.empty((room, 2), np.int64), np.zeros(count + 1, np.int64)
-        found = _cut_by_squares(
+        polygons = _cut_by_squares(
             order, first, start, corner, frame, raster, out_start, out, origin, square, polygon_start
         )
-        if found >= 0:
+        if polygons >= 0:
             break
         room *= 2
-    start, corner = out_start[: found + 1].copy(), out[: out_start[found]].copy()
-    centre, ice, square = np.zeros((found, 2)), np.zeros((squares[-1], 3)), square[:found].copy()
-    owner, moments = footprint.owner[origin[:found]], np.zeros((body.size, 6))
+    start, corner = out_start[: polygons + 1].copy(), out[: out_start[polygons]].copy()
+    centre, ice, square = np.zeros((polygons, 2)), np.zeros((squares[-1], 3)), square[:polygons].copy()
+    owner, moments = footprint.owner[origin[:polygons]], np.zeros((body.size, 6))
     _fill_squares(polygon_start, start, corner, owner, square, raster, centre, ice, moments)
     return Pads(
         footprint.rows, np.searchsorted(body, np.arange(count + 1)), polygon_start, start, corner, centre, owner, square, raster,
@@ -201,21 +203,23 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, count: int, xy: Floats, 
     )  # fmt: skip
 
 
-def melted(pads: Pads, part: Floats) -> Pads:
+def melt_pads(pads: Pads, fraction: Floats) -> Pads:
     """Return pads whose elements (``pads.rows``) have melted to a part of their width."""
-    if (part == 1.0).all():
+    if (fraction == 1.0).all():
         return pads
-    of = np.repeat(pads.owner, np.diff(pads.start))
+    corner_owner = np.repeat(pads.owner, np.diff(pads.start))
 
     def shrunk(points: Floats, owner: Ints) -> Any:
-        return pads.element[owner] + (points - pads.element[owner]) * part[owner, None]
+        return pads.element[owner] + (points - pads.element[owner]) * fraction[owner, None]
 
-    moments = pads.moments * part[:, None] ** 2
-    return pads._replace(corner=shrunk(pads.corner, of), centre=shrunk(pads.centre, pads.owner), moments=moments)
+    moments = pads.moments * fraction[:, None] ** 2
+    return pads._replace(
+        corner=shrunk(pads.corner, corner_owner), centre=shrunk(pads.centre, pads.owner), moments=moments
+    )
 
 
 @kernel
-def share_of_ice(pads: Pads, b: int, x: float, y: float, reach: float) -> float:
+def measure_ice_share(pads: Pads, b: int, x: float, y: float, reach: float) -> float:
     """Part of the surroundings of a point, within ``reach`` m, that is ice, for `riftberg.physics.seabed.bending_stress`."""
     side, total = pads.frame[b, SIDE], 0.0
     row, column = math.floor((y - pads.frame[b, LOW_Y]) / side), math.floor((x - pads.frame[b, LOW_X]) / side)

@@ -92,7 +92,7 @@ def cubics(t: float, derivative: int, out: Floats) -> None:
 
 
 @kernel
-def unknowns_of(node: Ints, columns: int, j: int, i: int, out: Ints) -> None:
+def list_unknowns(node: Ints, columns: int, j: int, i: int, out: Ints) -> None:
     """Numbers of the 16 unknowns of the element in row ``j`` and column ``i``, as products of its cubics by x and y come."""
     for a in range(4):
         for b in range(4):
@@ -150,7 +150,7 @@ def _assemble(
         for i in range(marked.shape[1]):
             if not marked[j, i]:
                 continue
-            unknowns_of(node, marked.shape[1] + 1, j, i, which)
+            list_unknowns(node, marked.shape[1] + 1, j, i, which)
             for row in range(per * j, per * (j + 1)):
                 for column in range(per * i, per * (i + 1)):
                     area, s, t = EMPTY_SQUARE * side * side, (column + 0.5) / per - i, (row + 0.5) / per - j
@@ -236,7 +236,7 @@ def fit_plate(
 ) -> None:  # fmt: skip
     """Make the plate of a fragment with loads on ``polygons``, unless it is the one that is there.
 
-    ``merged``: squares along the side of what bends as one; elements are no smaller.
+    ``merged``: squares along the side of a group that bends as one; elements are no smaller.
     """
     rounded, per = 2.0 ** (math.floor(LENGTH_RUNGS * math.log2(length) + 0.5) / LENGTH_RUNGS), int(SIDES_PER_LAMBDA)
     while per < merged:
@@ -254,19 +254,19 @@ def fit_plate(
             break
         per *= 2
     first, same = plates.element_start[b], plates.shape[b, PER_SIDE] == per and plates.length[b] == rounded
-    there = plates.loaded[first : first + rows * columns].reshape(rows, columns)
-    if same and np.array_equal(there, loaded):
+    previous_loaded = plates.loaded[first : first + rows * columns].reshape(rows, columns)
+    if same and np.array_equal(previous_loaded, loaded):
         return
     nodes = plates.node[plates.node_start[b] : plates.node_start[b] + numbers.size]
     unknowns = 4 * _number_nodes(loaded, nodes)
-    kept, matrix = np.empty(unknowns, np.int64), np.zeros((4 * count, 4 * count))
+    unknown_rows, matrix = np.empty(unknowns, np.int64), np.zeros((4 * count, 4 * count))
     for n in range(nodes.size):
         for k in range(4):
             if nodes[n] >= 0:
-                kept[4 * nodes[n] + k] = 4 * numbers[n] + k
+                unknown_rows[4 * nodes[n] + k] = 4 * numbers[n] + k
     _assemble(pads, b, marked, numbers, per, rounded, poisson, matrix)
     out = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
-    _invert(matrix, kept, out)
-    there[:, :] = loaded
+    _invert(matrix, unknown_rows, out)
+    previous_loaded[:, :] = loaded
     plates.shape[b, PER_SIDE], plates.shape[b, COLUMNS], plates.shape[b, UNKNOWNS] = per, columns + 1, unknowns
     plates.length[b] = rounded

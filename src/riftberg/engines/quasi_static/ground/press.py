@@ -29,7 +29,7 @@ from riftberg.engines.quasi_static.ground.pads import (
     ORIGIN_Y,
     SIDE,
     Pads,
-    share_of_ice,
+    measure_ice_share,
 )
 from riftberg.engines.quasi_static.ground.plate import (
     COLUMNS,
@@ -38,7 +38,7 @@ from riftberg.engines.quasi_static.ground.plate import (
     Plates,
     cubics,
     fit_plate,
-    unknowns_of,
+    list_unknowns,
 )
 from riftberg.engines.quasi_static.ground.shoal import CLEAR
 from riftberg.physics.geometry import solve
@@ -80,12 +80,12 @@ class Squares(NamedTuple):
     load: Floats  # N
     elastic: Floats  # Stiffness of what is pressed elastically, N m-1
     mixed: Floats  # The same with its moments: heave, both tilts; shape (squares, 3)
-    place: Floats  # Where the load acts, m; shape (squares, 2)
+    position: Floats  # Where the load acts, m; shape (squares, 2)
 
 
 PRESSED: Final = 9
 LOAD, LOAD_X, LOAD_Y, HOLD, PUSH_X, PUSH_Y, LIFT, STRESS, YIELD = range(PRESSED)
-"""What the floor does to an element: load (N), where it acts (m, along the axes of the fragment), largest friction (N), push by
+"""Effect of the floor on an element: load (N), where it acts (m, along the axes of the fragment), largest friction (N), push by
 the slope of the floor (N, the same axes), largest lift of the keel (m), bending stress (Pa), and how deep the bed yields (m)."""
 
 
@@ -122,9 +122,9 @@ def lay_planes(
             v0, v1 = keel - min(depth[at + n], deepest), keel - min(depth[at + o], deepest)
             gx += 0.5 * (v0 + v1) * (y1 - y0)
             gy -= 0.5 * (v0 + v1) * (x1 - x0)
-            part = 0.5 * ((x0 - mx) * (y1 - my) - (x1 - mx) * (y0 - my))
-            area += part
-            mean += part * (mv + v0 + v1) / 3.0
+            triangle = 0.5 * ((x0 - mx) * (y1 - my) - (x1 - mx) * (y0 - my))
+            area += triangle
+            mean += triangle * (mv + v0 + v1) / 3.0
         gx, gy, mean = gx / area, gy / area, mean / area
         mean += 2.0 / 3.0 * (keel - min(depth[corners + m], deepest) - mean)
         if cliff:  # nor is the plane to stand above its shallowest point
@@ -157,7 +157,7 @@ def _gather(
         if highest[m] > -margin:
             count += 1
             size += pads.start[polygons[m] + 1] - pads.start[polygons[m]]
-    one = Overlaps(
+    overlaps = Overlaps(
         np.empty(count, np.int64), np.empty(count, np.int64), np.zeros(count + 1, np.int64), np.empty((size, 3))
     )
     count = 0
@@ -165,11 +165,11 @@ def _gather(
         k = polygons[m]
         corners = pads.start[k + 1] - pads.start[k]
         if highest[m] > -margin:
-            first = one.start[count]
+            first = overlaps.start[count]
             for n in range(corners):
                 for i in range(3):
-                    one.corner[first + n, i] = corner[at + n, i]
-            one.polygons[count], one.start[count + 1] = m, first + corners
+                    overlaps.corner[first + n, i] = corner[at + n, i]
+            overlaps.polygons[count], overlaps.start[count + 1] = m, first + corners
             count += 1
         at += corners
     rows, columns, merged, squares = pads.raster[b, 1], pads.raster[b, 2], 1, 0
@@ -177,24 +177,24 @@ def _gather(
         wide = (columns - 1) // merged + 1
         number, squares = np.full(((rows - 1) // merged + 1) * wide, -1), 0
         for m in range(count):
-            k = polygons[one.polygons[m]]
+            k = polygons[overlaps.polygons[m]]
             s = (pads.square[k, 0] // merged) * wide + pads.square[k, 1] // merged
             if number[s] < 0:
                 number[s] = squares
                 squares += 1
-            one.square[m] = number[s]
+            overlaps.square[m] = number[s]
         if squares <= MOST_PADS:
-            return one, squares, merged
+            return overlaps, squares, merged
         merged *= 2
 
 
 @kernel
-def _raised(one: Overlaps, m: int, q: Floats, bending: float, piece: Floats) -> tuple[int, float]:
+def _raised(overlaps: Overlaps, m: int, q: Floats, bending: float, piece: Floats) -> tuple[int, float]:
     """Corners of a polygon with the overlap that rise and bending leave; returns their number and the largest overlap (m)."""
-    a, size, highest = one.start[m], one.start[m + 1] - one.start[m], -math.inf
+    a, size, highest = overlaps.start[m], overlaps.start[m + 1] - overlaps.start[m], -math.inf
     for n in range(size):
-        x, y = one.corner[a + n, 0], one.corner[a + n, 1]
-        overlap = one.corner[a + n, 2] - (q[0] + q[1] * y - q[2] * x) - bending
+        x, y = overlaps.corner[a + n, 0], overlaps.corner[a + n, 1]
+        overlap = overlaps.corner[a + n, 2] - (q[0] + q[1] * y - q[2] * x) - bending
         piece[n, 0], piece[n, 1], piece[n, 2] = x, y, overlap
         highest = max(highest, overlap)
     return size, highest
@@ -202,7 +202,7 @@ def _raised(one: Overlaps, m: int, q: Floats, bending: float, piece: Floats) -> 
 
 @kernel
 def _add_shape(pads: Pads, b: int, k: int, per: int, x: float, y: float, weight: float, shape: Floats) -> None:
-    """Add what the unknowns of the element of polygon ``k`` give to the rise at a point in it, times a weight."""
+    """Add the share of the unknowns of the element of polygon ``k`` in the rise at a point in it, times a weight."""
     of_x, of_y, h = np.empty(4), np.empty(4), per * pads.frame[b, SIDE]
     cubics((x - pads.frame[b, LOW_X]) / h - pads.square[k, 1] // per, 0, of_x)
     cubics((y - pads.frame[b, LOW_Y]) / h - pads.square[k, 0] // per, 0, of_y)
@@ -213,18 +213,18 @@ def _add_shape(pads: Pads, b: int, k: int, per: int, x: float, y: float, weight:
 # Many arguments: scratch for polygons is made once for all loops of a press.
 @kernel
 def _place_loads(
-    pads: Pads, plates: Plates, b: int, polygons: Ints, one: Overlaps, sq: Squares, q: Floats, top: float, shape: Floats,
+    pads: Pads, plates: Plates, b: int, polygons: Ints, overlaps: Overlaps, sq: Squares, q: Floats, top: float, shape: Floats,
     which: Ints, piece: Floats, room: Floats,
 ) -> None:  # fmt: skip
-    """Find where the loads of squares act, and what the unknowns ``which`` of the plate give to the rise there (``shape``).
+    """Find where the loads of squares act, and the share of the unknowns ``which`` of the plate in the rise there (``shape``).
 
     ``top``: overlap from which the pressure grows no more, m, infinite at first, where the overlap stands for the load.
     """
     count, per, sums = sq.load.size, plates.shape[b, PER_SIDE], np.zeros(10)
     weight, nearest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
-    for m in range(one.polygons.size):
-        i, k = one.square[m], polygons[one.polygons[m]]
-        size, highest = _raised(one, m, q, sq.bending[i], piece)
+    for m in range(overlaps.polygons.size):
+        i, k = overlaps.square[m], polygons[overlaps.polygons[m]]
+        size, highest = _raised(overlaps, m, q, sq.bending[i], piece)
         polygon[i] = k
         if highest > 0.0:
             pressed(piece, size, top, room, sums)
@@ -234,23 +234,23 @@ def _place_loads(
         elif highest > nearest[i]:
             for n in range(size):  # where it would touch first
                 if piece[n, 2] == highest:
-                    nearest[i], sq.place[i, 0], sq.place[i, 1] = highest, piece[n, 0], piece[n, 1]
+                    nearest[i], sq.position[i, 0], sq.position[i, 1] = highest, piece[n, 0], piece[n, 1]
     for i in range(count):
         k = polygon[i]
         if weight[i, 0] > 0.0:
-            sq.place[i, 0], sq.place[i, 1] = weight[i, 1] / weight[i, 0], weight[i, 2] / weight[i, 0]
+            sq.position[i, 0], sq.position[i, 1] = weight[i, 1] / weight[i, 0], weight[i, 2] / weight[i, 0]
             for n in range(16):
                 shape[i, n] /= weight[i, 0]
         else:
-            _add_shape(pads, b, k, per, sq.place[i, 0], sq.place[i, 1], 1.0, shape[i])
+            _add_shape(pads, b, k, per, sq.position[i, 0], sq.position[i, 1], 1.0, shape[i])
         j, n, nodes = pads.square[k, 0] // per, pads.square[k, 1] // per, plates.node[plates.node_start[b] :]
-        unknowns_of(nodes, plates.shape[b, COLUMNS], j, n, which[i])
+        list_unknowns(nodes, plates.shape[b, COLUMNS], j, n, which[i])
 
 
 # Many arguments: as above.
 @kernel
 def _set_compliance(
-    pads: Pads, plates: Plates, b: int, polygons: Ints, one: Overlaps, sq: Squares, single: bool, q: Floats, top: float,
+    pads: Pads, plates: Plates, b: int, polygons: Ints, overlaps: Overlaps, sq: Squares, single: bool, q: Floats, top: float,
     length: float, piece: Floats, room: Floats,
 ) -> None:  # fmt: skip
     """Find where the loads of squares act, and the compliance of the plate there beyond heave and tilts.
@@ -259,7 +259,7 @@ def _set_compliance(
     """
     count, unknowns, rigid = sq.load.size, plates.shape[b, UNKNOWNS], plates.rigid[b]
     shape, which, bent, heaved = np.zeros((count, 16)), np.empty((count, 16), np.int64), np.empty(unknowns), np.empty(3)
-    _place_loads(pads, plates, b, polygons, one, sq, q, top, shape, which, piece, room)
+    _place_loads(pads, plates, b, polygons, overlaps, sq, q, top, shape, which, piece, room)
     matrix = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
     narrow = DIMPLE * min(plates.shape[b, PER_SIDE] * pads.frame[b, SIDE], math.sqrt(2.0) * length)
     dimple, beyond = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length), (10.0 * narrow) ** 2
@@ -270,14 +270,16 @@ def _set_compliance(
             for n in range(unknowns):
                 bent[n] += weight * row[n]
         for n in range(3):
-            heaved[n] = rigid[n, 0] + rigid[n, 1] * sq.place[i, 1] - rigid[n, 2] * sq.place[i, 0]
+            heaved[n] = rigid[n, 0] + rigid[n, 1] * sq.position[i, 1] - rigid[n, 2] * sq.position[i, 0]
         for j in range(i + 1):
-            value = -(heaved[0] + heaved[1] * sq.place[j, 1] - heaved[2] * sq.place[j, 0])
+            value = -(heaved[0] + heaved[1] * sq.position[j, 1] - heaved[2] * sq.position[j, 0])
             for a in range(16):
                 value += shape[j, a] * bent[which[j, a]]
-            away = (sq.place[i, 0] - sq.place[j, 0]) ** 2 + (sq.place[i, 1] - sq.place[j, 1]) ** 2
-            if single and away < beyond:
-                value += dimple * plate_deflection(math.sqrt(away) / narrow)
+            squared_distance = (sq.position[i, 0] - sq.position[j, 0]) ** 2 + (
+                sq.position[i, 1] - sq.position[j, 1]
+            ) ** 2
+            if single and squared_distance < beyond:
+                value += dimple * plate_deflection(math.sqrt(squared_distance) / narrow)
             sq.compliance[i, j] = sq.compliance[j, i] = value
     _apply(sq.compliance, sq.coefficient, sq.bending)
 
@@ -295,8 +297,8 @@ def _apply(matrix: Floats, vector: Floats, out: Floats) -> None:
 
 @kernel
 def _sum_up(
-    one: Overlaps, sq: Squares, q: Floats, bed: Bed, least: float, hull: Floats, gradient: Floats, hessian: Floats, piece: Floats,
-    room: Floats,
+    overlaps: Overlaps, sq: Squares, q: Floats, bed: Bed, least: float, hull: Floats, gradient: Floats, hessian: Floats,
+    piece: Floats, room: Floats,
 ) -> float:  # fmt: skip
     """Find loads and stiffness of the squares, gradient and Hessian by the rise; returns the energy (J).
 
@@ -312,9 +314,9 @@ def _sum_up(
     for i in range(sq.load.size):
         energy += 0.5 * sq.coefficient[i] * sq.bending[i]
         sq.load[i] = sq.elastic[i] = sq.mixed[i, 0] = sq.mixed[i, 1] = sq.mixed[i, 2] = 0.0
-    for m in range(one.polygons.size):
-        i = one.square[m]
-        size, highest = _raised(one, m, q, sq.bending[i], piece)
+    for m in range(overlaps.polygons.size):
+        i = overlaps.square[m]
+        size, highest = _raised(overlaps, m, q, sq.bending[i], piece)
         if highest <= 0.0:
             continue
         pressed(piece, size, top, room, sums)
@@ -375,23 +377,23 @@ def _correction(
     load at once.
     """
     count = sq.load.size
-    some, n = np.empty(count, np.int64), 0
+    loaded, n = np.empty(count, np.int64), 0
     for i in range(count):
         dc[i] = sq.load[i] - sq.coefficient[i] if bends else 0.0
         if bends and sq.elastic[i] > 0.0:
-            some[n] = i
+            loaded[n] = i
             n += 1
     bent, matrix, answer = np.zeros((count, 4)), np.empty((n, n)), np.empty((n, 4))
     for s in range(n):
-        i = some[s]
+        i = loaded[s]
         dc[i] = 0.0
         for t in range(s + 1):
-            matrix[s, t] = sq.compliance[i, some[t]]
+            matrix[s, t] = sq.compliance[i, loaded[t]]
         matrix[s, s] += 1.0 / sq.elastic[i]
     if bends:
         _apply(sq.compliance, dc, du)
     for s in range(n):
-        i = some[s]
+        i = loaded[s]
         answer[s, 0] = (sq.load[i] - sq.coefficient[i]) / sq.elastic[i] - du[i]
         for d in range(3):
             answer[s, 1 + d] = -sq.mixed[i, d] / sq.elastic[i]
@@ -399,7 +401,7 @@ def _correction(
     for i in range(count):
         bent[i, 0] = du[i]
         for s in range(n):
-            g = sq.compliance[i, some[s]]
+            g = sq.compliance[i, loaded[s]]
             for d in range(4):
                 bent[i, d] += g * answer[s, d]
     right = np.empty(3)
@@ -412,7 +414,7 @@ def _correction(
     dq[0], dq[1], dq[2] = solve(hessian, right)
     decrement = -(gradient[0] * dq[0] + gradient[1] * dq[1] + gradient[2] * dq[2])
     for s in range(n):
-        dc[some[s]] = answer[s, 0] + answer[s, 1] * dq[0] + answer[s, 2] * dq[1] + answer[s, 3] * dq[2]
+        dc[loaded[s]] = answer[s, 0] + answer[s, 1] * dq[0] + answer[s, 2] * dq[1] + answer[s, 3] * dq[2]
     for i in range(count):
         du[i] = bent[i, 0] + bent[i, 1] * dq[0] + bent[i, 2] * dq[1] + bent[i, 3] * dq[2]
         decrement += (sq.load[i] - sq.coefficient[i]) * du[i]
@@ -421,28 +423,28 @@ def _correction(
 
 @kernel
 def _minimise(
-    one: Overlaps, sq: Squares, bends: bool, q: Floats, bed: Bed, least: float, hull: Floats, piece: Floats, room: Floats
+    overlaps: Overlaps, sq: Squares, bends: bool, q: Floats, bed: Bed, least: float, hull: Floats, piece: Floats, room: Floats
 ) -> int:  # fmt: skip
     """Find rise and bending of least energy from where they are; returns the iterations, -1 where there is no end."""
     count = sq.load.size
     gradient, hessian, dq, dc, du = np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(count), np.zeros(count)
-    energy = _sum_up(one, sq, q, bed, least, hull, gradient, hessian, piece, room)
+    energy = _sum_up(overlaps, sq, q, bed, least, hull, gradient, hessian, piece, room)
     for iteration in range(MAX_ITERATIONS):
         decrement = _correction(sq, bends, gradient, hessian, dq, dc, du)
         # Late iterations move within round-off.
         if decrement <= (1e-16 if iteration < 20 else 1e-9 if iteration < 50 else 1e-6) * abs(energy):
             return iteration
-        scale, taken = 1.0, 0.0
+        scale, applied_scale = 1.0, 0.0
         while True:
             for i in range(3):
-                q[i] += (scale - taken) * dq[i]
+                q[i] += (scale - applied_scale) * dq[i]
             for i in range(count):
-                sq.coefficient[i] += (scale - taken) * dc[i]
-                sq.bending[i] += (scale - taken) * du[i]
-            new = _sum_up(one, sq, q, bed, least, hull, gradient, hessian, piece, room)
+                sq.coefficient[i] += (scale - applied_scale) * dc[i]
+                sq.bending[i] += (scale - applied_scale) * du[i]
+            new = _sum_up(overlaps, sq, q, bed, least, hull, gradient, hessian, piece, room)
             if new <= energy - 1e-4 * scale * decrement or scale < 1e-3 or decrement < 1e-9 * abs(energy):
                 break
-            taken, scale = scale, 0.5 * scale
+            applied_scale, scale = scale, 0.5 * scale
         energy = new
     return -1
 
@@ -450,54 +452,54 @@ def _minimise(
 # Many arguments: as in `press`, whose results it writes.
 @kernel
 def _share_out(
-    pads: Pads, b: int, polygons: Ints, one: Overlaps, sq: Squares, q: Floats, bed: Bed, gradient: Floats, length: float,
-    thickness: float, found: Floats, bent: Floats, piece: Floats, room: Floats,
+    pads: Pads, b: int, polygons: Ints, overlaps: Overlaps, sq: Squares, q: Floats, bed: Bed, gradient: Floats, length: float,
+    thickness: float, loads: Floats, bent: Floats, piece: Floats, room: Floats,
 ) -> None:  # fmt: skip
-    """Write what the elements (``found``) and polygons (``bent``) bear."""
+    """Write the loads on the elements (``loads``) and the polygons (``bent``)."""
     sums, top, share = np.zeros(10), bed.strength / bed.stiffness, np.full(sq.load.size, -1.0)
-    for m in range(one.polygons.size):
-        i, k = one.square[m], polygons[one.polygons[m]]
+    for m in range(overlaps.polygons.size):
+        i, k = overlaps.square[m], polygons[overlaps.polygons[m]]
         e, origin_x, origin_y = pads.owner[k], pads.frame[b, ORIGIN_X], pads.frame[b, ORIGIN_Y]
-        size, highest = _raised(one, m, q, sq.bending[i], piece)
+        size, highest = _raised(overlaps, m, q, sq.bending[i], piece)
         if highest <= 0.0:
             continue
         pressed(piece, size, top, room, sums)
         load = bed.stiffness * sums[0]
         x, y = sums[1] / sums[0], sums[2] / sums[0]
-        found[e, LOAD] += load
-        found[e, LOAD_X] += load * (x + origin_x)
-        found[e, LOAD_Y] += load * (y + origin_y)
+        loads[e, LOAD] += load
+        loads[e, LOAD_X] += load * (x + origin_x)
+        loads[e, LOAD_Y] += load * (y + origin_y)
         # The gradient of the overlap is minus that of the depth, and the floor pushes where it is deeper.
-        found[e, PUSH_X] -= load * gradient[one.polygons[m], 0]
-        found[e, PUSH_Y] -= load * gradient[one.polygons[m], 1]
-        found[e, LIFT] = max(found[e, LIFT], q[0] + q[1] * y - q[2] * x + sq.bending[i])
+        loads[e, PUSH_X] -= load * gradient[overlaps.polygons[m], 0]
+        loads[e, PUSH_Y] -= load * gradient[overlaps.polygons[m], 1]
+        loads[e, LIFT] = max(loads[e, LIFT], q[0] + q[1] * y - q[2] * x + sq.bending[i])
         if share[i] < 0.0 and length > 0.0:
-            share[i] = share_of_ice(pads, b, sq.place[i, 0], sq.place[i, 1], math.sqrt(2.0) * length)
-        found[e, STRESS] = max(found[e, STRESS], bending_stress(length, share[i], thickness, sq.bending[i]))
-        found[e, YIELD] = max(found[e, YIELD], highest - top)
-        of_polygon = bent[one.polygons[m]]
+            share[i] = measure_ice_share(pads, b, sq.position[i, 0], sq.position[i, 1], math.sqrt(2.0) * length)
+        loads[e, STRESS] = max(loads[e, STRESS], bending_stress(length, share[i], thickness, sq.bending[i]))
+        loads[e, YIELD] = max(loads[e, YIELD], highest - top)
+        of_polygon = bent[overlaps.polygons[m]]
         of_polygon[0], of_polygon[1], of_polygon[2] = load, sq.bending[i], share[i]
         of_polygon[3], of_polygon[4] = x + origin_x, y + origin_y
         if bed.grip < top:
             pressed(piece, size, bed.grip, room, sums)
-        found[e, HOLD] += bed.friction * bed.stiffness * sums[0]
+        loads[e, HOLD] += bed.friction * bed.stiffness * sums[0]
     for e in range(pads.row_start[b], pads.row_start[b + 1]):
-        if found[e, LOAD] > 0.0:
-            found[e, LOAD_X] /= found[e, LOAD]
-            found[e, LOAD_Y] /= found[e, LOAD]
+        if loads[e, LOAD] > 0.0:
+            loads[e, LOAD_X] /= loads[e, LOAD]
+            loads[e, LOAD_Y] /= loads[e, LOAD]
 
 
 # Many arguments: what the press finds goes into arrays of the caller, which makes them once for all sub-steps.
 @kernel
 def press(
     pads: Pads, plates: Plates, b: int, polygons: Ints, depth: Floats, draft: Floats, level: float, bed: Bed, hull: Floats,
-    length: float, thickness: float, q: Floats, found: Floats, bent: Floats,
+    length: float, thickness: float, q: Floats, loads: Floats, bent: Floats,
 ) -> tuple[int, float]:  # fmt: skip
     """Press the keel of fragment ``b`` onto the floor; returns Newton's iterations, -1 for no end, and the largest overlap (m).
 
     ``polygons``: its polygons that may touch the floor; ``depth``: at their corners one after the other, then at their centroids
     (m); ``draft``: of the elements ``pads.rows`` (m); ``length``: of bending, 0 for ice that does not, and ``thickness`` (m).
-    ``q`` takes heave and tilts, ``found`` the columns `LOAD` to `YIELD` of the elements, ``bent`` load (N), bending (m), share of
+    ``q`` takes heave and tilts, ``loads`` the columns `LOAD` to `YIELD` of the elements, ``bent`` load (N), bending (m), share of
     ice and place (m) of each polygon.
     """
     corners, most = 0, CORNERS
@@ -506,7 +508,7 @@ def press(
         most = max(most, 2 * (pads.start[k + 1] - pads.start[k]) + 8)
     for e in range(pads.row_start[b], pads.row_start[b + 1]):
         for column in range(PRESSED):
-            found[e, column] = 0.0
+            loads[e, column] = 0.0
     for m in range(polygons.size):
         bent[m, 0] = 0.0
     corner, gradient, highest = np.empty((corners, 3)), np.empty((polygons.size, 2)), np.empty(polygons.size)
@@ -523,20 +525,20 @@ def press(
     )
     least, bends = SLIVER * bed.stiffness * pads.frame[b, SIDE] ** 2, length > 0.0
     while True:
-        one, count, merged = _gather(pads, b, polygons, corner, highest, margin)
+        overlaps, count, merged = _gather(pads, b, polygons, corner, highest, margin)
         sq, iterations = Squares(
             np.zeros((count, count)), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros((count, 3)),
             np.zeros((count, 2)),
         ), 0  # fmt: skip
         if bends:
-            fit_plate(pads, plates, b, polygons[one.polygons], merged, length, bed.poisson)
+            fit_plate(pads, plates, b, polygons[overlaps.polygons], merged, length, bed.poisson)
         q[0] = q[1] = q[2] = 0.0
         for search in range(2 if bends else 1):
             if bends:
                 _set_compliance(
-                    pads, plates, b, polygons, one, sq, merged == 1, q, math.inf if search == 0 else top, length, piece, room
+                    pads, plates, b, polygons, overlaps, sq, merged == 1, q, math.inf if search == 0 else top, length, piece, room
                 )  # fmt: skip
-            iterations = _minimise(one, sq, bends, q, bed, least, hull, piece, room)
+            iterations = _minimise(overlaps, sq, bends, q, bed, least, hull, piece, room)
             if iterations < 0:
                 return -1, largest
         # Whether what was left out stays clear: rigid rise alone is its least.
@@ -550,5 +552,5 @@ def press(
         if clear:
             break
         margin *= 2.0
-    _share_out(pads, b, polygons, one, sq, q, bed, gradient, length, thickness, found, bent, piece, room)
+    _share_out(pads, b, polygons, overlaps, sq, q, bed, gradient, length, thickness, loads, bent, piece, room)
     return iterations, largest

@@ -1,4 +1,4 @@
-"""Fragments that go together through a step: what was surveyed of the floor around them, and the pads of those near it."""
+"""Fragments that go together through a step: the survey of the floor around them, and the pads of the fragments near it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STEEPEST: Final = 0.5
 """Slope by which a floor that is not surveyed may rise towards the keel of a lone berg."""
 
 RING: Final = 10_000.0
-"""Way (m) beyond that of a step for which the floor is surveyed."""
+"""Distance (m) beyond the way of a step for which the floor is surveyed."""
 
 NEAR_RING: Final = 4000.0
 """The same where a part of it is shallow; where that is farther away, nobody needs to look until the fragment comes to it."""
@@ -37,13 +37,13 @@ CLEAR: Final = 2.0
 
 
 class Survey(NamedTuple):
-    """What was surveyed around fragments; one of each."""
+    """Survey of the floor around fragments; one row for each fragment."""
 
     lone: NDArray[np.bool_]
     box: Floats  # Least x and y, and largest, of the footprint, m; shape (fragments, 4)
     radius: Floats  # Of the farthest corner of that box, m
     pose: Floats  # At the survey; shape (fragments, 3, 3)
-    way: Floats  # For which the survey holds, m; negative before the first
+    distance: Floats  # For which the survey holds, m; negative before the first
     shallow: NDArray[np.bool_]  # Whether the keel may touch the floor on that way
     draft: Floats  # Of the deepest keel then, m
     times: Ints  # How often it was surveyed
@@ -52,7 +52,7 @@ class Survey(NamedTuple):
 @kernel
 def _begin_survey(bodies: Bodies, body: Body, latlon: bool, earth: float, survey: Survey) -> None:
     """Find boxes around the footprints of fragments."""
-    count, box = np.zeros(survey.way.size, np.int64), survey.box
+    count, box = np.zeros(survey.distance.size, np.int64), survey.box
     for e in range(bodies.body.size):
         b, k = bodies.body[e], 2.0 * earth / (1.0 + bodies.reference[e, 2]) if latlon else 1.0
         x, y = k * bodies.reference[e, 0], k * bodies.reference[e, 1]
@@ -67,7 +67,7 @@ def _begin_survey(bodies: Bodies, body: Body, latlon: bool, earth: float, survey
 
 
 @kernel
-def _way_between(pose: Floats, other: Floats, reach: float, radius: float) -> float:
+def _measure_distance(pose: Floats, other: Floats, reach: float, radius: float) -> float:
     """Way (m) of the farthest point of a fragment, at ``reach`` m from its middle, between two poses."""
     moved = turned = 0.0
     for k in range(3):
@@ -77,10 +77,10 @@ def _way_between(pose: Floats, other: Floats, reach: float, radius: float) -> fl
 
 
 @kernel
-def _add_ways(pose: Floats, last: Floats, radius: Floats, scale: float, way: Floats) -> None:
-    """Add what fragments have gone since their last poses, and keep the new ones."""
-    for b in range(way.size):
-        way[b] += _way_between(pose[b], last[b], radius[b], scale)
+def _add_distances(pose: Floats, last: Floats, radius: Floats, scale: float, travelled: Floats) -> None:
+    """Add the distances that fragments have gone since their last poses, and keep the new poses."""
+    for b in range(travelled.size):
+        travelled[b] += _measure_distance(pose[b], last[b], radius[b], scale)
         for i in range(3):
             for j in range(3):
                 last[b, i, j] = pose[b, i, j]
@@ -90,16 +90,16 @@ def _add_ways(pose: Floats, last: Floats, radius: Floats, scale: float, way: Flo
 @kernel
 def find_near(
     bodies: Bodies, body: Body, environment: Environment, load: Floats, survey: Survey, rho_ice: float, h: float, further: float,
-    scale: float, near: NDArray[np.bool_], left: NDArray[np.bool_], reach: Floats, draft: Floats,
+    scale: float, near_floor: NDArray[np.bool_], left: NDArray[np.bool_], reach: Floats, draft: Floats,
 ) -> float:  # fmt: skip
-    """Mark the fragments that may come near the floor in ``h`` s, and those that may have left what was surveyed.
+    """Mark the fragments that may come near the floor in ``h`` s, and the fragments that may have left the surveyed floor.
 
     Lone bergs by the depth in the middle and the speed of the water, which they may take up. ``further``: factor of the way;
     ``scale``: radius of the earth, or 1 in a plane; ``reach`` takes the way of the step and ``draft`` the deepest keel of each
     fragment, m. Returns the least clearance in the middle of elements, m.
     """
     least = math.inf
-    for b in range(near.size):
+    for b in range(near_floor.size):
         twist = bodies.twist[b]
         draft[b] = -math.inf
         reach[b] = further * (h * (math.hypot(twist[0], twist[1]) + survey.radius[b] * abs(twist[2])) + ASIDE)
@@ -109,11 +109,14 @@ def find_near(
         if survey.lone[b]:
             reach[b] = max(reach[b], further * (h * math.hypot(environment.uo[e], environment.vo[e]) + ASIDE))
             within = math.sqrt(body.length[e] * body.width[e]) + reach[b]
-            near[b] = load[e] > 0.0 or environment.depth[e] - keel < STEEPEST * within
-    for b in range(near.size):
+            near_floor[b] = load[e] > 0.0 or environment.depth[e] - keel < STEEPEST * within
+    for b in range(near_floor.size):
         if not survey.lone[b]:
-            way = _way_between(bodies.pose[b], survey.pose[b], survey.radius[b], scale)
-            near[b], left[b] = survey.shallow[b], not way + reach[b] <= survey.way[b] or draft[b] > survey.draft[b]
+            travelled = _measure_distance(bodies.pose[b], survey.pose[b], survey.radius[b], scale)
+            near_floor[b], left[b] = (
+                survey.shallow[b],
+                not travelled + reach[b] <= survey.distance[b] or draft[b] > survey.draft[b],
+            )
     return least
 
 
@@ -124,58 +127,58 @@ class Watch(NamedTuple):
     body: Ints  # Place of the fragment of each
     slope: Floats  # Steepest of the floor that may come under it
     depth: Floats  # Of its middle when the floor was asked for it last, m
-    way: Floats  # Of its fragment then, m
+    travelled: Floats  # Distance that its fragment had gone then, m
     polygon: Ints  # By fragment
     within: Ints  # Place of the square of each polygon
 
 
 @kernel
 def _watch_squares(
-    raster: Ints, frame: Floats, floor: Floor, shallow: NDArray[np.bool_], way: float, slope: Floats
+    raster: Ints, frame: Floats, floor: Floor, shallow: NDArray[np.bool_], distance: float, slope: Floats
 ) -> None:
-    """Find the steepest slope of the floor within ``way`` m of squares, NaN where no tile within it is shallow.
+    """Find the steepest slope of the floor within ``distance`` m of squares, NaN where no tile within it is shallow.
 
     Blocks of squares of some half a tile have the same.
     """
     rows, columns, side = raster[1], raster[2], frame[SIDE]
     wide = max(int(0.7 * floor.half / side), 1)
-    reach = way + floor.half + 0.71 * wide * side
+    reach = distance + floor.half + 0.71 * wide * side
     for j in range((rows - 1) // wide + 1):
         for i in range((columns - 1) // wide + 1):
             x = frame[ORIGIN_X] + frame[LOW_X] + (i + 0.5) * wide * side
             y = frame[ORIGIN_Y] + frame[LOW_Y] + (j + 0.5) * wide * side
-            steepest, near = 0.0, False
+            steepest, has_shallow = 0.0, False
             for n in range(shallow.size):
                 if (floor.x[n] - x) ** 2 + (floor.y[n] - y) ** 2 < reach * reach:
-                    near = near or shallow[n]
+                    has_shallow = has_shallow or shallow[n]
                     steepest = max(steepest, floor.slope[n])
             for row in range(j * wide, min((j + 1) * wide, rows)):
                 for column in range(i * wide, min((i + 1) * wide, columns)):
-                    slope[row * columns + column] = steepest if near else math.nan
+                    slope[row * columns + column] = steepest if has_shallow else math.nan
 
 
 # Many arguments: what is asked for goes into arrays of the caller.
 @kernel
 def choose_squares(
-    pads: Pads, watch: Watch, pose: Floats, reach: Floats, level: Floats, draft: Floats, way: Floats, latlon: bool, radius: float,
-    chosen: Ints, lon: Floats, lat: Floats,
+    pads: Pads, watch: Watch, pose: Floats, reach: Floats, level: Floats, draft: Floats, travelled: Floats,
+    latlon: bool, radius: float, chosen: Ints, lon: Floats, lat: Floats,
 ) -> int:  # fmt: skip
     """List the squares that may come near the floor in a step, by the depth that was found last, and where they are.
 
     ``reach``: way of the step, negative for fragments that stay clear; ``level``: the least in the step, ``draft``: of the
-    deepest keel, ``way``: of each fragment since it is watched (m).
+    deepest keel, ``travelled``: of each fragment since it is watched (m).
     """
     count = 0
     for n in range(watch.square.size):
         b, slope = watch.body[n], watch.slope[n]
-        rise = slope * (way[b] - watch.way[n] + 0.75 * pads.frame[b, SIDE] + reach[b])
+        rise = slope * (travelled[b] - watch.travelled[n] + 0.75 * pads.frame[b, SIDE] + reach[b])
         if reach[b] >= 0.0 and watch.depth[n] + level[b] - draft[b] < rise + CLEAR:
             x, y = (
                 pads.ice[watch.square[n], 1] + pads.frame[b, ORIGIN_X],
                 pads.ice[watch.square[n], 2] + pads.frame[b, ORIGIN_Y],
             )
             lon[count], lat[count] = place_points(x, y, pose[b], latlon, radius)
-            chosen[count], watch.way[n] = n, way[b]
+            chosen[count], watch.travelled[n] = n, travelled[b]
             count += 1
     return count
 
@@ -190,15 +193,15 @@ def find_candidates(
 
     ``draft``: of the elements; ``start``: takes where the polygons of each fragment begin, ``clearance`` the least of each.
     """
-    asked, count, b = np.zeros(watch.square.size, np.bool_), 0, 0
+    is_chosen, count, b = np.zeros(watch.square.size, np.bool_), 0, 0
     for n in range(chosen.size):
-        asked[chosen[n]], watch.depth[chosen[n]] = True, depth[n]
+        is_chosen[chosen[n]], watch.depth[chosen[n]] = True, depth[n]
     for n in range(watch.polygon.size):
         s, k = watch.within[n], watch.polygon[n]
         while b <= watch.body[s]:
             start[b] = count
             b += 1
-        if asked[s]:
+        if is_chosen[s]:
             a = watch.body[s]
             clear = watch.depth[s] + level[a] - draft[pads.owner[k]]
             clearance[a] = min(clearance[a], clear)
@@ -212,31 +215,31 @@ class Keels:
     """Pads of fragments that came near the floor, and which of them are looked at."""
 
     def __init__(self, bodies: Ints, side: Floats, pads: Pads, size: Floats, survey: Survey, pose: Floats) -> None:
-        self.bodies, self.side, self.whole, self.size = bodies, side, pads, size
+        self.bodies, self.side, self.pads, self.size = bodies, side, pads, size
         self.plates = unmade_plates(pads)
-        self.cut = np.zeros(survey.way.size, np.bool_)
+        self.cut = np.zeros(survey.distance.size, np.bool_)
         self.cut[bodies] = True
-        of = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
-        self._square = pads.raster[of, 0] + pads.square[:, 0] * pads.raster[of, 2] + pads.square[:, 1]
+        fragment = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
+        self._square = pads.raster[fragment, 0] + pads.square[:, 0] * pads.raster[fragment, 2] + pads.square[:, 1]
         # Steepest slope of the floor that may come under each square; none where it is so deep that nobody needs to look.
         self._slope = np.where(np.repeat(survey.lone[bodies], pads.raster[:, 1] * pads.raster[:, 2]), STEEPEST, np.nan)
-        self.way, self._pose, self._times = np.zeros(bodies.size), pose.copy(), np.zeros(bodies.size, np.int64)
+        self.travelled, self._pose, self._times = np.zeros(bodies.size), pose.copy(), np.zeros(bodies.size, np.int64)
         self._watch: Watch | None = None
 
     def watch(self, shoal: Shoal, pose: Floats, scale: float) -> Watch:
         """Return the squares that are looked at, after the fragments have come to ``pose``."""
-        survey, whole = shoal.survey, self.whole
-        _add_ways(pose, self._pose, survey.radius[self.bodies], scale, self.way)
+        survey, pads = shoal.survey, self.pads
+        _add_distances(pose, self._pose, survey.radius[self.bodies], scale, self.travelled)
         renewed = np.flatnonzero(self._times != survey.times[self.bodies]).tolist()
         for a in renewed:
-            b, (first, rows, columns) = int(self.bodies[a]), whole.raster[a].tolist()
+            b, (first, rows, columns) = int(self.bodies[a]), pads.raster[a].tolist()
             squares = self._slope[first : first + rows * columns]
-            _watch_squares(whole.raster[a], whole.frame[a], *shoal.floors[b], float(survey.way[b]), squares)
+            _watch_squares(pads.raster[a], pads.frame[a], *shoal.floors[b], float(survey.distance[b]), squares)
             self._times[a] = survey.times[b]
         if renewed or self._watch is None:
             polygon = np.flatnonzero(np.isfinite(self._slope[self._square]))
             square, within = np.unique(self._square[polygon], return_inverse=True)
-            body = np.searchsorted(whole.raster[:, 0], square, side="right") - 1
+            body = np.searchsorted(pads.raster[:, 0], square, side="right") - 1
             self._watch = Watch(
                 square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within
             )
@@ -263,15 +266,15 @@ class Shoal:
 
     def survey_around(self, b: int, pose: Floats, reach: float, draft: float, soundings: Soundings) -> None:
         """Survey the floor around a fragment."""
-        survey, box, way = self.survey, self.survey.box[b], reach + RING
-        floor = soundings.around(pose, box, way)
+        survey, box, distance = self.survey, self.survey.box[b], reach + RING
+        floor = soundings.find_tiles(pose, box, distance)
         shallow = floor.least < draft + RESERVE
         if shallow.any():
             x, y = floor.x[shallow], floor.y[shallow]
-            away = np.hypot(np.maximum(box[0] - x, x - box[2]).clip(0.0), np.maximum(box[1] - y, y - box[3]).clip(0.0))
-            open_way, way = float(away.min()) - floor.half, reach + NEAR_RING
-            if open_way > way:
-                shallow[:], way = False, open_way
-        survey.pose[b], survey.way[b], survey.draft[b], survey.shallow[b] = pose, way, draft, shallow.any()
+            gap = np.hypot(np.maximum(box[0] - x, x - box[2]).clip(0.0), np.maximum(box[1] - y, y - box[3]).clip(0.0))
+            open_way, distance = float(gap.min()) - floor.half, reach + NEAR_RING
+            if open_way > distance:
+                shallow[:], distance = False, open_way
+        survey.pose[b], survey.distance[b], survey.draft[b], survey.shallow[b] = pose, distance, draft, shallow.any()
         survey.times[b] += 1
         self.floors[b] = floor, shallow

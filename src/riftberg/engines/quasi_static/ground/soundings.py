@@ -40,7 +40,7 @@ deviation of two thirds of their distance, or a point of a bilinear chart of one
 ROWS: Final = 1 << 26
 """Rows and columns of tiles that keys can tell apart."""
 
-DepthOf = Callable[[Floats, Floats], Floats]
+DepthSampler = Callable[[Floats, Floats], Floats]
 
 
 class Floor(NamedTuple):
@@ -83,15 +83,15 @@ def _list_tiles(
 
     ``box``: least x and y, and largest; ``tile``: side, m.
     """
-    found, half = 0, 0.71 * tile
+    tiles, half = 0, 0.71 * tile
     middle_x, middle_y = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
-    around = math.hypot(box[2] - middle_x, box[3] - middle_y) + 1.5 * (reach + half)
-    if (2.0 * around / tile) ** 2 > 16.0 * key.size:
+    search_radius = math.hypot(box[2] - middle_x, box[3] - middle_y) + 1.5 * (reach + half)
+    if (2.0 * search_radius / tile) ** 2 > 16.0 * key.size:
         return -1
     lon, lat = place_points(middle_x, middle_y, pose, latlon, radius)
-    height, angle, wide, west, south = tile, around, around, 0.0, 0.0
+    height, angle, wide, west, south = tile, search_radius, search_radius, 0.0, 0.0
     if latlon:
-        height, angle, west, south = tile / radius / DEGREE, min(around / radius / DEGREE, 180.0), -180.0, -90.0
+        height, angle, west, south = tile / radius / DEGREE, min(search_radius / radius / DEGREE, 180.0), -180.0, -90.0
         # The meridians that touch the circle of that angle; all of them where it holds a pole.
         wide = (
             math.asin(math.sin(angle * DEGREE) / math.cos(lat * DEGREE)) / DEGREE if abs(lat) + angle < 90.0 else 180.0
@@ -118,11 +118,11 @@ def _list_tiles(
                 u, v = pose[0, 0] * dx + pose[1, 0] * dy, pose[0, 1] * dx + pose[1, 1] * dy
             if not _is_within(u, v, box, reach + half):
                 continue
-            if found == key.size:
+            if tiles == key.size:
                 return -1
-            key[found], x[found], y[found] = _key(doubled, row, column % columns if latlon else column), u, v
-            found += 1
-    return found
+            key[tiles], x[tiles], y[tiles] = _key(doubled, row, column % columns if latlon else column), u, v
+            tiles += 1
+    return tiles
 
 
 @kernel
@@ -163,19 +163,19 @@ def _fill_tiles(depth: Floats, spacing: float, least: Floats, slope: Floats) -> 
 class Soundings:
     """Tiles of the floor that have been sounded."""
 
-    def __init__(self, depth: DepthOf, latlon: bool, radius: float) -> None:
+    def __init__(self, depth: DepthSampler, latlon: bool, radius: float) -> None:
         self._depth, self._latlon, self._radius = depth, latlon, radius
         self._key, self._floor = np.zeros(0, np.int64), np.zeros((2, 0))  # Sorted; least depth and steepest slope
 
-    def around(self, pose: Floats, box: Floats, reach: float) -> Floor:
+    def find_tiles(self, pose: Floats, box: Floats, reach: float) -> Floor:
         """Return the tiles within ``reach`` m of a box (least x and y, and largest) in the frame of a fragment."""
         key, x, y = np.empty(MOST_TILES, np.int64), np.empty(MOST_TILES), np.empty(MOST_TILES)
         for doubled in count():
             tile = SOUNDINGS * SPACING * 2.0**doubled
-            found = _list_tiles(pose, box, reach, doubled, tile, self._latlon, self._radius, key, x, y)
-            if found >= 0:
+            tiles = _list_tiles(pose, box, reach, doubled, tile, self._latlon, self._radius, key, x, y)
+            if tiles >= 0:
                 break
-        key, x, y = key[:found], x[:found], y[:found]
+        key, x, y = key[:tiles], x[:tiles], y[:tiles]
         if self._key.size > MOST_KNOWN:
             self._key, self._floor = self._key[:0], self._floor[:, :0]
         at = np.searchsorted(self._key, key)
@@ -189,9 +189,9 @@ class Soundings:
         """Sound tiles that are not known yet."""
         floor, each = np.empty((2, key.size)), SOUNDINGS * SOUNDINGS
         for first in range(0, key.size, BATCH):
-            some = key[first : first + BATCH]
-            lon, lat = np.empty(each * some.size), np.empty(each * some.size)
-            _write_soundings(some, tile, self._latlon, self._radius, lon, lat)
+            batch = key[first : first + BATCH]
+            lon, lat = np.empty(each * batch.size), np.empty(each * batch.size)
+            _write_soundings(batch, tile, self._latlon, self._radius, lon, lat)
             _fill_tiles(self._depth(lon, lat), tile / SOUNDINGS, *floor[:, first : first + BATCH])
         at = np.searchsorted(self._key, key)
         self._key, self._floor = np.insert(self._key, at, key), np.insert(self._floor, at, floor, axis=1)
