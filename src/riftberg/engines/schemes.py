@@ -101,7 +101,7 @@ class ImposedStepper(FrozenStepper):
         for _ in range(count):
             single_step.update_positions(el, p.stepping.time_step / count, run.constants)
         el.rotation[moving] += p.stepping.time_step * el.spin[moving]
-        for mine, shown in ((el.u, (el.u_pair, el.u_sync)), (el.v, (el.v_pair, el.v_sync))):
-            for other in shown:
-                other[moving] = mine[moving]
+        for values, copies in ((el.u, (el.u_pair, el.u_sync)), (el.v, (el.v_pair, el.v_sync))):
+            for copy in copies:
+                copy[moving] = values[moving]
         apply_boundaries(run)

@@ -349,7 +349,7 @@ class Elements(NamedTuple):
     def copy_of_stepped(self) -> Elements:
         """Return elements with copies of what a long step may change; the rest is shared."""
         return Elements._make([
-            _with_copies(group, places) for group, places in zip(self, _STEPPED, strict=True)
+            _with_copies(group, columns) for group, columns in zip(self, _STEPPED, strict=True)
         ])  # fmt: skip
 
     def shown_in(self, block: slice) -> Elements:
@@ -457,14 +457,14 @@ class Bonds(NamedTuple):
         return Bonds(**{name: array[rows].copy() for name, array in self.arrays().items()})
 
 
-def _with_copies(arrays: Any, places: list[int]) -> Any:
+def _with_copies(arrays: Any, columns: list[int]) -> Any:
     """Return a named tuple of arrays with copies of those at some places; once a long step, so without a generator."""
-    if not places:
+    if not columns:
         return arrays
-    some = list(arrays)
-    for k in places:
-        some[k] = copied(some[k])
-    return arrays._make(some)
+    copies = list(arrays)
+    for k in columns:
+        copies[k] = copied(copies[k])
+    return arrays._make(copies)
 
 
 def copied(array: NDArray[Any]) -> NDArray[Any]:
@@ -489,8 +489,8 @@ def zeros(count: int, dtype: Any = "f8") -> NDArray[Any]:
 def _registered(kind: type, group: str = "") -> tuple[Variable, ...]:
     hints = get_type_hints(kind, include_extras=True)
     return tuple(
-        replace(said.__metadata__[0], name=name, group=group, dtype="i8" if said.__origin__ == Ints else "f8")
-        for name, said in hints.items()
+        replace(hint.__metadata__[0], name=name, group=group, dtype="i8" if hint.__origin__ == Ints else "f8")
+        for name, hint in hints.items()
     )
 
 

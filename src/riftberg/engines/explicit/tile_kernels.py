@@ -86,8 +86,8 @@ def find_sections(
         y1, y2, r1, r2 = (ends[tile.Y + k], scratch[tile.Y + k], shape[tile.RADIUS1 + k], shape[tile.RADIUS2 + k])
         dx, sine = ends[tile.X + k] - scratch[tile.X + k], bond[tile.METRES_SIN + k]
         # Metres of a degree from those at a latitude near by: a few multiplications, where a cosine would be a call.
-        away = to_radians * (0.5 * (y1 + y2) - bond[tile.Y_REFERENCE + k])
-        rx, ry = dx * cos_near(bond[tile.METRES_COS + k], sine, away), (y1 - y2) * per_unit
+        from_reference = to_radians * (0.5 * (y1 + y2) - bond[tile.Y_REFERENCE + k])
+        rx, ry = dx * cos_near(bond[tile.METRES_COS + k], sine, from_reference), (y1 - y2) * per_unit
         # One division serves direction, width and thickness: divisions are the slowest of these instructions.
         length = math.sqrt(rx * rx + ry * ry)
         inverse = 1.0 / length

@@ -345,7 +345,7 @@ def _fill_shapes(
     """Find the shapes of tile ``b`` of bonds, those before it are known; returns from where on ``shape`` is free."""
     rest, layers, shape = bonds.rest_length, tiles.layers, tiles.shape[free : free + SHAPE_TILE]
     # Of the same layer, at the elements before.
-    before = tiles.shape_of[max(b - layers, 0)]
+    previous = tiles.shape_of[max(b - layers, 0)]
     filled = -1
     for k in range(LANES):
         bond = tiles.bond_ids[b * LANES + k]
@@ -358,8 +358,8 @@ def _fill_shapes(
         # Lanes without a bond have the shape of one that is there: where a row ends is no reason for a tile of its own.
         if filled >= 0 and tiles.bond_ids[b * LANES + n % LANES] == EMPTY:
             shape[n] = shape[n // LANES * LANES + filled]
-        alike = alike and (filled < 0 or shape[n] == tiles.shape[before + n])
-    tiles.shape_of[b] = before if alike else free
+        alike = alike and (filled < 0 or shape[n] == tiles.shape[previous + n])
+    tiles.shape_of[b] = previous if alike else free
     return free if alike else free + SHAPE_TILE
 
 

@@ -314,7 +314,9 @@ class ForcedElements(NamedTuple):
 
 
 @kernel
-def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surroundings, p: KernelParameters) -> None:
+def find_surroundings(
+    el: Elements | ForcedElements, sizes: Sizes, surroundings: Surroundings, p: KernelParameters
+) -> None:
     """Fill the rows of all elements from the environment that they carry; nothing has been applied yet."""
     # Arrays are taken out of the state before the loop: numba counts references at each access to a field of a named tuple,
     # which would cost more than the forces.
@@ -328,7 +330,7 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
     own_x, own_y, own_rate = env.own_x, env.own_y, env.own_rate
     own_water, own_air, own_ice = env.own_water_drag, env.own_air_drag, env.own_ice_drag
     bond_radius, bond_area, bond_mass = sizes.bond_radius, sizes.bond_area, sizes.bond_mass
-    media, coriolis = around.media, around.coriolis
+    media, coriolis = surroundings.media, surroundings.coriolis
     for e in range(mass.size):
         # In the sub-steps the sea floor sees the sizes that bonds see.
         area, m = (bond_area[e], bond_mass[e]) if p.ground_on_substeps else (width[e] * length[e], mass[e])
@@ -351,8 +353,8 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
         put_row(media, e, 5, rows.sea_floor)
         put_row(media, e, 6, rows.own)
         coriolis[e] = coriolis_parameter(lat[e], p.latlon, p.f_plane, p.reference_latitude)
-    around.acts[SEA_FLOOR] = not p.ground_on_substeps
-    around.applied[:] = 0.0
+    surroundings.acts[SEA_FLOOR] = not p.ground_on_substeps
+    surroundings.applied[:] = 0.0
 
 
 @kernel

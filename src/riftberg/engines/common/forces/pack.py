@@ -46,8 +46,8 @@ def find_fragments_in_pack(body: Ints, media: Floats, in_pack: NDArray[np.bool_]
 def is_any(chosen: NDArray[np.bool_]) -> bool:
     """Whether any is chosen."""
     count = 0
-    for one in chosen:
-        count += int(one)
+    for mark in chosen:
+        count += int(mark)
     return count > 0
 
 
