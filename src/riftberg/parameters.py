@@ -203,13 +203,13 @@ class Parameters(Group):
         Changes that only the explicit engine has (sub-steps, spring bonds, bonds without shear) select its scheme `mts` unless
         they name a scheme. Values of the other engine that the new one lacks must be left out first (`adapted`).
         """
-        made, left_out = self.adapted(**groups)
+        parameters, left_out = self.adapted(**groups)
         if left_out:
             raise InputError(
-                f"stepping.scheme = {made.stepping.scheme!r} has no {', '.join(left_out)}", where="stepping.scheme",
+                f"stepping.scheme = {parameters.stepping.scheme!r} has no {', '.join(left_out)}", where="stepping.scheme",
                 remedy="Leave them out, or take adapted(...), which returns the parameters and what it left out",
             )  # fmt: skip
-        return made
+        return parameters
 
     def adapted(self, /, **groups: Any) -> tuple[Parameters, list[str]]:
         """Return `changed`, and the paths of what the scheme in ``groups`` has not, which is left out.
@@ -380,12 +380,12 @@ GROUPS: Final = tuple(dict.fromkeys(name for engine in ENGINES for name in engin
 
 def fields_by_path(*engines: type[Parameters]) -> dict[str, FieldInfo]:
     """Return the field of each parameter of engines, by default both, by group and name."""
-    found: dict[str, FieldInfo] = {}
+    fields: dict[str, FieldInfo] = {}
     for engine in engines or ENGINES:
-        for group, held in engine.model_fields.items():
-            for name, field in _groups_of(held).model_fields.items():
-                found.setdefault(f"{group}.{name}", field)
-    return found
+        for group, group_field in engine.model_fields.items():
+            for name, field in _groups_of(group_field).model_fields.items():
+                fields.setdefault(f"{group}.{name}", field)
+    return fields
 
 
 def sections_of(group: str) -> tuple[type[Group], ...]:
@@ -395,12 +395,12 @@ def sections_of(group: str) -> tuple[type[Group], ...]:
 
 def kid_quirks() -> dict[str, dict[str, bool]]:
     """Return all quirks of the reference by group and name, each switched on."""
-    found: dict[str, dict[str, bool]] = {}
+    quirks: dict[str, dict[str, bool]] = {}
     for path, field in fields_by_path().items():
         if extra_of(field, "quirk"):
             group, name = path.split(".")
-            found.setdefault(group, {})[name] = True
-    return found
+            quirks.setdefault(group, {})[name] = True
+    return quirks
 
 
 def scheme_asked(groups: Mapping[str, Any]) -> str:
@@ -416,16 +416,16 @@ def engine_of(groups: Mapping[str, Any]) -> type[Parameters]:
     return ExplicitParameters if scheme_asked(groups) in explicit else QuasiStaticParameters
 
 
-def _groups_of(held: FieldInfo) -> type[Group]:
+def _groups_of(field: FieldInfo) -> type[Group]:
     """Return the class of a group."""
-    kind: type[Group] = held.annotation  # type: ignore[assignment]
+    kind: type[Group] = field.annotation  # type: ignore[assignment]
     return kind
 
 
 def _keys_of(engine: type[Parameters], group: str) -> Mapping[str, FieldInfo]:
     """Return the fields of a group, none where an engine has not got it."""
-    held = engine.model_fields.get(group)
-    return {} if held is None else _groups_of(held).model_fields
+    field = engine.model_fields.get(group)
+    return {} if field is None else _groups_of(field).model_fields
 
 
 def _choices(field: FieldInfo) -> list[str]:
@@ -443,17 +443,19 @@ def _tell_of_other_engine() -> None:
         engine._foreign = {
             group: f"it is of {whose}: leave it out{ending}" for group in GROUPS if group not in engine.model_fields
         }
-        for group, held in engine.model_fields.items():
-            kind = _groups_of(held)
+        for group, group_field in engine.model_fields.items():
+            kind = _groups_of(group_field)
             foreign: dict[str, str] = {}
             for name, field in _keys_of(other, group).items():
                 if name not in kind.model_fields:
                     foreign[name] = f"it is of {whose}: {kind._instead.get(name, 'leave it out')}{ending}"
                     continue
-                own = kind.model_fields[name]
-                for choice in set(_choices(field)) - set(_choices(own)):
-                    told = f"{name} = {choice!r}"
-                    foreign[told] = f"{choice!r} is of {whose}: {kind._instead.get(told, allowed(own))}{ending}"
+                own_field = kind.model_fields[name]
+                for choice in set(_choices(field)) - set(_choices(own_field)):
+                    setting = f"{name} = {choice!r}"
+                    foreign[setting] = (
+                        f"{choice!r} is of {whose}: {kind._instead.get(setting, allowed(own_field))}{ending}"
+                    )
             kind._foreign = foreign
 
 
@@ -503,13 +505,13 @@ def _carried_over(
     carried: dict[str, Any] = {}
     left_out: list[str] = []
     for group, inner in values.items():
-        keys, own = _keys_of(engine, group), type(getattr(parameters, group)).model_fields
+        keys, fields = _keys_of(engine, group), type(getattr(parameters, group)).model_fields
         for name, value in inner.items():
             if f"{group}.{name}" == "stepping.scheme":
                 continue
             if name in keys and _may_hold(keys[name], value):
                 carried.setdefault(group, {})[name] = value
-            elif value != own[name].get_default() and value != "none":
+            elif value != fields[name].get_default() and value != "none":
                 left_out.append(f"{group}.{name}")
     return carried, left_out
 

@@ -85,10 +85,10 @@ class Group(Section):
         """Name what there is, with the nearest, for a parameter that is not known."""
         if name.startswith("_"):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        known = type(self).model_fields
-        what = "group" if type(self).__name__ in ("QuasiStaticParameters", "ExplicitParameters") else "parameter"
+        names = type(self).model_fields
+        noun = "group" if type(self).__name__ in ("QuasiStaticParameters", "ExplicitParameters") else "parameter"
         raise AttributeError(
-            f"{type(self).__name__} has no {what} {name!r}. {nearest(name, known)}It has {', '.join(known)}"
+            f"{type(self).__name__} has no {noun} {name!r}. {nearest(name, names)}It has {', '.join(names)}"
         )
 
     def __dir__(self) -> list[str]:
@@ -273,15 +273,15 @@ class Earth(Group):
 
     @model_validator(mode="before")
     @classmethod
-    def _degrees_are_no_metres(cls, given: Any) -> Any:
+    def _degrees_are_no_metres(cls, values: Any) -> Any:
         """Take the default of 360 as no period where positions are metres: nothing is periodic after 360 m."""
         if (
-            isinstance(given, dict)
-            and given.get("latlon") in (False, 0, "false")
-            and given.get("period", 360.0) == 360.0
+            isinstance(values, dict)
+            and values.get("latlon") in (False, 0, "false")
+            and values.get("period", 360.0) == 360.0
         ):
-            return {**given, "period": 0.0}
-        return given
+            return {**values, "period": 0.0}
+        return values
 
 
 class Melt(Group):

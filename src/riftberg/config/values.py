@@ -92,13 +92,13 @@ def sections_in(annotation: Any) -> list[Any]:
     """Return the sections that an annotation names, also as items of lists."""
     if hasattr(annotation, "__pydantic_fields__"):
         return [annotation]
-    return [section for part in get_args(annotation) for section in sections_in(part)]
+    return [section for argument in get_args(annotation) for section in sections_in(argument)]
 
 
 def kinds_of(annotation: Any) -> tuple[Any, ...]:
     """Return the alternatives of an annotation, without None and without checks."""
     if get_origin(annotation) in (Union, types.UnionType):
-        return tuple(kind for part in get_args(annotation) for kind in kinds_of(part) if kind is not type(None))
+        return tuple(kind for argument in get_args(annotation) for kind in kinds_of(argument) if kind is not type(None))
     return kinds_of(get_args(annotation)[0]) if get_origin(annotation) is Annotated else (annotation,)
 
 
@@ -129,9 +129,9 @@ def native(value: Any) -> Any:
         return value.item()
     if hasattr(value, "__array__") and not isinstance(value, type):
         array = np.asarray(value)
-        return native(array[()]) if array.ndim == 0 else [native(part) for part in array]
+        return native(array[()]) if array.ndim == 0 else [native(item) for item in array]
     if type(value) is tuple or type(value) is list:
-        return type(value)(native(part) for part in value)
+        return type(value)(native(item) for item in value)
     return value
 
 
@@ -178,7 +178,7 @@ def _without_unit(value: Any, field: FieldInfo, metres: bool) -> Any:
         if lists:
             return value  # names of files or of parts, and rows of whole numbers, carry no units
         units = _units_of_parts(field, len(value), metres)
-        return [_number(part, field, *unit) for part, unit in zip(value, units, strict=True)]
+        return [_number(item, field, *unit) for item, unit in zip(value, units, strict=True)]
     if isinstance(value, timedelta):
         return to_unit(f"{value.total_seconds()!r} s", unit_of(field))
     if not isinstance(value, str):
@@ -299,12 +299,12 @@ def given(
     except ValidationError as error:
         finding = error.errors()[0]
         field = fields_of(section)[name]
-        what, remedy = finding_text(finding), allowed(field, metres=metres)
+        text, remedy = finding_text(finding), allowed(field, metres=metres)
         if finding["type"] == "value_error":
             remedy = getattr(finding["ctx"]["error"], "remedy", "")
         elif finding["type"] != "finite_number":
-            what = f"{value_shown(plain_value(value, field, metres=metres))} is not possible"
-        raise kind(what, where=where or name, remedy=remedy) from error
+            text = f"{value_shown(plain_value(value, field, metres=metres))} is not possible"
+        raise kind(text, where=where or name, remedy=remedy) from error
 
 
 @cache
@@ -338,61 +338,61 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
     What follows from something else is left out: of an entry that may be a text or a section, what is wrong with the
     section says more: it lies deeper, or is a sentence of ours; a key that is misspelt is not missing too.
     """
-    found: dict[int, tuple[Place, InputError]] = {}
-    known: list[Place] = []
+    errors: dict[int, tuple[Place, InputError]] = {}
+    reported: list[Place] = []
     deepest = sorted(
         enumerate(error.errors()),
         key=lambda item: (-len(item[1]["loc"]), item[1]["type"] == "missing", item[1]["type"] != "value_error"),
     )
     for number, finding in deepest:
         unknown = finding["type"] in ("extra_forbidden", "unexpected_keyword_argument")
-        place, inner, field = _found_at(finding["loc"], section, unknown=unknown)
-        what, remedy = finding_text(finding), "" if field is None else allowed(field, metres=metres)
+        path, inner, field = _found_at(finding["loc"], section, unknown=unknown)
+        text, remedy = finding_text(finding), "" if field is None else allowed(field, metres=metres)
         if finding["type"] == "value_error":
             remedy = getattr(finding["ctx"]["error"], "remedy", "")
         elif unknown:
-            what, remedy, meant = _unknown(place, inner, section)
-            known += meant
+            text, remedy, suggested = _unknown(path, inner, section)
+            reported += suggested
         elif (
             finding["type"] == "literal_error"
-            and (elsewhere := absent_key(inner, f"{place[-1]} = {finding['input']!r}"))[0]
+            and (elsewhere := absent_key(inner, f"{path[-1]} = {finding['input']!r}"))[0]
         ):
-            what, remedy = elsewhere
+            text, remedy = elsewhere
         elif field is not None and finding["type"].startswith("union_tag"):
             sections = sections_in(field.annotation)
-            kinds = [kind for one in sections for kind in get_args(fields_of(one)["kind"].annotation)]
+            kinds = [kind for branch in sections for kind in get_args(fields_of(branch)["kind"].annotation)]
             value = finding["input"].get("kind") if isinstance(finding["input"], dict) else None
-            what = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
+            text = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
             remedy = f"{nearest(str(value), kinds)}Use kind: {', '.join(kinds)}"
-            place = (*place, "kind")
-        if any(other[: len(place)] == place or place[: len(other)] == other for other in known):
+            path = (*path, "kind")
+        if any(other[: len(path)] == path or path[: len(other)] == other for other in reported):
             continue
-        known.append(place)
-        found[number] = place, InputError(what, where=".".join(map(str, place)), remedy=remedy)
-    return [found[number] for number in sorted(found)]
+        reported.append(path)
+        errors[number] = path, InputError(text, where=".".join(map(str, path)), remedy=remedy)
+    return [errors[number] for number in sorted(errors)]
 
 
 def _found_at(
     loc: tuple[str | int, ...], section: Any, *, unknown: bool = False
 ) -> tuple[Place, Any, FieldInfo | None]:
     """Return the place of a finding without pydantic's names of alternatives, the section around it, and its field."""
-    place: Place = ()
+    path: Place = ()
     sections, inner, field = [section], section, None
-    parts = list(loc)
-    while parts:
-        part = parts.pop(0)
-        holder = next((one for one in sections if part in _names_of(one)), None)
-        if isinstance(part, int):
-            place = (*place, part)
+    remaining = list(loc)
+    while remaining:
+        entry = remaining.pop(0)
+        holder = next((branch for branch in sections if entry in _names_of(branch)), None)
+        if isinstance(entry, int):
+            path = (*path, entry)
         elif holder is not None:
-            inner, field, place = holder, _names_of(holder)[part], (*place, part)
+            inner, field, path = holder, _names_of(holder)[entry], (*path, entry)
             sections = sections_in(field.annotation)
-            if field.discriminator and parts:  # what follows is the kind, not a key
-                kind = parts.pop(0)
-                sections = [one for one in sections if kind in get_args(fields_of(one)["kind"].annotation)]
-        elif unknown and not parts and sections:  # the key that is not known
-            return (*place, part), sections[0], None
-    return place, inner, field
+            if field.discriminator and remaining:  # the next one is the kind, not a key
+                kind = remaining.pop(0)
+                sections = [branch for branch in sections if kind in get_args(fields_of(branch)["kind"].annotation)]
+        elif unknown and not remaining and sections:  # the key that is not known
+            return (*path, entry), sections[0], None
+    return path, inner, field
 
 
 def _names_of(section: Any) -> dict[str, FieldInfo]:
@@ -402,22 +402,22 @@ def _names_of(section: Any) -> dict[str, FieldInfo]:
 
 def absent_key(section: Any, name: str) -> tuple[str, str]:
     """Return why a section has not got a key that there was, or is elsewhere, and what to write; empty for any other name."""
-    if now := getattr(section, "_gone", {}).get(name):
-        return "there is no such parameter any more", now
+    if replacement := getattr(section, "_gone", {}).get(name):
+        return "there is no such parameter any more", replacement
     return getattr(section, "_foreign", {}).get(name, ""), ""
 
 
-def _unknown(place: Place, section: Any, outer: Any) -> tuple[str, str, list[Place]]:
+def _unknown(path: Place, section: Any, outer: Any) -> tuple[str, str, list[Place]]:
     """Say that a key is not known, and return the places that may have been meant by it."""
     names = [name for name, field in _names_of(section).items() if not extra_of(field, "hidden")]
-    why, now = absent_key(section, str(place[-1]))
+    why, replacement = absent_key(section, str(path[-1]))
     if why:
-        return why, now, []
-    what, has = getattr(section, "_unknown_key", ("there is no such key", "Allowed here: "))
-    hint = nearest(str(place[-1]), names)
-    holder = str(place[-2]) if len(place) > 1 else section.__name__
-    meant = [(*place[:-1], name) for name in names if repr(name) in hint]
-    return what, f"{hint}{has.format(holder)}{', '.join(names)}", meant
+        return why, replacement, []
+    text, has = getattr(section, "_unknown_key", ("there is no such key", "Allowed here: "))
+    hint = nearest(str(path[-1]), names)
+    holder = str(path[-2]) if len(path) > 1 else section.__name__
+    suggested = [(*path[:-1], name) for name in names if repr(name) in hint]
+    return text, f"{hint}{has.format(holder)}{', '.join(names)}", suggested
 
 
 def explained(
@@ -425,18 +425,18 @@ def explained(
 ) -> InputError:
     """Return what pydantic found in a section as one error, each place below the section's name."""
     faults = []
-    for place, fault in findings(error, section, metres=metres):
-        where = ".".join([*([name] if name and place else []), *map(str, place)])
+    for path, fault in findings(error, section, metres=metres):
+        where = ".".join([*([name] if name and path else []), *map(str, path)])
         faults.append(kind(fault.what, where=where, remedy=fault.remedy))
     return together(faults)
 
 
 def required(
-    value: Any, kinds: type | tuple[type, ...], wanted: str, *, where: str, kind: type[InputError] = InputError
+    value: Any, kinds: type | tuple[type, ...], expected: str, *, where: str, kind: type[InputError] = InputError
 ) -> None:
     """Refuse an argument of another kind than is wanted, in words."""
     if not isinstance(value, kinds) or isinstance(value, bool):
-        raise kind(f"{value_shown(value)} cannot be used here", where=where, remedy=f"Give {wanted}")
+        raise kind(f"{value_shown(value)} cannot be used here", where=where, remedy=f"Give {expected}")
 
 
 def check_names(options: Mapping[str, Any], kind: type, *also: str) -> None:
@@ -452,10 +452,10 @@ def check_names(options: Mapping[str, Any], kind: type, *also: str) -> None:
     TypeError: unexpected keyword argument 'lenght'. Did you mean 'length'? It may be length
 
     """
-    known = (*also, *kind.__annotations__)
+    names = (*also, *kind.__annotations__)
     for name in options:
-        if name not in known:
-            raise TypeError(f"unexpected keyword argument {name!r}. {nearest(name, known)}It may be {', '.join(known)}")
+        if name not in names:
+            raise TypeError(f"unexpected keyword argument {name!r}. {nearest(name, names)}It may be {', '.join(names)}")
 
 
 def moment(value: Any, *, where: str) -> datetime:
@@ -487,8 +487,8 @@ def parse_date(text: str, *, where: str = "", model_years: bool = False) -> tupl
         if text.isdigit() and len(text) == 7:
             when = datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1)
             if when.year != int(text[:4]):
-                what = f"{text!r}: {text[:4]} has no day {int(text[4:])}"
-                raise InputError(what, where=where, remedy="Write the year and its day, such as 2020352")
+                fault = f"{text!r}: {text[:4]} has no day {int(text[4:])}"
+                raise InputError(fault, where=where, remedy="Write the year and its day, such as 2020352")
         elif text.isdigit() and len(text) == 8:
             when = datetime.strptime(text, "%Y%m%d")
         else:
@@ -531,44 +531,46 @@ def nanoseconds(
     array(['2020-12-09T13:00:00.000000000'], dtype='datetime64[ns]')
 
     """
-    given = np.asarray(dates)
-    given = given if given.dtype.kind == "M" else given.astype("datetime64[us]")
-    years = given.astype("datetime64[Y]").astype(np.int64) + 1970
-    beyond = ~np.isnat(given) & ((years < FIRST_YEAR) | (years > LAST_YEAR))
+    moments = np.asarray(dates)
+    moments = moments if moments.dtype.kind == "M" else moments.astype("datetime64[us]")
+    years = moments.astype("datetime64[Y]").astype(np.int64) + 1970
+    beyond = ~np.isnat(moments) & ((years < FIRST_YEAR) | (years > LAST_YEAR))
     if beyond.any():
-        wrong = given[beyond].ravel()
-        several = (
-            f"{wrong.size} of {given.size} dates, the first {wrong[0]}, lie" if given.size > 1 else f"{wrong[0]} lies"
+        wrong = moments[beyond].ravel()
+        summary = (
+            f"{wrong.size} of {moments.size} dates, the first {wrong[0]}, lie"
+            if moments.size > 1
+            else f"{wrong[0]} lies"
         )
         raise kind(
-            f"{several} outside the years {FIRST_YEAR} to {LAST_YEAR} that dates can be kept in", where=where,
+            f"{summary} outside the years {FIRST_YEAR} to {LAST_YEAR} that dates can be kept in", where=where,
             remedy=remedy,
         )  # fmt: skip
-    return given.astype("datetime64[ns]")
+    return moments.astype("datetime64[ns]")
 
 
 def check_degrees(
-    place: tuple[float, float], *, where: str = "", kind: type[InputError] | type[UnfitError] = UnfitError
+    position: tuple[float, float], *, where: str = "", kind: type[InputError] | type[UnfitError] = UnfitError
 ) -> None:
     """Refuse two numbers that cannot be degrees of longitude and latitude."""
-    if not (abs(place[0]) <= 540.0 and abs(place[1]) <= 180.0):
+    if not (abs(position[0]) <= 540.0 and abs(position[1]) <= 180.0):
         raise kind(
-            f"{list(place)} is no longitude and latitude in degrees", where=where, remedy="Longitude stands first"
+            f"{list(position)} is no longitude and latitude in degrees", where=where, remedy="Longitude stands first"
         )
 
 
 def check_place(
-    place: tuple[float, float], *, where: str = "", kind: type[InputError] | type[UnfitError] = UnfitError,
+    position: tuple[float, float], *, where: str = "", kind: type[InputError] | type[UnfitError] = UnfitError,
     south: float = -90.0, north: float = 90.0,
 ) -> None:  # fmt: skip
     """Refuse a place that is none on Earth, where only swapped coordinates put a berg.
 
-    ``place``: longitude and latitude, degrees.
+    ``position``: longitude and latitude, degrees.
     """
-    check_degrees(place, where=where, kind=kind)
-    if not south <= place[1] <= north:
+    check_degrees(position, where=where, kind=kind)
+    if not south <= position[1] <= north:
         raise kind(
-            f"latitude {place[1]:g} has no sea for a berg: are longitude and latitude swapped?", where=where,
+            f"latitude {position[1]:g} has no sea for a berg: are longitude and latitude swapped?", where=where,
             remedy=f"Write [longitude, latitude], with a latitude from {south:g} to {north:g}",
         )  # fmt: skip
 
@@ -600,13 +602,13 @@ def numbers(value: Any, unit: str, *, where: str, kind: type[InputError] = Input
         except ValueError:  # of NumPy: rows of different lengths
             raise ValueError(f"{value_shown(value)} is no array of numbers") from None
         if array.dtype.kind in "OUS":
-            array = np.array([_number_in(part, unit) for part in array.ravel().tolist()]).reshape(array.shape)
+            array = np.array([_number_in(item, unit) for item in array.ravel().tolist()]).reshape(array.shape)
         if array.dtype.kind not in "fiu":
             raise ValueError(f"{value_shown(value)} is no number")
-        known = array.astype(np.float64)
+        floats = array.astype(np.float64)
         if isinstance(value, np.ma.MaskedArray):
-            known[np.ma.getmaskarray(value)] = np.nan
-        return known
+            floats[np.ma.getmaskarray(value)] = np.nan
+        return floats
     except ValueError as error:
         measured = f", in {unit}" if unit not in ("", "1") else ""
         raise kind(str(error), where=where, remedy=f"Allowed: a number or an array of numbers{measured}") from error
@@ -690,10 +692,10 @@ PLACE: dict[str, Any] = {"place": True}
 """Marks a key as a place: longitude and latitude, or x and y in m where positions are metres."""
 
 
-def _sea(place: Pair, info: ValidationInfo) -> Pair:
+def _sea(position: Pair, info: ValidationInfo) -> Pair:
     if not in_metres(info):
-        check_place(place)
-    return place
+        check_place(position)
+    return position
 
 
 Position = Annotated[Pair, AfterValidator(_sea)]
@@ -712,7 +714,7 @@ def at_most(limit: float, unit: str) -> AfterValidator:
     """Return the check of one value, or each of several, against what is larger than anything in nature."""
 
     def check(value: Any) -> Any:
-        if any(abs(part) > limit for part in (value if isinstance(value, tuple) else (value,))):
+        if any(abs(item) > limit for item in (value if isinstance(value, tuple) else (value,))):
             raise UnfitError(f"{value} is not possible; the most is {limit:g} {unit}")
         return value
 
