@@ -40,7 +40,7 @@ from riftberg.physics.floating import roll
 from riftberg.physics.geometry import move, separation, wrap_around
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
-from riftberg.state.population import listed, numbered, rows_of
+from riftberg.state.population import find_rows, listed, numbered
 
 _LARGEST: Final = 2.0**32 - 1.0
 
@@ -531,7 +531,7 @@ def follow_growth(el: Elements, grown: Floats, dt: float, remembered: MutableMap
 def growth_of(el: Elements, remembered: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the mean rate (m s-1) at which the feet of the elements grow, 0 where it is not known, and where it is."""
     ids, means = np.asarray(remembered.get(FOOT_GROWTH, np.zeros((0, 2)))).T
-    row, known = rows_of(ids.astype(np.int64), el.body.id)
+    row, known = find_rows(ids.astype(np.int64), el.body.id)
     mean = np.zeros(el.size)
     mean[known] = means[row[known]]
     return mean, known

@@ -62,7 +62,7 @@ class Population:
     def rows(self, ids: Any) -> Ints:
         """Return the rows of elements."""
         requested = np.atleast_1d(np.asarray(ids, np.int64))
-        row, exists = rows_of(self._elements.body.id, requested)
+        row, exists = find_rows(self._elements.body.id, requested)
         if not exists.all():
             raise InputError(
                 f"no element has the identifier {requested[~exists][0]}",
@@ -264,7 +264,7 @@ def changed_rows(
         for current, old in zip(values, values_before, strict=True):
             changed |= current != old
         return changed
-    row, existed = rows_of(ids_before, ids)
+    row, existed = find_rows(ids_before, ids)
     changed = ~existed
     for current, old in zip(values, values_before, strict=True):
         changed |= current != old[row]
@@ -274,12 +274,12 @@ def changed_rows(
 def by_identifier(ids: Ints, values: Floats, requested: Ints) -> Floats:
     """Return rows of values in the order of other identifiers; zeros for those that have none."""
     ordered = np.zeros((requested.size, *values.shape[1:]))
-    row, exists = rows_of(ids, requested)
+    row, exists = find_rows(ids, requested)
     ordered[exists] = values[row[exists]]
     return ordered
 
 
-def rows_of(ids: Ints, requested: Ints) -> tuple[Ints, NDArray[np.bool_]]:
+def find_rows(ids: Ints, requested: Ints) -> tuple[Ints, NDArray[np.bool_]]:
     """Return the row of each wanted identifier, any one where it is not there, and whether it is there."""
     if ids.size == 0:
         return np.zeros(requested.size, np.int64), np.zeros(requested.size, np.bool_)

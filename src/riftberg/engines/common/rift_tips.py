@@ -14,7 +14,7 @@ from riftberg.engines.common.crack_tips import RUN_OUT, CrackTips
 from riftberg.parameters import Parameters
 from riftberg.physics.crack_tip import hoop_intensity
 from riftberg.state import Bonds, Elements, Ints
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 MOST_TOLD: Final = 6
 """Tips that are told one by one, those that stand nearest to their toughness."""
@@ -57,7 +57,7 @@ def given_rifts(bonds: Bonds) -> Ints:
 
 def standing_tips(tips: CrackTips, el: Elements, bonds: Bonds) -> list[RiftTip]:
     """Return the tips of rifts that stand in the ice; a tip that has reached the outline or another crack does not."""
-    rows, exists = rows_of(el.body.id, tips.beside.ravel())
+    rows, exists = find_rows(el.body.id, tips.beside.ravel())
     first, second = rows.reshape(-1, 2).T
     both_there = exists.reshape(-1, 2).all(axis=1)
     is_rift = np.isin(tips.crack, given_rifts(bonds)) & (tips.intensity[:, 2] > RUN_OUT)

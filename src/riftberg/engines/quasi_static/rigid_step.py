@@ -51,7 +51,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import invert
 from riftberg.physics.sea_ice import LOCKED
 from riftberg.state import Bonds, Elements, Floats, Ints, Motion, Shown
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 EVERY_MEDIUM, NOTHING = np.ones(len(MEDIA), np.bool_), np.empty((1, 0, 0))
 """What `evaluate_forcing` is given in the place of the results of a velocity solve."""
@@ -233,7 +233,7 @@ def sync_bodies(
     """
     body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
     count = int(body.max()) + 1
-    row, known = rows_of(snapshot.id, el.body.id)
+    row, known = find_rows(snapshot.id, el.body.id)
     now = _arrays_of(el)
     differs = {name: a != b[row] for name, a, b in zip(StepSnapshot._fields, now, snapshot, strict=True)}
     moved = ~known | differs["lon"] | differs["lat"]

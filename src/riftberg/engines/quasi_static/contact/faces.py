@@ -38,7 +38,7 @@ from riftberg.engines.quasi_static.contact.islands import (
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, Footprints, body_footprint
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import near_pairs
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 DRIVEN: Final = 2e-4
 """Acceleration (m s-2) at which media drive two bergs together at most: twice that of the Coriolis force at 0.7 m/s."""
@@ -111,7 +111,7 @@ class FaceContact:
             farthest, away = np.zeros(footprints.element.size), footprints.corner - footprints.centre[of]
             np.maximum.at(farthest, of, np.hypot(away[:, 0], away[:, 1]))
             self._reach = footprints, farthest
-        rows = rows_of(footprints.element, body.id)[0]
+        rows = find_rows(footprints.element, body.id)[0]
         return np.asarray(self._reach[1][rows] * np.sqrt(body.length * body.width / footprints.size[rows]))
 
     def force(self, model: RunState) -> Floats:
@@ -120,7 +120,7 @@ class FaceContact:
         lasting = s[:, SINCE] >= LASTING
         if not lasting.any():
             return out
-        rows, known = rows_of(model.elements.body.id, self.pairs.pair.ravel())
+        rows, known = find_rows(model.elements.body.id, self.pairs.pair.ravel())
         rows, both = rows.reshape(-1, 2), known.reshape(-1, 2).all(axis=1) & lasting
         for side, sign, torque in ((0, -1.0, TORQUE_1), (1, 1.0, TORQUE_2)):
             push = np.column_stack([sign * s[:, PUSH_X], sign * s[:, PUSH_Y], s[:, torque]])

@@ -25,7 +25,7 @@ from riftberg.engines.common.lattices import laid_flat, lattices, outline_of_cel
 from riftberg.engines.common.run_state import RunState
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 
 class Footprints(NamedTuple):
@@ -64,7 +64,7 @@ def with_new_footprints(
     ``outlines``: polygons (shapely) in the coordinates of positions, each of which its elements fill. Ice without one ends
     where its elements do.
     """
-    known = np.zeros(el.size, bool) if footprints is None else rows_of(footprints.element, el.body.id)[1]
+    known = np.zeros(el.size, bool) if footprints is None else find_rows(footprints.element, el.body.id)[1]
     if footprints is not None and known.all():
         return footprints
     radius = interaction_sizes(el, p).radius
@@ -185,14 +185,14 @@ def divided_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foo
     for owner, ring in zip(footprints.owner, np.split(footprints.corner, footprints.start[1:-1]), strict=True):
         rings[owner].append(ring)
     berg = np.zeros(footprints.element.size, np.int64)  # 0: melted away
-    rows, known = rows_of(el.body.id, footprints.element)
+    rows, known = find_rows(el.body.id, footprints.element)
     berg[known] = el.berg[rows[known]]
     for crack in np.unique(bonds.crack[new]).tolist():
         rows = parted[bonds.crack[parted] == crack]
         rows = rows[np.argsort(bonds.crack_order[rows])]
         for run in np.split(rows, np.flatnonzero(np.diff(bonds.crack_order[rows]) != 1) + 1):
             if run.size > 1 and np.isin(run, new).any():  # a line of one crossing has no direction
-                i, j = (rows_of(footprints.element, el.body.id[ends[run]])[0] for ends in (bonds.first, bonds.second))
+                i, j = (find_rows(footprints.element, el.body.id[ends[run]])[0] for ends in (bonds.first, bonds.second))
                 _divide(rings, footprints, berg, i, j, bonds.crack_part[run])
     every = [ring for of in rings for ring in of]
     return footprints._replace(
@@ -252,7 +252,7 @@ def body_footprint(
     ``body``: fragment of each of the elements ``rows``; one where none is given. ``shrinks``: whether they have melted from the
     sides since they were made.
     """
-    at, known = rows_of(footprints.element, el.body.id[rows])
+    at, known = find_rows(footprints.element, el.body.id[rows])
     assert known.all()
     body = np.zeros(rows.size, np.int64) if body is None else body
     count, number = int(body.max(initial=0)) + 1, np.bincount(body)
