@@ -47,7 +47,7 @@ from riftberg.config.quasi_static_groups import (
     QuasiStaticStepping,
     Seabed,
 )
-from riftberg.config.values import allowed, extra_of, kinds_of, unit_of, words_for_nothing
+from riftberg.config.values import allowed, field_extra, field_unit, value_kinds, words_for_nothing
 from riftberg.constants import AIR_DRAG_SIDE, AIR_DRAG_TOP, OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE, SEA_ICE_DRAG_SIDE
 from riftberg.errors import InputError
 from riftberg.physics.sea_ice import LIMITED, LOCKED, NO_CAPTURE, OF_REFERENCE
@@ -188,7 +188,7 @@ class Parameters(Group):
             for key, field in type(group).model_fields.items():
                 value = getattr(group, key)
                 if value != field.get_default():
-                    cells = (f"{name}.{key}", f"{value} {unit_of(field)}", str(field.description or ""))
+                    cells = (f"{name}.{key}", f"{value} {field_unit(field)}", str(field.description or ""))
                     rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
         note = "all others have their defaults; see describe()"
         return f"<table><caption>Parameters ({note})</caption>{''.join(rows)}</table>"
@@ -397,7 +397,7 @@ def kid_quirks() -> dict[str, dict[str, bool]]:
     """Return all quirks of the reference by group and name, each switched on."""
     quirks: dict[str, dict[str, bool]] = {}
     for path, field in fields_by_path().items():
-        if extra_of(field, "quirk"):
+        if field_extra(field, "quirk"):
             group, name = path.split(".")
             quirks.setdefault(group, {})[name] = True
     return quirks
@@ -430,7 +430,7 @@ def _keys_of(engine: type[Parameters], group: str) -> Mapping[str, FieldInfo]:
 
 def _choices(field: FieldInfo) -> list[str]:
     """Return the words among which a field chooses."""
-    return [choice for kind in kinds_of(field.annotation) for choice in get_args(kind) if isinstance(choice, str)]
+    return [choice for kind in value_kinds(field.annotation) for choice in get_args(kind) if isinstance(choice, str)]
 
 
 def _tell_of_other_engine() -> None:
@@ -462,8 +462,8 @@ def _tell_of_other_engine() -> None:
 _tell_of_other_engine()
 
 _KERNEL_NAMES: Final = {
-    str(extra_of(field, "kernel")): (*path.split("."), field.get_default())
-    for path, field in fields_by_path().items() if extra_of(field, "kernel")
+    str(field_extra(field, "kernel")): (*path.split("."), field.get_default())
+    for path, field in fields_by_path().items() if field_extra(field, "kernel")
 }  # fmt: skip
 """Names in compiled code of parameters that it reads as they stand: group, name, and the value for the engine without it."""
 
@@ -548,7 +548,7 @@ _QUIRKS_OF_LIFE: Final = {
     name: group
     for group in ("melt", "rolling", "footloose", "calving")
     for name in Parameters.model_fields[group].annotation.model_fields  # type: ignore[union-attr]
-    if extra_of(fields_by_path()[f"{group}.{name}"], "hidden")
+    if field_extra(fields_by_path()[f"{group}.{name}"], "hidden")
 }
 """Group of the quirks of melt and calving, which stood under `compatibility` in earlier versions."""
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from riftberg import Parameters
 from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
 from riftberg.cli.main import app
-from riftberg.config.values import fields_of, given, moment, parse_date
+from riftberg.config.values import given, moment, parse_date, section_fields
 from riftberg.errors import InputError
 from riftberg.experiments import build
 from riftberg.experiments.changes import parse_settings
@@ -169,7 +169,7 @@ SECTIONS: list[type[BaseModel]] = [
     FileForcing, NamedFiles, ExperimentForcing, *FORMULAS.values(),
     *(section for group in GROUPS for section in sections_of(group)),
 ]  # fmt: skip
-FIELDS = [(section, name) for section in SECTIONS for name in fields_of(section)]
+FIELDS = [(section, name) for section in SECTIONS for name in section_fields(section)]
 
 
 @pytest.mark.quick(100)

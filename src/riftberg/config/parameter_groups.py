@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Final, Literal
 from pydantic import BaseModel, ValidationError, model_validator
 
 from riftberg import constants
-from riftberg.config.values import Section, UnfitError, Usual, explained, fields_of, key, sections_in
+from riftberg.config.values import Section, UnfitError, Usual, explained, key, nested_sections, section_fields
 from riftberg.errors import InputError, nearest
 from riftberg.system.input_files import value_shown
 
@@ -63,7 +63,7 @@ class Group(Section):
             super().__init__(**given)
         except ValidationError as error:
             group = type(self)
-            outer = any(sections_in(field.annotation) for field in fields_of(group).values())
+            outer = any(nested_sections(field.annotation) for field in section_fields(group).values())
             raise explained(error, group, name="" if outer else group.__name__) from error
 
     # Tells pydantic not to call it for groups within groups: the first mistake there would end the search for more.
@@ -72,7 +72,7 @@ class Group(Section):
     @classmethod
     def _no_section(cls, value: Any) -> UnfitError:
         """Return the refusal of what is no group."""
-        remedy = f"Give {cls.__name__}(...) or a dict with {', '.join(fields_of(cls))}"
+        remedy = f"Give {cls.__name__}(...) or a dict with {', '.join(section_fields(cls))}"
         return UnfitError(f"{value_shown(value)} is no group of parameters", remedy)
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from riftberg.config.explicit_groups import Compatibility
-from riftberg.config.values import Usual, extra_of, unit_of
+from riftberg.config.values import Usual, field_extra, field_unit
 
 _CURRENT: Final = Usual(-3.0, 3.0, "the Gulf Stream reaches 2.5 m s-1", "m s-1")
 _WIND: Final = Usual(-50.0, 50.0, "a hurricane begins at 33 m s-1", "m s-1")
@@ -144,10 +144,10 @@ def _of_parameters(parameters: Any) -> Iterator[tuple[str, Usual, Any, str]]:
     for group in type(parameters).model_fields:
         section = getattr(parameters, group)
         for key, field in type(section).model_fields.items():
-            usual, value = extra_of(field, "usual"), getattr(section, key)
+            usual, value = field_extra(field, "usual"), getattr(section, key)
             on_plane = (group, key) == ("earth", "radius") and not section.latlon
             if usual is not None and value is not None and not on_plane:
-                yield f"{group}.{key}", usual, value, unit_of(field)
+                yield f"{group}.{key}", usual, value, field_unit(field)
 
 
 def _of_forcing(forcing: Any) -> Iterator[tuple[str, Usual, Any, str]]:

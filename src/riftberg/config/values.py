@@ -71,35 +71,37 @@ def finding_text(finding: Any) -> str:
     return f"{value_shown(finding['input'])} is {'no finite number' if kind == 'finite_number' else 'not possible'}"
 
 
-def extra_of(field: FieldInfo, name: str) -> Any:
+def field_extra(field: FieldInfo, name: str) -> Any:
     """Return something else that is said of a field, such as its usual range; None where nothing is."""
     extra = field.json_schema_extra
     return extra.get(name) if isinstance(extra, dict) else None
 
 
-def unit_of(field: FieldInfo) -> str:
+def field_unit(field: FieldInfo) -> str:
     """Return the unit of a field, empty where it has none."""
-    return str(extra_of(field, "unit") or "")
+    return str(field_extra(field, "unit") or "")
 
 
-def fields_of(section: Any) -> dict[str, FieldInfo]:
+def section_fields(section: Any) -> dict[str, FieldInfo]:
     """Return the fields of a section: a model or a dataclass of pydantic."""
     fields: dict[str, FieldInfo] = section.__pydantic_fields__
     return fields
 
 
-def sections_in(annotation: Any) -> list[Any]:
+def nested_sections(annotation: Any) -> list[Any]:
     """Return the sections that an annotation names, also as items of lists."""
     if hasattr(annotation, "__pydantic_fields__"):
         return [annotation]
-    return [section for argument in get_args(annotation) for section in sections_in(argument)]
+    return [section for argument in get_args(annotation) for section in nested_sections(argument)]
 
 
-def kinds_of(annotation: Any) -> tuple[Any, ...]:
+def value_kinds(annotation: Any) -> tuple[Any, ...]:
     """Return the alternatives of an annotation, without None and without checks."""
     if get_origin(annotation) in (Union, types.UnionType):
-        return tuple(kind for argument in get_args(annotation) for kind in kinds_of(argument) if kind is not type(None))
-    return kinds_of(get_args(annotation)[0]) if get_origin(annotation) is Annotated else (annotation,)
+        return tuple(
+            kind for argument in get_args(annotation) for kind in value_kinds(argument) if kind is not type(None)
+        )
+    return value_kinds(get_args(annotation)[0]) if get_origin(annotation) is Annotated else (annotation,)
 
 
 def native(value: Any) -> Any:
@@ -140,7 +142,7 @@ def plain_value(value: Any, field: FieldInfo, *, metres: bool = False) -> Any:
 
     ``metres``: places are x and y in m, not longitude and latitude.
     """
-    value, kinds = native(value), kinds_of(field.annotation)
+    value, kinds = native(value), value_kinds(field.annotation)
     # What would silently pass for something else: true for 1, a number for a date, a section for a value.
     if isinstance(value, dict) and not all(isinstance(name, str) for name in value):
         raise UnfitError("a key that is no word", "Keys are plain words, such as fracture")
@@ -167,24 +169,24 @@ def plain_value(value: Any, field: FieldInfo, *, metres: bool = False) -> Any:
 
 
 def _without_unit(value: Any, field: FieldInfo, metres: bool) -> Any:
-    kinds = kinds_of(field.annotation)
+    kinds = value_kinds(field.annotation)
     lists = [kind for kind in kinds if get_origin(kind) is list]
-    if isinstance(value, dict | str) and any(sections_in(kind) or get_args(kind) == (str,) for kind in lists):
+    if isinstance(value, dict | str) and any(nested_sections(kind) or get_args(kind) == (str,) for kind in lists):
         value = [value]
-    elif lists == list(kinds) and sections_in(lists[0]) and not isinstance(value, list | tuple):
-        keys = ", ".join(fields_of(sections_in(lists[0])[0]))
+    elif lists == list(kinds) and nested_sections(lists[0]) and not isinstance(value, list | tuple):
+        keys = ", ".join(section_fields(nested_sections(lists[0])[0]))
         raise UnfitError(f"{value_shown(value)} is no section and no list of sections", f"Each has the keys {keys}")
     if isinstance(value, list | tuple):
         if lists:
             return value  # names of files or of parts, and rows of whole numbers, carry no units
-        units = _units_of_parts(field, len(value), metres)
+        units = _item_units(field, len(value), metres)
         return [_number(item, field, *unit) for item, unit in zip(value, units, strict=True)]
     if isinstance(value, timedelta):
-        return to_unit(f"{value.total_seconds()!r} s", unit_of(field))
+        return to_unit(f"{value.total_seconds()!r} s", field_unit(field))
     if not isinstance(value, str):
         return value
     if str in kinds:  # a name; where a number may stand too (a thickness), what begins like one is one
-        return _number(value, field, unit_of(field)) if float in kinds and looks_like_quantity(value) else value
+        return _number(value, field, field_unit(field)) if float in kinds and looks_like_quantity(value) else value
     if type(None) in get_args(field.annotation) and value.lower() in words_for_nothing(field):
         return None
     if bool in kinds:
@@ -192,25 +194,25 @@ def _without_unit(value: Any, field: FieldInfo, metres: bool) -> Any:
     if any(get_origin(kind) is tuple for kind in kinds):
         return _without_unit(value.strip("()[] ").split(","), field, metres)
     if float in kinds or int in kinds:
-        return _number(value, field, unit_of(field), "NS" if "latitude" in (field.description or "") else "")
+        return _number(value, field, field_unit(field), "NS" if "latitude" in (field.description or "") else "")
     return value
 
 
 def words_for_nothing(field: FieldInfo) -> tuple[str, ...]:
     """Words that leave a field to the others, the usual one first; "none" may be a choice of its own."""
-    choices = [choice for kind in kinds_of(field.annotation) for choice in get_args(kind)]
+    choices = [choice for kind in value_kinds(field.annotation) for choice in get_args(kind)]
     return ("auto", "null", "") if "none" in choices else ("none", "null", "auto", "")
 
 
-def _units_of_parts(field: FieldInfo, size: int, metres: bool) -> list[tuple[str, str]]:
+def _item_units(field: FieldInfo, size: int, metres: bool) -> list[tuple[str, str]]:
     """Return the unit of each of several numbers, and the letters that may stand behind it."""
-    units = extra_of(field, "units")
+    units = field_extra(field, "units")
     if units and len(units) == size:  # velocity and thickness of sea ice
         return [(unit, "") for unit in units]
-    if metres and extra_of(field, "place"):
+    if metres and field_extra(field, "place"):
         return [("m", "")] * size
-    letters = _COMPASS.get(size) if unit_of(field) == "degree" else None
-    return [(unit_of(field), letter) for letter in letters or ("",) * size]
+    letters = _COMPASS.get(size) if field_unit(field) == "degree" else None
+    return [(field_unit(field), letter) for letter in letters or ("",) * size]
 
 
 def _flag(text: str) -> bool:
@@ -252,7 +254,7 @@ def _number(text: Any, field: FieldInfo, unit: str, letters: str = "") -> Any:
     if not looks_like_quantity(text):
         raise ValueError(f"{value_shown(text)} is not a number")
     number = to_unit(text, unit)
-    return int(number) if int in kinds_of(field.annotation) and number.is_integer() else number
+    return int(number) if int in value_kinds(field.annotation) and number.is_integer() else number
 
 
 def allowed(field: FieldInfo, *, metres: bool = False) -> str:
@@ -267,9 +269,9 @@ def allowed(field: FieldInfo, *, metres: bool = False) -> str:
             limits.append(f"of at most {most} letters")
         if getattr(item, "min_length", None):
             limits.append("not empty")
-    kinds = [_kind_name(kind) for kind in kinds_of(field.annotation)]
+    kinds = [_kind_name(kind) for kind in value_kinds(field.annotation)]
     text = "Allowed: " + " or ".join(kinds) + (" " + " and ".join(limits) if limits else "")
-    unit = "m" if metres and extra_of(field, "place") else unit_of(field)
+    unit = "m" if metres and field_extra(field, "place") else field_unit(field)
     text += f", in {unit}" if unit not in ("", "1") else ""
     text += f" or {words_for_nothing(field)[0]}" if type(None) in get_args(field.annotation) else ""
     # What follows a semicolon is about special cases, which are hard to read in brackets.
@@ -298,7 +300,7 @@ def given(
         return _adapter(section, name).validate_python(value, context={"metres": metres})
     except ValidationError as error:
         finding = error.errors()[0]
-        field = fields_of(section)[name]
+        field = section_fields(section)[name]
         text, remedy = finding_text(finding), allowed(field, metres=metres)
         if finding["type"] == "value_error":
             remedy = getattr(finding["ctx"]["error"], "remedy", "")
@@ -309,13 +311,13 @@ def given(
 
 @cache
 def _adapter(section: Any, name: str) -> TypeAdapter[Any]:
-    field = fields_of(section)[name]
+    field = section_fields(section)[name]
 
     def plain(value: Any, info: ValidationInfo) -> Any:
         return plain_value(value, field, metres=in_metres(info))
 
     annotation: Any = Annotated[(field.annotation, *field.metadata, BeforeValidator(plain))]
-    inner = isinstance(field.annotation, type) and bool(sections_in(field.annotation))  # it has a config of its own
+    inner = isinstance(field.annotation, type) and bool(nested_sections(field.annotation))  # it has a config of its own
     return TypeAdapter(annotation, config=None if inner else {"allow_inf_nan": False})
 
 
@@ -346,7 +348,7 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
     )
     for number, finding in deepest:
         unknown = finding["type"] in ("extra_forbidden", "unexpected_keyword_argument")
-        path, inner, field = _found_at(finding["loc"], section, unknown=unknown)
+        path, inner, field = _locate_finding(finding["loc"], section, unknown=unknown)
         text, remedy = finding_text(finding), "" if field is None else allowed(field, metres=metres)
         if finding["type"] == "value_error":
             remedy = getattr(finding["ctx"]["error"], "remedy", "")
@@ -359,8 +361,8 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
         ):
             text, remedy = elsewhere
         elif field is not None and finding["type"].startswith("union_tag"):
-            sections = sections_in(field.annotation)
-            kinds = [kind for branch in sections for kind in get_args(fields_of(branch)["kind"].annotation)]
+            sections = nested_sections(field.annotation)
+            kinds = [kind for branch in sections for kind in get_args(section_fields(branch)["kind"].annotation)]
             value = finding["input"].get("kind") if isinstance(finding["input"], dict) else None
             text = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
             remedy = f"{nearest(str(value), kinds)}Use kind: {', '.join(kinds)}"
@@ -372,7 +374,7 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
     return [errors[number] for number in sorted(errors)]
 
 
-def _found_at(
+def _locate_finding(
     loc: tuple[str | int, ...], section: Any, *, unknown: bool = False
 ) -> tuple[Place, Any, FieldInfo | None]:
     """Return the place of a finding without pydantic's names of alternatives, the section around it, and its field."""
@@ -381,23 +383,25 @@ def _found_at(
     remaining = list(loc)
     while remaining:
         entry = remaining.pop(0)
-        holder = next((branch for branch in sections if entry in _names_of(branch)), None)
+        holder = next((branch for branch in sections if entry in _named_fields(branch)), None)
         if isinstance(entry, int):
             path = (*path, entry)
         elif holder is not None:
-            inner, field, path = holder, _names_of(holder)[entry], (*path, entry)
-            sections = sections_in(field.annotation)
+            inner, field, path = holder, _named_fields(holder)[entry], (*path, entry)
+            sections = nested_sections(field.annotation)
             if field.discriminator and remaining:  # the next one is the kind, not a key
                 kind = remaining.pop(0)
-                sections = [branch for branch in sections if kind in get_args(fields_of(branch)["kind"].annotation)]
+                sections = [
+                    branch for branch in sections if kind in get_args(section_fields(branch)["kind"].annotation)
+                ]
         elif unknown and not remaining and sections:  # the key that is not known
             return (*path, entry), sections[0], None
     return path, inner, field
 
 
-def _names_of(section: Any) -> dict[str, FieldInfo]:
+def _named_fields(section: Any) -> dict[str, FieldInfo]:
     """Return the fields of a section by the names that a person gives them."""
-    return {field.alias or name: field for name, field in fields_of(section).items()}
+    return {field.alias or name: field for name, field in section_fields(section).items()}
 
 
 def absent_key(section: Any, name: str) -> tuple[str, str]:
@@ -409,7 +413,7 @@ def absent_key(section: Any, name: str) -> tuple[str, str]:
 
 def _unknown(path: Place, section: Any, outer: Any) -> tuple[str, str, list[Place]]:
     """Say that a key is not known, and return the places that may have been meant by it."""
-    names = [name for name, field in _names_of(section).items() if not extra_of(field, "hidden")]
+    names = [name for name, field in _named_fields(section).items() if not field_extra(field, "hidden")]
     why, replacement = absent_key(section, str(path[-1]))
     if why:
         return why, replacement, []
@@ -578,7 +582,7 @@ def check_place(
 def number(value: Any, unit: str, *, where: str, kind: type[InputError] = InputError) -> float:
     """Return one number in a unit; a text with a unit and numbers of NumPy are taken."""
     try:
-        return _number_in(value, unit)
+        return _parse_number(value, unit)
     except ValueError as error:
         measured = f", in {unit}" if unit not in ("", "1") else ""
         raise kind(str(error), where=where, remedy=f"Allowed: a number{measured}") from error
@@ -596,13 +600,13 @@ def numbers(value: Any, unit: str, *, where: str, kind: type[InputError] = Input
     """Return a number or an array of numbers in a unit, NaN where masked; texts with units, Series and DataArrays are taken."""
     try:
         if isinstance(value, str):
-            return np.asarray(_number_in(value, unit))
+            return np.asarray(_parse_number(value, unit))
         try:
             array = np.asarray(value)
         except ValueError:  # of NumPy: rows of different lengths
             raise ValueError(f"{value_shown(value)} is no array of numbers") from None
         if array.dtype.kind in "OUS":
-            array = np.array([_number_in(item, unit) for item in array.ravel().tolist()]).reshape(array.shape)
+            array = np.array([_parse_number(item, unit) for item in array.ravel().tolist()]).reshape(array.shape)
         if array.dtype.kind not in "fiu":
             raise ValueError(f"{value_shown(value)} is no number")
         floats = array.astype(np.float64)
@@ -614,7 +618,7 @@ def numbers(value: Any, unit: str, *, where: str, kind: type[InputError] = Input
         raise kind(str(error), where=where, remedy=f"Allowed: a number or an array of numbers{measured}") from error
 
 
-def _number_in(value: Any, unit: str) -> float:
+def _parse_number(value: Any, unit: str) -> float:
     plain = native(value)
     if isinstance(plain, str):
         return to_unit(plain, unit)
@@ -655,7 +659,7 @@ class Section(BaseModel):
     @classmethod
     def _keys(cls, values: Any) -> Any:
         """Take the name of a file for a section with nothing else (``outline: berg.geojson``)."""
-        fields = fields_of(cls)
+        fields = section_fields(cls)
         if isinstance(values, str) and "file" in fields and values not in fields:
             return {"file": values}
         if not isinstance(values, dict | cls):
@@ -665,12 +669,12 @@ class Section(BaseModel):
     @classmethod
     def _no_section(cls, value: Any) -> UnfitError:
         """Return the refusal of what is no section."""
-        return UnfitError(f"{value_shown(value)} is not a section", f"It has the keys {', '.join(fields_of(cls))}")
+        return UnfitError(f"{value_shown(value)} is not a section", f"It has the keys {', '.join(section_fields(cls))}")
 
     @field_validator("*", mode="before")
     @classmethod
     def _plain(cls, value: Any, info: ValidationInfo) -> Any:
-        return plain_value(value, fields_of(cls)[str(info.field_name)], metres=in_metres(info))
+        return plain_value(value, section_fields(cls)[str(info.field_name)], metres=in_metres(info))
 
 
 def about(unit: str, meaning: str, **options: Any) -> Any:
