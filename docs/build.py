@@ -68,7 +68,7 @@ def extra(field: Any, name: str) -> str:
 def parameters_page() -> str:
     """Return the page of all parameters, with the values of the presets where they differ from the default."""
     from riftberg.config.values import field_extra, words_for_nothing
-    from riftberg.parameters import A68A_2022, A68A_2022_KID, GROUPS, Parameters, sections_of
+    from riftberg.parameters import A68A_2022, A68A_2022_KID, GROUPS, Parameters, group_classes
 
     engines = {
         "`quasi_static`": Parameters(), "`mts`, `verlet` and `runge_kutta`": Parameters(stepping={"scheme": "mts"}),
@@ -89,7 +89,7 @@ def parameters_page() -> str:
     ]
     for group in GROUPS:
         text.append(f"## {group}\n")
-        for kind in sections_of(group):
+        for kind in group_classes(group):
             has = [name for name, p in engines.items() if isinstance(getattr(p, group, None), kind)]
             whose = f" With {has[0]}." if len(has) == 1 else ""
             text.append((kind.__doc__ or "").split("\n\n")[0] + whose + "\n")

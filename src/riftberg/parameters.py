@@ -133,7 +133,7 @@ class Parameters(Group):
 
     def __new__(cls, /, **groups: Any) -> Self:
         """Make parameters of the engine that the groups name."""
-        return super().__new__(engine_of(groups) if cls is Parameters else cls)  # type: ignore[return-value]
+        return super().__new__(choose_engine(groups) if cls is Parameters else cls)  # type: ignore[return-value]
 
     @model_validator(mode="before")
     @classmethod
@@ -219,10 +219,10 @@ class Parameters(Group):
         values = {**self.model_dump(), "fracture": self.fracture.model_dump(exclude_none=True)}
         if isinstance(self, QuasiStaticParameters):
             groups = dict(_explicit_if_asked(groups))
-        engine = engine_of(_merged({"stepping": {"scheme": self.stepping.scheme}}, groups))
+        engine = choose_engine(_merged({"stepping": {"scheme": self.stepping.scheme}}, groups))
         left_out: list[str] = []
         if engine is not type(self):
-            values, left_out = _carried_over(self, values, engine)
+            values, left_out = _carry_values(self, values, engine)
         return engine(**_merged(values, groups)), left_out
 
     def kernel_values(self) -> KernelParameters:
@@ -230,7 +230,7 @@ class Parameters(Group):
         p = self
         hexagonal = p.bonds.packing == "hexagonal"
         values: dict[str, Any] = {
-            name: getattr(getattr(p, group), key) if key in _keys_of(type(p), group) else default
+            name: getattr(getattr(p, group), key) if key in _group_fields(type(p), group) else default
             for name, (group, key, default) in _KERNEL_NAMES.items()
         }
         derived: dict[str, Any] = {
@@ -248,9 +248,9 @@ class Parameters(Group):
             "dem": p.bonds.law == "dem",
             "bonds_on": p.bonds.law != "none",
         }
-        return KernelParameters(**values, **{**derived, **self._derived_of_engine()})
+        return KernelParameters(**values, **{**derived, **self._derive_engine_values()})
 
-    def _derived_of_engine(self) -> dict[str, Any]:
+    def _derive_engine_values(self) -> dict[str, Any]:
         """Return what compiled code reads and each engine derives for itself."""
         raise NotImplementedError
 
@@ -267,7 +267,7 @@ class QuasiStaticParameters(Parameters):
     stepping: QuasiStaticStepping = Field(default_factory=QuasiStaticStepping)
 
     @model_validator(mode="after")
-    def _combinations_of_engine(self) -> Self:
+    def _check_engine_combinations(self) -> Self:
         f, g = self.fracture, self.grounding
         missing = [
             f"grounding.{name}" for name in ("stiffness", "bearing_strength", "friction") if getattr(g, name) is None
@@ -292,7 +292,7 @@ class QuasiStaticParameters(Parameters):
             )
         return self
 
-    def _derived_of_engine(self) -> dict[str, Any]:
+    def _derive_engine_values(self) -> dict[str, Any]:
         return {
             "multiple_steps": True, "rigid_bodies": True, "ice_capture": CAPTURES[self.sea_ice.capture],
             "ground_coefficient": 0.0, "ground_quadratic": 0.0, "ground_on_substeps": True,
@@ -322,7 +322,7 @@ class ExplicitParameters(Parameters):
         return self.contact.distance
 
     @model_validator(mode="after")
-    def _combinations_of_engine(self) -> Self:
+    def _check_engine_combinations(self) -> Self:
         g, quirks = self.grounding, self.compatibility
         if self.bonds.law == "dem" and not self.stepping.explicit_substeps:
             raise ValueError(
@@ -349,7 +349,7 @@ class ExplicitParameters(Parameters):
             )
         return self
 
-    def _derived_of_engine(self) -> dict[str, Any]:
+    def _derive_engine_values(self) -> dict[str, Any]:
         p, g = self, self.grounding
         multiple = p.stepping.scheme == "mts"
         fast_contact = multiple and p.contact.on_substeps and p.stepping.explicit_substeps
@@ -383,14 +383,14 @@ def fields_by_path(*engines: type[Parameters]) -> dict[str, FieldInfo]:
     fields: dict[str, FieldInfo] = {}
     for engine in engines or ENGINES:
         for group, group_field in engine.model_fields.items():
-            for name, field in _groups_of(group_field).model_fields.items():
+            for name, field in _group_class(group_field).model_fields.items():
                 fields.setdefault(f"{group}.{name}", field)
     return fields
 
 
-def sections_of(group: str) -> tuple[type[Group], ...]:
+def group_classes(group: str) -> tuple[type[Group], ...]:
     """Return the classes of a group: one if the engines share it or one alone has it, else that of each engine."""
-    return tuple(dict.fromkeys(_groups_of(e.model_fields[group]) for e in ENGINES if group in e.model_fields))
+    return tuple(dict.fromkeys(_group_class(e.model_fields[group]) for e in ENGINES if group in e.model_fields))
 
 
 def kid_quirks() -> dict[str, dict[str, bool]]:
@@ -410,22 +410,22 @@ def scheme_asked(groups: Mapping[str, Any]) -> str:
     return "quasi_static" if scheme is None else str(scheme)
 
 
-def engine_of(groups: Mapping[str, Any]) -> type[Parameters]:
+def choose_engine(groups: Mapping[str, Any]) -> type[Parameters]:
     """Return the parameters of the engine that values by group name or ask for, by default the quasi-static one."""
     explicit = get_args(ExplicitStepping.model_fields["scheme"].annotation)
     return ExplicitParameters if scheme_asked(groups) in explicit else QuasiStaticParameters
 
 
-def _groups_of(field: FieldInfo) -> type[Group]:
+def _group_class(field: FieldInfo) -> type[Group]:
     """Return the class of a group."""
     kind: type[Group] = field.annotation  # type: ignore[assignment]
     return kind
 
 
-def _keys_of(engine: type[Parameters], group: str) -> Mapping[str, FieldInfo]:
+def _group_fields(engine: type[Parameters], group: str) -> Mapping[str, FieldInfo]:
     """Return the fields of a group, none where an engine has not got it."""
     field = engine.model_fields.get(group)
-    return {} if field is None else _groups_of(field).model_fields
+    return {} if field is None else _group_class(field).model_fields
 
 
 def _choices(field: FieldInfo) -> list[str]:
@@ -433,7 +433,7 @@ def _choices(field: FieldInfo) -> list[str]:
     return [choice for kind in value_kinds(field.annotation) for choice in get_args(kind) if isinstance(choice, str)]
 
 
-def _tell_of_other_engine() -> None:
+def _explain_other_engine() -> None:
     """Let each group say of parameters and choices of the other engine whose they are, and what to write."""
     for engine, other, whose, scheme in (
         (QuasiStaticParameters, ExplicitParameters, "the explicit schemes", "mts"),
@@ -444,9 +444,9 @@ def _tell_of_other_engine() -> None:
             group: f"it is of {whose}: leave it out{ending}" for group in GROUPS if group not in engine.model_fields
         }
         for group, group_field in engine.model_fields.items():
-            kind = _groups_of(group_field)
+            kind = _group_class(group_field)
             foreign: dict[str, str] = {}
-            for name, field in _keys_of(other, group).items():
+            for name, field in _group_fields(other, group).items():
                 if name not in kind.model_fields:
                     foreign[name] = f"it is of {whose}: {kind._instead.get(name, 'leave it out')}{ending}"
                     continue
@@ -459,7 +459,7 @@ def _tell_of_other_engine() -> None:
             kind._foreign = foreign
 
 
-_tell_of_other_engine()
+_explain_other_engine()
 
 _KERNEL_NAMES: Final = {
     str(field_extra(field, "kernel")): (*path.split("."), field.get_default())
@@ -495,7 +495,7 @@ else:
     )
 
 
-def _carried_over(
+def _carry_values(
     parameters: Parameters, values: dict[str, Any], engine: type[Parameters]
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the values that another engine has too, and the paths of the others where they are not as by default.
@@ -505,7 +505,7 @@ def _carried_over(
     carried: dict[str, Any] = {}
     left_out: list[str] = []
     for group, inner in values.items():
-        keys, fields = _keys_of(engine, group), type(getattr(parameters, group)).model_fields
+        keys, fields = _group_fields(engine, group), type(getattr(parameters, group)).model_fields
         for name, value in inner.items():
             if f"{group}.{name}" == "stepping.scheme":
                 continue
@@ -529,7 +529,7 @@ def from_file(values: Any, *, goes_on: bool) -> Parameters:
     """
     if not isinstance(values, dict):
         return Parameters(**{"parameters": values})
-    engine, left = engine_of(values), dict[str, Any]()
+    engine, left = choose_engine(values), dict[str, Any]()
     for group, inner in values.items():
         if not isinstance(inner, dict):
             left[group] = inner
@@ -575,13 +575,13 @@ def _is_idle(engine: type[Parameters], group: str, name: str, value: Any, goes_o
         return True
     if value in acted.get((group, name), ()):
         return not goes_on
-    if (group, name) in former and name not in _keys_of(engine, group):
+    if (group, name) in former and name not in _group_fields(engine, group):
         return not goes_on
     other = ExplicitParameters if rigid else QuasiStaticParameters
-    foreign = _keys_of(other, group).get(name)
-    if foreign is None or name in _keys_of(engine, group):
+    foreign = _group_fields(other, group).get(name)
+    if foreign is None or name in _group_fields(engine, group):
         return False
-    refused_before = group in engine.model_fields and name in _groups_of(engine.model_fields[group])._instead
+    refused_before = group in engine.model_fields and name in _group_class(engine.model_fields[group])._instead
     return not refused_before or value == foreign.get_default() or not goes_on
 
 

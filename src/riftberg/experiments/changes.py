@@ -31,9 +31,9 @@ from riftberg.parameters import (
     GROUPS,
     ExplicitParameters,
     Parameters,
+    group_classes,
     kid_quirks,
     scheme_asked,
-    sections_of,
 )
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.layout import COMMAND, FILE, PLACE
@@ -49,7 +49,7 @@ Changes = dict[str, dict[str, Any]]
 BERG: Final = "berg"
 """Group of what may be changed of an experiment's berg; all others are groups of parameters."""
 
-SETTABLE: Final[dict[str, tuple[Any, ...]]] = {**{name: sections_of(name) for name in GROUPS}, BERG: (BergKeys,)}
+SETTABLE: Final[dict[str, tuple[Any, ...]]] = {**{name: group_classes(name) for name in GROUPS}, BERG: (BergKeys,)}
 """Sections of each group that ``--set`` and ``--vary`` know: of a group of parameters, that of each engine."""
 
 
