@@ -152,7 +152,7 @@ class BareModel(RunState):
             refuse_overlap(self.elements, requested.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
 
     @classmethod
-    def going_on(
+    def from_state(
         cls, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float,
         step_number: int, fragments: Sequence[Fragment], bergs: Sequence[tuple[str, int]] = (),
         contacts: ContactLog | None = None, laws: Laws | None = None,
@@ -378,7 +378,7 @@ class BareModel(RunState):
             if self.elements.size:
                 if self._force is not None:
                     self._force.begin_step()
-                self._stepped_from(saved.elements)
+                self._take_step(saved.elements)
                 self._count_turns(saved.elements)
                 # The ledgers see the state before the step; contacts need it too, for the speed before bergs touched.
                 applied = self._stepper.applied
@@ -432,7 +432,7 @@ class BareModel(RunState):
         self.remove(self.elements.body.id[lost])
         self._follow_changes()
 
-    def _stepped_from(self, previous: Elements) -> None:
+    def _take_step(self, previous: Elements) -> None:
         """Take the step of the scheme; whatever fails in a run that has flown apart, the reason is that."""
         try:
             self._stepper.step(self)
@@ -483,7 +483,7 @@ class BareModel(RunState):
         """Note what must be followed up when it changes: which rows there are, mass and sizes; those in steps if known."""
         body, population = self.elements.body, self.population
         self._seen_rows, self._seen_bonds = (population.version, population.next_bond), self.bonds.id.copy()
-        self._seen_ids, self._seen_bytes = body.id.copy(), _bytes_of(_sizes_of(self.elements))
+        self._seen_ids, self._seen_bytes = body.id.copy(), _to_bytes(_element_sizes(self.elements))
         self._seen_coarse = size_bins(self.elements) if coarse is None else coarse
 
     def _follow_changes(self) -> None:
@@ -491,7 +491,7 @@ class BareModel(RunState):
         version, next_bond = self._seen_rows
         ids = self._seen_ids
         # Most steps change nothing: then the rows are the same, and comparing their bytes is enough, and quick.
-        if self.population.version == version and _bytes_of(_sizes_of(self.elements)) == self._seen_bytes:
+        if self.population.version == version and _to_bytes(_element_sizes(self.elements)) == self._seen_bytes:
             return
         # Sizes in bins: melt changes every element in every step, the number of sub-steps only where that matters.
         coarse = size_bins(self.elements)
@@ -556,7 +556,7 @@ class BareModel(RunState):
         InputError
             If it is too long, or the forcing does not cover it.
         """
-        count = self._number_of_steps(days, steps)
+        count = self._count_steps(days, steps)
         check_work(count, self.substeps, self.elements.mass.size, where="Model.run")
         self._check_forcing(count)
         return count
@@ -626,7 +626,7 @@ class BareModel(RunState):
                 )  # fmt: skip
         return len(self.fragments.rows)
 
-    def _number_of_steps(self, days: float | str | None, steps: int | None) -> int:
+    def _count_steps(self, days: float | str | None, steps: int | None) -> int:
         if (days is None) == (steps is None):
             raise InputError("give either days or steps", where="Model.run")
         if steps is not None:
@@ -734,13 +734,13 @@ def _nothing(model: BareModel) -> None:
     """Stand for a method that a recorder does not have."""
 
 
-def _sizes_of(elements: Elements) -> tuple[Floats, ...]:
+def _element_sizes(elements: Elements) -> tuple[Floats, ...]:
     """Mass and sizes of the elements: what melt and calving change."""
     body = elements.body
     return body.mass, body.thickness, body.length, body.width
 
 
-def _bytes_of(arrays: tuple[Floats, ...]) -> list[bytes]:
+def _to_bytes(arrays: tuple[Floats, ...]) -> list[bytes]:
     return [a.tobytes() for a in arrays]
 
 
