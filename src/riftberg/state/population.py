@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.errors import InputError
-from riftberg.state import Bonds, Elements, Ints, elements_of, new_bonds
+from riftberg.state import Bonds, Elements, Ints, build_elements, new_bonds
 from riftberg.state.variables import Floats
 
 
@@ -116,7 +116,7 @@ class Population:
             _copy_columns(self._columns[stepped_only], into.columns)
             return into
         copies = (
-            (self._elements.copy_of_stepped(), self._bonds.copy_of_stepped())
+            (self._elements.copy_stepped(), self._bonds.copy_stepped())
             if stepped_only
             else (self._elements.copy(), self._bonds.copy())
         )
@@ -148,7 +148,7 @@ class Population:
     def _show(self, elements: int, bonds: int) -> None:
         """Make the views of the rows in use."""
         self._columns = {}
-        self._elements = elements_of({name: array[:elements] for name, array in self._room.items()})
+        self._elements = build_elements({name: array[:elements] for name, array in self._room.items()})
         self._bonds = Bonds(**{name: array[:bonds] for name, array in self._bond_room.items()})
 
     def _add_bonds(self, arrays: dict[str, NDArray[Any]]) -> Ints:
@@ -201,7 +201,7 @@ def cut_out(elements: Elements, bonds: Bonds, rows: Ints, block: slice | None = 
     inside = np.flatnonzero((position[bonds.first] >= 0) & (position[bonds.second] >= 0))
     inner_bonds = bonds.taken(inside)
     inner_bonds.first[:], inner_bonds.second[:] = position[inner_bonds.first], position[inner_bonds.second]
-    return elements.taken(rows) if block is None else elements.shown_in(block), inner_bonds, inside
+    return elements.taken(rows) if block is None else elements.view_rows(block), inner_bonds, inside
 
 
 def put_back(

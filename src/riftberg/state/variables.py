@@ -340,30 +340,30 @@ class Elements(NamedTuple):
 
     def replaced(self, **arrays: NDArray[Any]) -> Elements:
         """Return elements with some arrays exchanged for others; the rest is shared."""
-        return elements_of({**self.arrays(), **arrays})
+        return build_elements({**self.arrays(), **arrays})
 
     def copy(self) -> Elements:
         """Return elements that share no memory with these; once a long step, so by group and not by name."""
         return Elements(*(kind(*[a.copy() for a in group]) for kind, group in zip(GROUPS.values(), self, strict=True)))
 
-    def copy_of_stepped(self) -> Elements:
+    def copy_stepped(self) -> Elements:
         """Return elements with copies of what a long step may change; the rest is shared."""
         return Elements._make([
             _with_copies(group, columns) for group, columns in zip(self, _STEPPED, strict=True)
         ])  # fmt: skip
 
-    def shown_in(self, block: slice) -> Elements:
+    def view_rows(self, block: slice) -> Elements:
         """Return some rows that follow one another, in the memory of these elements."""
         return Elements(*(kind(*[a[block] for a in group]) for kind, group in zip(GROUPS.values(), self, strict=True)))
 
     def taken(self, rows: Any) -> Elements:
         """Return a copy of some rows (numbers or a mask)."""
         if isinstance(rows, slice):
-            return elements_of({name: a[rows].copy() for name, a in self.arrays().items()})
+            return build_elements({name: a[rows].copy() for name, a in self.arrays().items()})
         chosen = np.asarray(rows)
         # A mask is counted out once, not for each of the arrays.
         chosen = np.flatnonzero(chosen) if chosen.dtype == bool else chosen.astype(np.int64)
-        return elements_of({name: a.take(chosen, axis=0) for name, a in self.arrays().items()})
+        return build_elements({name: a.take(chosen, axis=0) for name, a in self.arrays().items()})
 
 
 class Bonds(NamedTuple):
@@ -448,7 +448,7 @@ class Bonds(NamedTuple):
         """Return bonds that share no memory with these."""
         return Bonds._make(array.copy() for array in self)
 
-    def copy_of_stepped(self) -> Bonds:
+    def copy_stepped(self) -> Bonds:
         """Return bonds with copies of what a long step may change; the rest is shared."""
         return cast("Bonds", _with_copies(self, _BONDS_STEPPED))
 
@@ -516,7 +516,7 @@ for _variable in ELEMENT_VARIABLES:
     )
 
 
-def elements_of(arrays: dict[str, NDArray[Any]]) -> Elements:
+def build_elements(arrays: dict[str, NDArray[Any]]) -> Elements:
     """Return elements made of arrays by name, one for each variable of the registry."""
     groups = {
         group: kind(*(arrays[v.name] for v in ELEMENT_VARIABLES if v.group == group)) for group, kind in GROUPS.items()

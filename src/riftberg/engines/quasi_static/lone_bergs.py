@@ -163,7 +163,7 @@ class _Block:
     def __init__(
         self, model: RunState, block: slice, lone: Ints, bodies: Bodies, sizes: Sizes, applied: Floats
     ) -> None:  # fmt: skip
-        self.el, self.sizes, self.first = model.elements.shown_in(block), sizes_in(sizes, block), block.start
+        self.el, self.sizes, self.first = model.elements.view_rows(block), sizes_in(sizes, block), block.start
         self.model, self.c, self.stepping = model, model.constants, model.parameters.stepping
         self.lone, self.bodies, self.applied = lone, bodies, applied[block]
         # What is found for all elements of the block, lone or not.
