@@ -264,7 +264,7 @@ class MultipleStepper(Stateless):
         if run.constants.latlon and run.elements.lat.max(initial=0.0) > POLAR_LATITUDE:
             # Number of sub-steps and nearness in one whole number: even away from the pole, odd near it. A batch near the pole
             # drifts on the tangent plane, element by element; the others shall not lose their vector instructions for it.
-            key = 2 * key + _has_berg_north_of(run.elements, POLAR_LATITUDE)
+            key = 2 * key + _mark_northern_bergs(run.elements, POLAR_LATITUDE)
         one_batch = bool((key == key[0]).all()) or run.parameters.quirks.bergs_coupled
         # As long as no row comes or goes and the keys stay, so do the batches, with their workspaces and their lists.
         batch_key = run.population.version, b"" if one_batch else key.tobytes()
@@ -354,7 +354,7 @@ def _uniform(run: RunState) -> bool:
     return all(bool(np.ptp(a) <= 1e-12 * abs(a[0])) for a in (el.length, el.width, el.thickness))
 
 
-def _has_berg_north_of(el: Elements, latitude: float) -> Ints:
+def _mark_northern_bergs(el: Elements, latitude: float) -> Ints:
     """1 for the elements of bergs that reach beyond a latitude, else 0."""
     return np.isin(el.berg, el.berg[el.lat > latitude]).astype(np.int64)
 
@@ -390,13 +390,13 @@ def take_long_step(
     outer_work = allocate_outer_workspace(el.size, outer)
     if not p.dem:
         within, without = Solved(inner, allocate_outer_workspace(el.size, inner)), Solved(outer, outer_work)
-        report = _step_of_springs(el, bonds, work, without, within, sizes, surroundings, plan, p)
+        report = _take_spring_step(el, bonds, work, without, within, sizes, surroundings, plan, p)
         return StepReport(*report)
-    return StepReport(*_step_of_beams(el, bonds, work, outer, outer_work, sizes, surroundings, rank, plan, p))
+    return StepReport(*_take_beam_step(el, bonds, work, outer, outer_work, sizes, surroundings, rank, plan, p))
 
 
 @borrower
-def _step_of_beams(
+def _take_beam_step(
     el: Elements, bonds: Bonds, work: Workspace, outer: NeighbourLists, outer_work: OuterWorkspace, sizes: Sizes,
     surroundings: Surroundings, rank: Ints, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
@@ -421,11 +421,11 @@ class Solved(NamedTuple):
 
 
 @borrower
-def _step_of_springs(
+def _take_spring_step(
     el: Elements, bonds: Bonds, work: Workspace, outer: Solved, inner: Solved, sizes: Sizes, surroundings: Surroundings,
     plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
-    """As `_step_of_beams`; ``inner`` are the partners in the sub-steps."""
+    """As `_take_beam_step`; ``inner`` are the partners in the sub-steps."""
     broken, iterations = 0, 1
     if plan.apply_outer:
         broken, iterations = _outer_kick(el, bonds, outer.partners, outer.work, sizes, surroundings, plan, p)

@@ -35,11 +35,11 @@ from riftberg.engines.explicit.substeps import (
     StepPlan,
     SubstepFields,
     Workspace,
-    any_of,
     begin_substeps,
     drifted,
     end_substeps,
-    floor_rate_at,
+    floor_drag_rate,
+    is_any_set,
     kicked,
     mark_converged,
     mid_step_velocity,
@@ -170,7 +170,7 @@ def _floor_rates(el: Elements, fields: SubstepFields, dt: float) -> None:
     """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
     motion = el.motion
     for e in range(el.place.lon.size):
-        rate = floor_rate_at(fields.floor_linear[e], fields.floor_quadratic[e], motion.u[e], motion.v[e])
+        rate = floor_drag_rate(fields.floor_linear[e], fields.floor_quadratic[e], motion.u[e], motion.v[e])
         fields.floor_rate[e], fields.floor_decay[e] = rate, 1.0 / (1.0 + rate * dt)
 
 
@@ -235,7 +235,7 @@ def _implicit_kick(
         return 1
     _norms(el, partners.group, change, first_norm, fields)
     iterations = 1
-    while any_of(unconverged):
+    while is_any_set(unconverged):
         if iterations >= p.max_iterations:
             return -1
         _rewind(el, dt, partners.group, unconverged, fields)

@@ -139,7 +139,7 @@ def kicked(
 
 
 @kernel
-def floor_rate_at(linear: float, quadratic: float, u: float, v: float) -> float:
+def floor_drag_rate(linear: float, quadratic: float, u: float, v: float) -> float:
     """Rate (s-1) of the drag of the sea floor at a velocity."""
     return linear + quadratic * math.sqrt(u * u + v * v)
 
@@ -275,7 +275,7 @@ def second_half_kick(
         if not first:
             _check_convergence(el, group, unconverged, work.change, work.norm, norm_before, p.tolerance)
         publish_all_velocities(el, u_sync, v_sync)
-        if not any_of(unconverged):
+        if not is_any_set(unconverged):
             return iterations
         if iterations >= p.max_iterations:
             return -1
@@ -349,7 +349,7 @@ def mark_converged(
 
 
 @kernel
-def any_of(marks: NDArray[np.bool_]) -> bool:
+def is_any_set(marks: NDArray[np.bool_]) -> bool:
     """Whether one of them is set; a loop, since NumPy's function takes seconds to compile."""
     any_set = False
     for mark in marks:

@@ -18,7 +18,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
 from riftberg.engines.explicit import tiles as tile
-from riftberg.engines.explicit.substeps import drifted, floor_rate_at, kicked, mid_step_velocity
+from riftberg.engines.explicit.substeps import drifted, floor_drag_rate, kicked, mid_step_velocity
 from riftberg.engines.explicit.tiles import Indices
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import (
@@ -256,7 +256,7 @@ def floor_rates(elem: Floats, dt: float) -> None:
     """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
     for k in range(tile.LANES):
         u, v = elem[tile.VELOCITY_X + k], elem[tile.VELOCITY_Y + k]
-        rate = floor_rate_at(elem[tile.FLOOR_LINEAR + k], elem[tile.FLOOR_QUADRATIC + k], u, v)
+        rate = floor_drag_rate(elem[tile.FLOOR_LINEAR + k], elem[tile.FLOOR_QUADRATIC + k], u, v)
         elem[tile.FLOOR_RATE + k], elem[tile.DECAY + k] = rate, 1.0 / (1.0 + rate * dt)
 
 

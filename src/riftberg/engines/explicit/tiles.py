@@ -110,7 +110,7 @@ def bond_offset(lane: int) -> int:
 
 
 @kernel
-def lane_of(layer: int, element: int, layers: int) -> int:
+def bond_lane(layer: int, element: int, layers: int) -> int:
     """Lane of the bond of a layer that begins at an element."""
     return ((element // LANES) * layers + layer) * LANES + element % LANES
 
@@ -207,7 +207,7 @@ def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
             if j != i + 1:
                 layer = counter[i]
                 counter[i] += 1
-            r = lane_of(layer, i, tiles.layers)
+            r = bond_lane(layer, i, tiles.layers)
             bond_ids[r], second[r] = b, end_offset(j)
 
 
@@ -246,7 +246,7 @@ def _fill_slots(tiles: BondTiles, second: Ints) -> None:
     slots[:, :] = tiles.bond.size - BOND_TILE
     for layer in range(layers if bond_ids.size else 0):
         for i in range(counter.size):
-            r = lane_of(layer, i, layers)
+            r = bond_lane(layer, i, layers)
             if bond_ids[r] != EMPTY:
                 j = second[bond_ids[r]]
                 slots[j, counter[j]] = bond_offset(r)
