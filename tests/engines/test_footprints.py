@@ -8,7 +8,7 @@ import shapely
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
-from riftberg.engines.common.lattices import outline_of_cells
+from riftberg.engines.common.lattices import outline_cells
 from riftberg.engines.quasi_static.lattice import cells, footprints
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
 from riftberg.ocean.analytic import Steady
@@ -75,8 +75,7 @@ def test_bergs_of_one_element_have_the_cells_of_a_lattice(packing: str, monkeypa
     bergs.elements.sides[:] = 6 if packing == "hexagonal" else 4
     run = Model(bergs, Forcing.uniform((0.1, 0.0)), Parameters())
     one_by_one = [
-        outline_of_cells(np.zeros((1, 2)), r, packing, 0.0)
-        for r in interaction_sizes(run.elements, run.constants).radius
+        outline_cells(np.zeros((1, 2)), r, packing, 0.0) for r in interaction_sizes(run.elements, run.constants).radius
     ]
     monkeypatch.setattr(footprints, "lattices", lambda *_: [])
     found = FootprintBook(run).follow(run)

@@ -19,7 +19,7 @@ from riftberg.bergs.bonding import Metric, separations
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.engines.common.broad_phase import NEWBORN_CHILD, contact_cells, within_cells
-from riftberg.engines.common.forces.sizes import radius_of
+from riftberg.engines.common.forces.sizes import interaction_radius
 from riftberg.engines.common.fragments.tree import FragmentTree
 from riftberg.errors import RunError
 from riftberg.life.melt import LifeValues, bit_shape
@@ -544,7 +544,7 @@ def let_children_go(elements: Elements, p: Parameters, grid: Grid | None) -> Non
         return
     body, place, earth = elements.body, elements.place, p.earth
     hexagonal, bonded = p.bonds.packing == "hexagonal", p.bonds.law != "none"
-    radius = np.array([radius_of(area, hexagonal, bonded) for area in (body.length * body.width).tolist()])
+    radius = np.array([interaction_radius(area, hexagonal, bonded) for area in (body.length * body.width).tolist()])
     reach = max(2.0 * float(radius.max()), p.contact_distance)
     near = find_pairs(place.lon, place.lat, body.berg, reach, ANY, earth.latlon, earth.radius, earth.period)
     cells = contact_cells(p, grid)

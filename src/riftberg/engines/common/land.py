@@ -38,7 +38,7 @@ MAX_PASSES: Final = 8
 """Corrections in a row, where one of them leads onto other land."""
 
 
-def metric_of(c: KernelParameters) -> Metric:
+def kernel_metric(c: KernelParameters) -> Metric:
     """Return how positions become metres."""
     return Metric(c.latlon, c.earth_radius, c.period)
 
@@ -48,7 +48,7 @@ def land_corrections(el: Elements, lon: Floats, lat: Floats, c: KernelParameters
     changed = np.flatnonzero((el.lon != lon) | (el.lat != lat))
     correction = np.zeros((el.size, 2))
     correction[changed] = np.stack(
-        separations(metric_of(c), el.lon[changed], el.lat[changed], lon[changed], lat[changed]), axis=-1
+        separations(kernel_metric(c), el.lon[changed], el.lat[changed], lon[changed], lat[changed]), axis=-1
     )
     correction[np.hypot(correction[:, 0], correction[:, 1]) < MIN_CORRECTION] = 0.0
     return correction
@@ -113,7 +113,7 @@ def find_near_circles(
     reach = touching[free] + 0.5 * within
     first, second = near_pairs(lon[free], lat[free], component[free], reach, c.latlon, c.earth_radius, c.period)
     first, second = free[first], free[second]
-    offset = np.stack(separations(metric_of(c), lon[second], lat[second], lon[first], lat[first]), axis=-1)
+    offset = np.stack(separations(kernel_metric(c), lon[second], lat[second], lon[first], lat[first]), axis=-1)
     distance = np.hypot(offset[:, 0], offset[:, 1])
     gap = distance - np.maximum(radius[first] + radius[second], c.contact_distance)
     return NearPairs(first, second, gap, offset / np.where(distance > 0.0, distance, 1.0)[:, None])

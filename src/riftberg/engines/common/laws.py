@@ -75,10 +75,10 @@ class Laws:
     def forces(self) -> dict[str, ElementLaw]:
         """Return the forces by name."""
         if self.force is None or callable(self.force):
-            return {} if self.force is None else {name_of(self.force): self.force}
+            return {} if self.force is None else {law_name(self.force): self.force}
         if isinstance(self.force, Mapping):
             return dict(self.force)
-        by_name = {name_of(law): law for law in self.force}
+        by_name = {law_name(law): law for law in self.force}
         if len(by_name) < len(self.force):
             raise InputError(
                 "two forces of one name", where="Laws, force", remedy="Name them: force={'tug': ..., 'mooring': ...}"
@@ -92,7 +92,7 @@ class Laws:
 
     def named(self) -> str:
         """Return the functions by name, such as ``force by tug, melt by convective_melt``; nothing where there are none."""
-        whose = {kind: name_of(law) for kind, law in self.given().items()}
+        whose = {kind: law_name(law) for kind, law in self.given().items()}
         for kind, laws in (("force", self.forces()), ("drag", self.drag or {})):
             if kind in whose:
                 whose[kind] = " and ".join(laws)
@@ -206,7 +206,7 @@ def to_read(groups: Iterable[Iterable[Any]], contents: str, where: str) -> Itera
             array.flags.writeable = True
 
 
-def name_of(law: object) -> str:
+def law_name(law: object) -> str:
     """Return the name of a function of the user."""
     return str(getattr(law, "__name__", "a function"))
 
@@ -217,7 +217,7 @@ def force_values(law: ElementLaw, elements: Elements, time: float) -> Floats:
     if (values[2] < 0.0).any():
         e = int(np.flatnonzero(values[2] < 0.0)[0])
         raise RunError(
-            f"Laws, force: {name_of(law)}, rate: {values[2, e]:g} kg s-1 for element {int(elements.body.id[e])}. A force that "
+            f"Laws, force: {law_name(law)}, rate: {values[2, e]:g} kg s-1 for element {int(elements.body.id[e])}. A force that "
             "grows with the velocity of the ice has no rate: return the force alone"
         )
     return values
@@ -229,7 +229,7 @@ def drag_values(law: ElementLaw, elements: Elements, time: float, medium: str) -
     def as_sequence(elements: Elements, time: float) -> Sequence[Any]:
         return (law(elements, time),)
 
-    as_sequence.__name__ = name_of(law)
+    as_sequence.__name__ = law_name(law)
     (coefficients,) = law_values(as_sequence, elements, time, f"drag of {medium}", ("coefficient",), least=0.0)
     return np.asarray(coefficients)
 
@@ -242,7 +242,7 @@ def law_values(
 
     0 for ``optional`` names that it leaves out, NaN where it gives None: it ``may_leave`` that to the built-in law.
     """
-    where = f"Laws, {kind}: {name_of(law)}"
+    where = f"Laws, {kind}: {law_name(law)}"
     with to_read(elements, "elements", where):
         returned = law(elements, time)
     all_names = names + optional

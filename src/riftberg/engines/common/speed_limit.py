@@ -108,7 +108,7 @@ def _is_finite(environment: Environment) -> bool:
 
 def refuse_forcing(run: RunState, previous: Elements, error: Exception | None = None) -> None:
     """Raise `RunError` where a step has failed on forcing that is no finite number."""
-    if at_fault := _forcing_at_fault(previous, run.elements):
+    if at_fault := _describe_forcing_fault(previous, run.elements):
         moment = f"step {run.step_number + 1} ({run.date.isoformat(' ', 'minutes')})"
         raise RunError(f"{moment} cannot be taken. The reason is the forcing: {at_fault}. Correct it there") from error
 
@@ -135,7 +135,7 @@ def _error(run: RunState, previous: Elements, applied: Floats, k: int) -> SpeedE
     origin = f"{previous.lon[k]:.5f}, {previous.lat[k]:.5f}"
     moment = f"in step {run.step_number + 1} ({run.date.isoformat(' ', 'minutes')})"
     head = f"element {int(el.id[k])} {movement} {moment}; it came from {origin}, and no ice is faster than {s.speed_limit:g} m/s"
-    if at_fault := _forcing_at_fault(previous, el):
+    if at_fault := _describe_forcing_fault(previous, el):
         return SpeedError(f"{head}. The reason is the forcing: {at_fault}. Correct it there", int(el.id[k]))
     env = previous.environment
     conditions = (
@@ -152,7 +152,7 @@ def _error(run: RunState, previous: Elements, applied: Floats, k: int) -> SpeedE
     return SpeedError(text, int(el.id[k]))
 
 
-def _forcing_at_fault(previous: Elements, current: Elements) -> str:
+def _describe_forcing_fault(previous: Elements, current: Elements) -> str:
     """Say what of the forcing is no finite number, and where; nothing where all is."""
     for el in (previous, current):
         for name in _GIVEN:

@@ -289,7 +289,7 @@ def _second_solve(
 
 
 @kernel
-def apply_at_velocities(el: Elements, surroundings: Surroundings) -> None:
+def record_current_forces(el: Elements, surroundings: Surroundings) -> None:
     """Record the forces of a moment: those that act at the velocities of the elements, without a step."""
     place, motion, media, rates, acts = el.place, el.motion, surroundings.media, surroundings.rate, surroundings.acts
     applied, coriolis = surroundings.applied, surroundings.coriolis

@@ -156,7 +156,7 @@ def pair_terms(
 
 
 @kernel
-def _sum_over(
+def _sum_pairs(
     e: int, at: Mover, kind: int, pairs: PairList, rest: Floats, own_size: bool, view: PairView, law: PairLaw
 ) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
     """Sum the terms of one kind of pair; also P u of the partners.
@@ -196,10 +196,10 @@ def interaction_terms(
 ) -> Terms:
     """Sum over all partners of element ``e``: I, P and P u of the partners (equations 5.1)."""
     bond, rest, present = PLAIN_BOND if plain else BONDED, partners.rest, partners.rest[:0]
-    b = _sum_over(e, at, bond, partners.bonded, rest, not bond_size, view, law)
-    s = _sum_over(e, at, SAME_BERG_CONTACT, partners.same_berg, present, True, view, law)
+    b = _sum_pairs(e, at, bond, partners.bonded, rest, not bond_size, view, law)
+    s = _sum_pairs(e, at, SAME_BERG_CONTACT, partners.same_berg, present, True, view, law)
     collision_kind = PLAIN_CONTACT if plain else COLLISION
-    c = _sum_over(e, at, collision_kind, partners.collision, present, True, view, law)
+    c = _sum_pairs(e, at, collision_kind, partners.collision, present, True, view, law)
     return Terms(
         b[0] + s[0] + c[0], b[1] + s[1] + c[1], b[2] + s[2] + c[2], b[3] + s[3] + c[3], b[4] + s[4] + c[4],
         b[5] + s[5] + c[5], b[6] + s[6] + c[6],

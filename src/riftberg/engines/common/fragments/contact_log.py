@@ -95,11 +95,11 @@ class ContactLog:
         contact = self._extended(keys, began, ended)
         for n in np.flatnonzero(contact < 0).tolist():
             key, k = (int(keys[n]) >> _HALF, int(keys[n]) & _OTHER), int(different[each[n]])
-            event = self._goes_on(key, began, tree)
+            event = self._continued_contact(key, began, tree)
             if event < 0:
                 event = self._latest[key] = self._new()
                 self._of_row.append(event)
-                self._rows.append(_event_at(previous, key, int(first[k]), int(second[k]), began, ended, p))
+                self._rows.append(_describe_contact(previous, key, int(first[k]), int(second[k]), began, ended, p))
             contact[n], self._last[event] = event, ended
         self._touching = keys, contact
 
@@ -114,7 +114,7 @@ class ContactLog:
         self._last[contact[position[continues]]] = ended
         return np.where(continues, contact[position], -1)
 
-    def _goes_on(self, key: tuple[int, int], began: float, tree: FragmentTree) -> int:
+    def _continued_contact(self, key: tuple[int, int], began: float, tree: FragmentTree) -> int:
         """Return the contact of a pair that touched not long ago, or is suppressed; -1 for a new event."""
         k = self._latest.get(key, -1)
         if k >= 0 and began - self._last[k] < SEPARATION_TIME:
@@ -154,7 +154,7 @@ class ContactLog:
         return any(k >= 0 and began - self._last[k] < SEPARATION_TIME for k in contacts)
 
 
-def _event_at(
+def _describe_contact(
     el: Elements, key: tuple[int, int], i: int, j: int, began: float, ended: float, p: KernelParameters
 ) -> ContactEvent:
     """Return the event of two bergs that touch at the elements in rows i and j."""

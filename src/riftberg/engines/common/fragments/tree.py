@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.engines.common.forces.media import on_the_floor
-from riftberg.engines.common.forces.sizes import sides_of
+from riftberg.engines.common.forces.sizes import count_sides
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import exposed_sides
@@ -85,8 +85,8 @@ class FragmentTree:
         recorded = len(self.rows)
         names = _Names(self.rows) if unnumbered.size else None
         first = order[np.append(0, ends)[unnumbered]]
-        parents, bergs = elements.body.berg[first].tolist(), self._bergs_at_start(first) if recorded == 0 else []
-        ids, single = elements.body.id[first].tolist(), _measures_of_single(first, elements)
+        parents, bergs = elements.body.berg[first].tolist(), self._name_initial_bergs(first) if recorded == 0 else []
+        ids, single = elements.body.id[first].tolist(), _measure_singles(first, elements)
         on_ground = np.bincount(component[touching], minlength=count) + cuts.grounded > 0
         # A population begins with tens of thousands of bergs: what they are is found for all at once.
         for n, k in enumerate(unnumbered.tolist()):
@@ -111,7 +111,7 @@ class FragmentTree:
             number = self.rows[number - 1].parent
         return number
 
-    def _bergs_at_start(self, rows: Ints) -> list[str]:
+    def _name_initial_bergs(self, rows: Ints) -> list[str]:
         """Return the names of the bergs of the start to which elements belong; none where they are not known."""
         if not self.bergs:
             return []
@@ -188,7 +188,7 @@ def _measures(rows: Ints, el: Elements, period: float) -> tuple[float, float, in
     return lon, lat, rows.size, float((body.length * body.width)[rows].sum()), float(mass.sum())
 
 
-def _measures_of_single(rows: Ints, el: Elements) -> list[tuple[float, float, int, float, float]]:
+def _measure_singles(rows: Ints, el: Elements) -> list[tuple[float, float, int, float, float]]:
     """Return the same for each of some elements by itself."""
     body, place = el.body, el.place
     mass, area = body.mass[rows], body.length[rows] * body.width[rows]
@@ -318,7 +318,7 @@ def share_sides(
     """Write to ``share`` the part of the sides of its berg that each element bears: by the sides that no bond covers."""
     total = np.zeros(count)
     for e in range(component.size):
-        share[e] = exposed_sides(bonds[e], sides_of(sides[e], p), p.bonds_on) * math.sqrt(length[e] * width[e])
+        share[e] = exposed_sides(bonds[e], count_sides(sides[e], p), p.bonds_on) * math.sqrt(length[e] * width[e])
         total[component[e]] += share[e]
     for e in range(component.size):
         if total[component[e]] > 0.0:

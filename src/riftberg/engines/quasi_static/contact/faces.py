@@ -11,7 +11,7 @@ import numpy as np
 from riftberg.bergs.bonding import separations
 from riftberg.engines.common.broad_phase import NO_PAIRS, SEARCH_MARGIN, candidate_pairs
 from riftberg.engines.common.forces.sizes import Sizes
-from riftberg.engines.common.land import NearPairs, metric_of, movable
+from riftberg.engines.common.land import NearPairs, kernel_metric, movable
 from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, tangent_coordinates
@@ -179,7 +179,7 @@ class FaceContact:
                 lon[free], lat[free], bodies.body[free], SEARCH_MARGIN * reach, c.latlon, c.earth_radius, c.period
             )
         first, second = free[first], free[second]
-        apart = np.column_stack(separations(metric_of(c), lon[first], lat[first], lon[second], lat[second]))
+        apart = np.column_stack(separations(kernel_metric(c), lon[first], lat[first], lon[second], lat[second]))
         found = face_gaps(first, second, apart, self._laid_out(polygons, el, levers))
         near = found[:, 0] <= within
         return NearPairs(first[near], second[near], found[near, 0], found[near, 1:])

@@ -20,8 +20,8 @@ import numpy as np
 import shapely
 from shapely.ops import split
 
-from riftberg.engines.common.forces.sizes import interaction_sizes, sides_of
-from riftberg.engines.common.lattices import laid_flat, lattices, outline_of_cells
+from riftberg.engines.common.forces.sizes import count_sides, interaction_sizes
+from riftberg.engines.common.lattices import laid_flat, lattices, outline_cells
 from riftberg.engines.common.run_state import RunState
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -85,7 +85,7 @@ def with_new_footprints(
 def _footprints_of_lone(el: Elements, rows: Ints, radius: Floats, p: KernelParameters) -> Footprints:
     """Footprints of bergs of one element, all at once: squares or hexagons about circles of ``radius`` (m)."""
     kinds, kind = np.unique(el.body.sides[rows], return_inverse=True)
-    sides = np.array([6 if sides_of(int(number), p) == 6 else 4 for number in kinds])[kind]
+    sides = np.array([6 if count_sides(int(number), p) == 6 else 4 for number in kinds])[kind]
     owner = np.repeat(np.arange(rows.size), sides)
     start = np.concatenate([[0], np.cumsum(sides)]).astype(np.int64)
     angle = (np.arange(owner.size) - start[owner] + 0.5) * (2.0 * np.pi / sides[owner])
@@ -105,9 +105,9 @@ def _footprints_of(
         place[rows] = np.arange(rows.size)
         bonded = np.flatnonzero((place[bonds.first] >= 0) & (place[bonds.second] >= 0))
         along = xy[place[bonds.second[bonded[0]]]] - xy[place[bonds.first[bonded[0]]]] if bonded.size else (1.0, 0.0)
-        hexagonal = sides_of(int(el.body.sides[rows[0]]), p) == 6
+        hexagonal = count_sides(int(el.body.sides[rows[0]]), p) == 6
         packing = "hexagonal" if hexagonal else "square"
-        ice = outline_of_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
+        ice = outline_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
     size = el.body.length[rows] * el.body.width[rows]
