@@ -226,7 +226,7 @@ class BareModel(RunState):
                     array[:] = values
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""
+        """Return the state of a copy: not the stepper, whose tables point into the arrays of this model."""
         state = dict(self.__dict__)
         stepper = state.pop("_stepper")
         return {**state, "_saved": None, "_stepper_state": stepper.state_dict(), "_applied": stepper.applied}
@@ -420,7 +420,7 @@ class BareModel(RunState):
                 self.remembered[_TURNS] = np.column_stack([el.body.id, self.turns + turns])
 
     def _drop_lost(self) -> None:
-        """Take out what has left the grid over an open edge: whole bergs; single elements by the reference's rules."""
+        """Take out the bergs that have left the grid over an open edge; single elements by the reference's rules."""
         grid = self.forcing.grid
         if grid is None or (inside := grid.has_in_domain(self.elements)).all():
             return
@@ -447,7 +447,7 @@ class BareModel(RunState):
     def _before(
         self, population: Saved
     ) -> tuple[float, int, list[Fragment], Saved, dict[str, Floats], ContactLog, GroundingLog]:
-        """Return what `_go_back` takes, as it is before a step."""
+        """Return the arguments of `_go_back`, from the state before a step."""
         return (
             self.time, self.step_number, list(self.fragments.rows), population, dict(self.remembered),
             self.contacts.saved(), self.groundings.saved(),
@@ -480,14 +480,14 @@ class BareModel(RunState):
         return go_back
 
     def _look(self, coarse: tuple[Floats, ...] | None = None) -> None:
-        """Note what must be followed up when it changes: which rows there are, mass and sizes; those in steps if known."""
+        """Note the values to follow up when they change: which rows there are, mass and sizes; those in steps if known."""
         body, population = self.elements.body, self.population
         self._seen_rows, self._seen_bonds = (population.version, population.next_bond), self.bonds.id.copy()
         self._seen_ids, self._seen_bytes = body.id.copy(), _to_bytes(_element_sizes(self.elements))
         self._seen_coarse = size_bins(self.elements) if coarse is None else coarse
 
     def _follow_changes(self) -> None:
-        """Do what follows from births, deaths and changes of mass or size since the last look."""
+        """Follow up births, deaths and changes of mass or size since the last look."""
         version, next_bond = self._seen_rows
         ids = self._seen_ids
         # Most steps change nothing: then the rows are the same, and comparing their bytes is enough, and quick.
@@ -506,7 +506,7 @@ class BareModel(RunState):
         self._look(coarse)
 
     def _follow_rows(self, ids: Ints) -> bool:
-        """Do what follows from elements and bonds that came or went, and return whether fragments were found and measured.
+        """Follow up elements and bonds that came or went, and return whether fragments were found and measured.
 
         ``ids``: identifiers before.
         """
@@ -735,7 +735,7 @@ def _nothing(model: BareModel) -> None:
 
 
 def _element_sizes(elements: Elements) -> tuple[Floats, ...]:
-    """Mass and sizes of the elements: what melt and calving change."""
+    """Mass and sizes of the elements, which melt and calving change."""
     body = elements.body
     return body.mass, body.thickness, body.length, body.width
 
@@ -762,7 +762,7 @@ def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Para
 
 
 def check_arguments(berg: object, forcing: object, parameters: object) -> None:
-    """Refuse what is no berg, no forcing and no parameters, by name: they are easily given in another order."""
+    """Refuse arguments that are no berg, no forcing and no parameters: they are easily given in another order."""
     good = {
         "berg": (isinstance(berg, Iceberg), "an Iceberg, for example Iceberg.rectangle(...)"),
         "forcing": (
@@ -777,7 +777,7 @@ def check_arguments(berg: object, forcing: object, parameters: object) -> None:
 
 
 def check_recorders(recorders: object) -> None:
-    """Refuse what is no list of recorders before the first step."""
+    """Refuse an argument that is no list of recorders, before the first step."""
     expected = "recorders in a list, such as [RunWriter('run.nc')]"
     required(recorders, (list, tuple), expected, where="Model.run, recorders")
     for recorder in recorders if isinstance(recorders, list | tuple) else ():
@@ -824,7 +824,7 @@ def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
 
 
 def check_balance(forcing: Forcing, p: Parameters) -> None:
-    """Refuse a current that is balanced for another Coriolis parameter than that of the run."""
+    """Refuse a current that is balanced for a Coriolis parameter other than the run's."""
     if forcing.latlon is None:
         return
     forcing_latitude = forcing.latitude
@@ -862,7 +862,7 @@ def check_state(elements: Elements, bonds: Bonds, latlon: bool) -> None:
 
 
 def check_strengths(bonds: Bonds, p: Parameters) -> None:
-    """Refuse strengths that are no strengths; runs with the reference's quirks take those of the parameters as they stand."""
+    """Refuse strengths that are no strengths; runs with the reference's quirks take the strengths of the parameters unchecked."""
     checked, f = not p.quirks.zero_start, p.fracture
     for name, value in (("normal_strength", f.normal_strength), ("shear_strength", f.shear_strength)):
         if f.enabled and checked and value is not None and value <= 0.0:

@@ -251,7 +251,7 @@ class Parameters(Group):
         return KernelParameters(**values, **{**derived, **self._derive_engine_values()})
 
     def _derive_engine_values(self) -> dict[str, Any]:
-        """Return what compiled code reads and each engine derives for itself."""
+        """Return the values for compiled code that each engine derives for itself."""
         raise NotImplementedError
 
 
@@ -389,7 +389,7 @@ def fields_by_path(*engines: type[Parameters]) -> dict[str, FieldInfo]:
 
 
 def group_classes(group: str) -> tuple[type[Group], ...]:
-    """Return the classes of a group: one if the engines share it or one alone has it, else that of each engine."""
+    """Return the classes of a group: one if the engines share it or one alone has it, else the class of each engine."""
     return tuple(dict.fromkeys(_group_class(e.model_fields[group]) for e in ENGINES if group in e.model_fields))
 
 

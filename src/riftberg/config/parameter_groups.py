@@ -71,7 +71,7 @@ class Group(Section):
 
     @classmethod
     def _no_section(cls, value: Any) -> UnfitError:
-        """Return the refusal of what is no group."""
+        """Return the refusal of a value that is no group."""
         remedy = f"Give {cls.__name__}(...) or a dict with {', '.join(section_fields(cls))}"
         return UnfitError(f"{value_shown(value)} is no group of parameters", remedy)
 
@@ -82,7 +82,7 @@ class Group(Section):
         )  # fmt: skip
 
     def __getattr__(self, name: str) -> Any:
-        """Name what there is, with the nearest, for a parameter that is not known."""
+        """Name the parameters, with the nearest, for one that is not known."""
         if name.startswith("_"):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         names = type(self).model_fields
@@ -92,7 +92,7 @@ class Group(Section):
         )
 
     def __dir__(self) -> list[str]:
-        """List what is of this package for the tab key, not the dozens of names of pydantic; these can be used all the same."""
+        """List the names of this package for the tab key, not the dozens of names of pydantic; these can be used all the same."""
         foreign = set(dir(BaseModel))
         return sorted(name for name in super().__dir__() if name.startswith("__") or name not in foreign)
 

@@ -252,7 +252,7 @@ def place_text(lon: float, lat: float, *, latlon: bool, digits: int = 3) -> str:
 
 
 def box_text(west: float, east: float, south: float, north: float, *, latlon: bool = True) -> str:
-    """Return what a box covers: latitudes and longitudes in degrees, or x and y (m)."""
+    """Return the extent of a box: latitudes and longitudes in degrees, or x and y (m)."""
     if not latlon:
         return f"x {west:g} to {east:g} m, y {south:g} to {north:g} m"
     # More than once round has no letters; west of Greenwich comes before east of it.

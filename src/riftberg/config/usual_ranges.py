@@ -65,7 +65,7 @@ STEPS_IN_A_TIDE: Final = 10.0
 
 
 def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True) -> dict[str, str]:
-    """Return what lies outside its usual range or is set without effect, a sentence for each name."""
+    """Return the values outside their usual range or without effect, a sentence for each name."""
     sentences: dict[str, str] = {}
     checked = [*_of_parameters(parameters), *_of_forcing(forcing), *(_of_bergs(parameters, elements) if placed else [])]
     for name, usual, values, unit in checked:
@@ -107,7 +107,7 @@ def _lacks_concentration(forcing: Any) -> bool:
 
 
 def of_records(hours: float, days: float, parameters: Any) -> list[str]:
-    """Return what is unusual about the interval of the records of a run of some days, a sentence each."""
+    """Return warnings about the interval between the records of a run of some days, a sentence each."""
     steps = 3600.0 * hours / parameters.stepping.time_step
     sentences = []
     if steps > 1.0 and abs(steps - round(steps)) > 1e-6 * steps:
@@ -166,7 +166,7 @@ def _own_kinds(component: Any) -> list[str]:
 
 
 def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Usual, Any, str]]:
-    """Give what the bergs and their elements are like."""
+    """Give the sizes, speeds and places of the bergs and their elements."""
     body, place = elements.body, elements.place
     area = body.length * body.width
     values = {
@@ -180,7 +180,7 @@ def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Usual, Any,
 
 
 def _changes(forcing: Any) -> Iterator[tuple[str, float, float]]:
-    """Give what changes in a forcing, its period or interval (s), and the longest step that follows it."""
+    """Give each change in a forcing, its period or interval (s), and the longest step that follows it."""
     for component in forcing.components():
         times = getattr(getattr(component, "records", component), "times", None)
         if times is not None and len(times) > 1:
@@ -226,7 +226,7 @@ LAWS: Final = (
 
 
 def without_effect(parameters: Any) -> dict[str, str]:
-    """Return what is set otherwise than by default although nothing reads it, a sentence for each name.
+    """Return the parameters that differ from their default although nothing reads them, a sentence for each name.
 
     Runs with the numerics of the reference are left out: a namelist gives values for laws that it switches off.
     """

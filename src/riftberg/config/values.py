@@ -105,9 +105,9 @@ def value_kinds(annotation: Any) -> tuple[Any, ...]:
 
 
 def native(value: Any) -> Any:
-    """Return numbers, dates and lists of NumPy, pandas and xarray as those of Python.
+    """Return numbers, dates and lists of NumPy, pandas and xarray as plain values of Python.
 
-    Texts, paths and everything else pass as they are.
+    Texts, paths and everything else pass unchanged.
 
     Examples
     --------
@@ -138,7 +138,7 @@ def native(value: Any) -> Any:
 
 
 def plain_value(value: Any, field: FieldInfo, *, metres: bool = False) -> Any:
-    """Return what a field takes in place of what a person gave: no units, plain kinds, one section as a list of one.
+    """Return a value as its field takes it: no units, plain kinds, one section as a list of one.
 
     ``metres``: places are x and y in m, not longitude and latitude.
     """
@@ -258,7 +258,7 @@ def _number(text: Any, field: FieldInfo, unit: str, letters: str = "") -> Any:
 
 
 def allowed(field: FieldInfo, *, metres: bool = False) -> str:
-    """Return in words what a field may hold."""
+    """Return in words the values that a field may hold."""
     limits = []
     for item in field.metadata:
         for name, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
@@ -327,7 +327,7 @@ def in_metres(info: ValidationInfo) -> bool:
 
 
 def says_metres(latlon: Any) -> bool:
-    """Whether an argument ``latlon`` says that places are metres; what is neither true nor false is refused in its turn."""
+    """Whether an argument ``latlon`` says that places are metres; a value neither true nor false is refused in its turn."""
     try:
         return latlon is not None and not flag(latlon, where="latlon")
     except InputError:
@@ -335,9 +335,9 @@ def says_metres(latlon: Any) -> bool:
 
 
 def findings(error: ValidationError, section: Any, *, metres: bool = False) -> list[tuple[Place, InputError]]:
-    """Return what pydantic found in a section, in our words, each with its place.
+    """Return the findings of pydantic in a section, in our words, each with its place.
 
-    What follows from something else is left out: of an entry that may be a text or a section, what is wrong with the
+    Consequences of another fault are left out: of an entry that may be a text or a section, the fault of the
     section says more: it lies deeper, or is a sentence of ours; a key that is misspelt is not missing too.
     """
     errors: dict[int, tuple[Place, InputError]] = {}
@@ -405,7 +405,7 @@ def _named_fields(section: Any) -> dict[str, FieldInfo]:
 
 
 def absent_key(section: Any, name: str) -> tuple[str, str]:
-    """Return why a section has not got a key that there was, or is elsewhere, and what to write; empty for any other name."""
+    """Return why a section has no such key any more, or where it is, and the remedy; empty for any other name."""
     if replacement := getattr(section, "_gone", {}).get(name):
         return "there is no such parameter any more", replacement
     return getattr(section, "_foreign", {}).get(name, ""), ""
@@ -427,7 +427,7 @@ def _unknown(path: Place, section: Any, outer: Any) -> tuple[str, str, list[Plac
 def explained(
     error: ValidationError, section: Any, *, name: str = "", kind: type[InputError] = InputError, metres: bool = False
 ) -> InputError:
-    """Return what pydantic found in a section as one error, each place below the section's name."""
+    """Return the findings of pydantic in a section as one error, each place below the section's name."""
     faults = []
     for path, fault in findings(error, section, metres=metres):
         where = ".".join([*([name] if name and path else []), *map(str, path)])
@@ -668,7 +668,7 @@ class Section(BaseModel):
 
     @classmethod
     def _no_section(cls, value: Any) -> UnfitError:
-        """Return the refusal of what is no section."""
+        """Return the refusal of a value that is no section."""
         return UnfitError(f"{value_shown(value)} is not a section", f"It has the keys {', '.join(section_fields(cls))}")
 
     @field_validator("*", mode="before")
@@ -715,7 +715,7 @@ Shift = Annotated[Pair, AfterValidator(_shift_in_degrees)]
 
 
 def at_most(limit: float, unit: str) -> AfterValidator:
-    """Return the check of one value, or each of several, against what is larger than anything in nature."""
+    """Return the check of one value, or each of several, against a limit that nothing in nature exceeds."""
 
     def check(value: Any) -> Any:
         if any(abs(item) > limit for item in (value if isinstance(value, tuple) else (value,))):

@@ -1,6 +1,6 @@
 """The door to the engines: the choice of the scheme, and the two in which no force moves the ice.
 
-What lies inside of an engine is imported by that engine alone; what both share lies in `riftberg.engines.common`.
+Modules of an engine are imported by that engine alone; modules that both share lie in `riftberg.engines.common`.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class FrozenStepper(Stateless):
         sample_between_steps(run, run.elements)
 
     def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
-        """Return the velocity as it stands."""
+        """Return the velocity unchanged."""
         return run.elements.u.copy(), run.elements.v.copy()
 
     @property

@@ -27,7 +27,7 @@ _FEW_BERGS = 16
 
 
 class PairList(NamedTuple):
-    """Partners of each element: those of element e are ``partner[start[e]:start[e + 1]]``."""
+    """Partners of each element; element e has ``partner[start[e]:start[e + 1]]``."""
 
     start: Ints
     partner: Ints
@@ -194,7 +194,7 @@ def _crowded(start: Ints) -> bool:
 def _binned(
     x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float
 ) -> tuple[int, int, bool, Ints, Ints, Ints]:
-    """Columns and rows of the bins for a reach (m), whether the last column meets the first, and what `_bin` gives."""
+    """Columns and rows of the bins for a reach (m), whether the last column meets the first, and the result of `_bin`."""
     width_x, width_y, columns, rows, x0, y0, closed = _hash_columns(x, y, reach, latlon, radius, period)
     cell, start, member = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
     return columns, rows, closed, cell, start, member

@@ -46,7 +46,7 @@ class Population:
         self.next_bond = max(next_bond, _above(bonds.id))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy is made of; ``_columns`` points into these arrays."""
+        """Return the state of a copy; ``_columns`` points into these arrays."""
         return {**self.__dict__, "_columns": {}}
 
     @property
@@ -208,7 +208,7 @@ def put_back(
     elements: Elements, bonds: Bonds, rows: Ints, bond_rows: Ints, piece: Elements, piece_bonds: Bonds,
     block: slice | None = None,
 ) -> None:  # fmt: skip
-    """Write what `cut_out` gave, and what was done with it since, back into its rows."""
+    """Write a piece that `cut_out` gave, with its changes since, back into its rows."""
     for name, array in piece.arrays().items() if block is None else ():
         getattr(elements, name)[rows] = array
     for name, array in piece_bonds.arrays().items():

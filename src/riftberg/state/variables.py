@@ -347,7 +347,7 @@ class Elements(NamedTuple):
         return Elements(*(kind(*[a.copy() for a in group]) for kind, group in zip(GROUPS.values(), self, strict=True)))
 
     def copy_stepped(self) -> Elements:
-        """Return elements with copies of what a long step may change; the rest is shared."""
+        """Return elements with copies of the variables that a long step may change; the rest is shared."""
         return Elements._make([
             _with_copies(group, columns) for group, columns in zip(self, _STEPPED, strict=True)
         ])  # fmt: skip
@@ -449,11 +449,11 @@ class Bonds(NamedTuple):
         return Bonds._make(array.copy() for array in self)
 
     def copy_stepped(self) -> Bonds:
-        """Return bonds with copies of what a long step may change; the rest is shared."""
+        """Return bonds with copies of the variables that a long step may change; the rest is shared."""
         return cast("Bonds", _with_copies(self, _BONDS_STEPPED))
 
     def taken(self, rows: Any) -> Bonds:
-        """Return a copy of some rows (numbers or a mask); the rows of their ends stay as they are."""
+        """Return a copy of some rows (numbers or a mask); the rows of their ends do not change."""
         return Bonds(**{name: array[rows].copy() for name, array in self.arrays().items()})
 
 
@@ -507,7 +507,7 @@ _STEPPED = tuple(
     [k for k, v in enumerate(v for v in ELEMENT_VARIABLES if v.group == group) if v.stepped] for group in GROUPS
 )
 _BONDS_STEPPED = [k for k, v in enumerate(BOND_VARIABLES) if v.stepped]
-"""Places in each group of what a long step may change."""
+"""Places in each group of the variables that a long step may change."""
 
 # Each variable of an element is a property as well: found without `__getattr__`, which steps in pure Python would feel.
 for _variable in ELEMENT_VARIABLES:

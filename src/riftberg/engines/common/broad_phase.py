@@ -172,7 +172,7 @@ def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
 
 
 def with_both(pairs: PairList, allowed: np.ndarray) -> PairList:
-    """Return ``pairs`` with only those of which both are allowed."""
+    """Return the pairs whose two elements are both allowed."""
     return _selected(pairs, allowed[pairs.partner] & allowed[_owners(pairs)])
 
 
@@ -186,7 +186,7 @@ def within_cells(pairs: PairList, el: Elements, cells: CellSearch) -> PairList:
 
 
 def excluding(pairs: PairList, excluded: PairList) -> PairList:
-    """Return ``pairs`` without those of ``excluded``."""
+    """Return ``pairs`` without the pairs of ``excluded``."""
     count = pairs.start.size - 1
     excluded_keys = _owners(excluded) * count + excluded.partner
     return _selected(pairs, ~np.isin(_owners(pairs) * count + pairs.partner, excluded_keys))

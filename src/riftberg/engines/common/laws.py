@@ -141,7 +141,7 @@ class WithOwnForces(WrappedForcing):
         self.called: list[Floats] = []  # What they gave, N, shape (forces, 2, elements), each time in this step
 
     def describe(self) -> str:
-        """Return what the forcing is, and the names of the forces."""
+        """Describe the forcing, and name the forces."""
         custom = ((f"force of one's own: {' and '.join(self.forces)}", self.forces),
                (f"drag of one's own: {' and '.join(self.drags)}", self.drags))  # fmt: skip
         return "; ".join([self.forcing.describe(), *(text for text, laws in custom if laws)])
@@ -238,7 +238,7 @@ def law_values(
     law: ElementLaw, elements: Elements, time: float, kind: str, names: tuple[str, ...], least: float = -math.inf,
     optional: tuple[str, ...] = (), may_leave: bool = False,
 ) -> Floats:  # fmt: skip
-    """Return what a law gives for each of some names, shape (names, elements).
+    """Return the values of a law for each of some names, shape (names, elements).
 
     0 for ``optional`` names that it leaves out, NaN where it gives None: it ``may_leave`` that to the built-in law.
     """

@@ -39,7 +39,7 @@ class RiftTip:
         return hoop_intensity(self.opening, self.shearing)[1] if math.isfinite(self.opening) else math.nan
 
     def as_dict(self, parameters: Parameters) -> dict[str, Any]:
-        """Return it as a summary holds it; None for what cannot be said."""
+        """Return the tip as a summary holds it; None for values that are not known."""
         toughness = parameters.fracture.toughness if has_toughness(parameters) else math.nan
         shares = {"of_toughness": self.hoop / toughness, "largest_of_toughness": self.largest / toughness}
         return {name: value if math.isfinite(value) else None for name, value in (asdict(self) | shares).items()}
@@ -107,7 +107,7 @@ def _sentence(tip: RiftTip, parameters: Parameters) -> str:
 
 
 def tip_label(tip: RiftTip, parameters: Parameters) -> str:
-    """Return what a map says beside a tip."""
+    """Return the label of a tip on a map."""
     if not math.isfinite(tip.hoop):
         return "too short to say"
     if not has_toughness(parameters):

@@ -153,7 +153,7 @@ def _error(run: RunState, previous: Elements, applied: Floats, k: int) -> SpeedE
 
 
 def _describe_forcing_fault(previous: Elements, current: Elements) -> str:
-    """Say what of the forcing is no finite number, and where; nothing where all is."""
+    """Name a value of the forcing that is no finite number, and its place; empty where all are finite."""
     for el in (previous, current):
         for name in _GIVEN:
             values = getattr(el.environment, name)
@@ -164,7 +164,7 @@ def _describe_forcing_fault(previous: Elements, current: Elements) -> str:
 
 
 def _largest(run: RunState, previous: Elements, applied: Floats, k: int) -> str:
-    """Say which force on an element is the largest; that of Coriolis turns, and drives nothing."""
+    """Name the largest force on an element; the Coriolis force turns, and drives nothing."""
     if applied.shape[0] != run.elements.size:
         return "The step did not come to its end"
     mass = float(previous.body.mass[k])

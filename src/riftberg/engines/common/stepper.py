@@ -61,10 +61,10 @@ class Stepper(Protocol):
         """Tips of cracks, as the last step has left them."""
 
     def state_dict(self) -> dict[str, Any]:
-        """Return what a restart must hold beside the state, as arrays, for the run to go on bit for bit."""
+        """Return the arrays that a restart needs beside the state, for the run to go on bit for bit."""
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Restore what `state_dict` gave; other arrays in ``saved`` are left alone."""
+        """Restore the arrays of `state_dict`; other arrays in ``saved`` are left alone."""
 
 
 class Stateless:

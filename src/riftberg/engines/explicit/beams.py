@@ -129,7 +129,7 @@ def pack_elements(tiles: BondTiles, el: Elements, fields: SubstepFields) -> None
 
 @kernel
 def _pack_motion(tiles: BondTiles, shown: Shown, motion: Motion, kicks: Kicks) -> None:
-    """Place, motion and accelerations; elements that do not move keep what pair forces saw of them before."""
+    """Place, motion and accelerations; elements that do not move keep the values that pair forces saw before."""
     elem, ends = tiles.elem, tiles.ends
     pack(ends, tile.END_TILE, tile.X, shown.lon_pair)
     pack(ends, tile.END_TILE, tile.Y, shown.lat_pair)
@@ -148,7 +148,7 @@ def _pack_motion(tiles: BondTiles, shown: Shown, motion: Motion, kicks: Kicks) -
 
 @kernel
 def _pack_bodies(elem: Floats, body: Body, fields: SubstepFields) -> None:
-    """What elements are, in this long step, and what the floor does to them."""
+    """Properties of the elements in this long step, and the action of the floor on them."""
     pack(elem, tile.ELEMENT_TILE, tile.ACTIVE, fields.active)
     pack(elem, tile.ELEMENT_TILE, tile.PER_MASS, fields.per_mass)
     pack(elem, tile.ELEMENT_TILE, tile.PER_INERTIA, fields.per_inertia)
@@ -197,7 +197,7 @@ def _add_contact(
 
 @kernel
 def _unpack_pair_state(tiles: BondTiles, el: Elements) -> None:
-    """Write to the state what contact reads there: places, velocities, and those that pair forces see."""
+    """Write to the state the places and velocities that contact reads, and the ones that pair forces see."""
     shown, motion, elem, ends = el.shown, el.motion, tiles.elem, tiles.ends
     unpack(shown.lon_pair, ends, tile.END_TILE, tile.X)
     unpack(shown.lat_pair, ends, tile.END_TILE, tile.Y)

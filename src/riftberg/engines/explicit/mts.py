@@ -72,7 +72,7 @@ class Batch:
             self.elements, self.bonds, self._bond_rows = cut_out(run.elements, run.bonds, self.rows, self._block)
 
     def surroundings(self, of_all: Surroundings) -> Surroundings:
-        """Return what acts on its elements."""
+        """Return the forces on its elements."""
         if self.rows is None:
             return of_all
         rows = self.rows if self._block is None else self._block

@@ -178,7 +178,7 @@ def _floor_rates(el: Elements, fields: SubstepFields, dt: float) -> None:
 def _start(el: Elements, fields: SubstepFields, implicit_floor: bool) -> None:
     """Take the accelerations just found as those before the first sub-step, so that it has its first half kick.
 
-    What the sea floor does in that half kick is added to what it does in the sub-steps.
+    The impulse of the sea floor in that half kick is added to its impulse in the sub-steps.
     """
     motion, kicks = el.motion, el.kicks
     for e in range(motion.u.size):

@@ -197,7 +197,7 @@ def reaches_pole(lat: Floats) -> bool:
 
 @stage
 def store_inner(el: Elements) -> None:
-    """Copy the inner accelerations of this sub-step to those of the outer kick, where the reference keeps them."""
+    """Copy the inner accelerations of this sub-step to the arrays of the outer kick, where the reference keeps them."""
     ax, ay, bx, by = el.kicks.ax, el.kicks.ay, el.kicks.bx, el.kicks.by
     ax_fast, ay_fast, bx_fast, by_fast = el.kicks.ax_fast, el.kicks.ay_fast, el.kicks.bx_fast, el.kicks.by_fast
     for e in range(ax.size):

@@ -40,7 +40,7 @@ from riftberg.state import Floats
 
 @kernel
 def gather_second_ends(scratch: Floats, second: Indices, ends: Floats) -> None:
-    """Copy what the law needs of the second ends into the scratch tile, one by one; all loads stand before all stores."""
+    """Copy the inputs of the law at the second ends into the scratch tile, one by one; all loads stand before all stores."""
     for k in range(tile.LANES):
         at = second[k]
         x, y, u, v = ends[at + tile.X], ends[at + tile.Y], ends[at + tile.U], ends[at + tile.V]

@@ -117,7 +117,7 @@ def bond_lane(layer: int, element: int, layers: int) -> int:
 
 @kernel
 def end_offset(element: int) -> int:
-    """Where what bonds see of an element begins in ``ends``."""
+    """Offset in ``ends`` of the values of an element that bonds see."""
     return (element // LANES) * END_TILE + element % LANES
 
 
@@ -322,7 +322,7 @@ def _fill_place(
 def pack_bonds(
     tiles: BondTiles, elements: Elements, bonds: Bonds, sizes: Sizes, rank: Ints, p: KernelParameters
 ) -> int:
-    """Copy the intact bonds into the tiles and find those of each element; returns the number of tiles with bonds."""
+    """Copy the intact bonds into the tiles and list the bonds of each element; returns the number of tiles with bonds."""
     _assign_lanes(tiles, bonds)
     count = _list_tiles(tiles)
     _fill_slots(tiles, bonds.second)
@@ -384,7 +384,7 @@ def pack(tiles: Floats, size: int, quantity: int, source: Floats) -> None:
 
 @kernel
 def unpack(target: Floats, tiles: Floats, size: int, quantity: int) -> None:
-    """Copy back what `pack` has copied."""
+    """Copy back the values that `pack` has copied."""
     for b in range(tile_count(target.size)):
         values = target[b * LANES : min((b + 1) * LANES, target.size)]
         lanes = tiles[b * size + quantity : b * size + quantity + LANES]

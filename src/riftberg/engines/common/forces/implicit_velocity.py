@@ -253,7 +253,7 @@ def solve_in_contact(
 def _second_solve(
     e: int, w: ElementState, x: ExplicitTerms, t: Terms, ax: float, ay: float, surroundings: Surroundings, how: Solve
 ) -> Solution:
-    """Solve with what acts at the velocity that the first solution gives, and split the acceleration."""
+    """Solve with the forces at the velocity of the first solution, and split the acceleration."""
     scheme, dt = how.scheme, how.dt
     u1, v1 = w.u_star + dt * ax, w.v_star + dt * ay
     du, dv = (u1, v1) if scheme.centred else (w.u0, w.v0)

@@ -389,7 +389,7 @@ def on_the_floor(
 ) -> NDArray[np.bool_]:
     """Which elements the sea floor acts on, by either law: a bed carries the deepest point of a keel in water deeper elsewhere.
 
-    ``floor_load``: what a bed of sediment carries, N; 0 where there is none.
+    ``floor_load``: the load that a bed of sediment carries, N; 0 where there is none.
     """
     if p.only_interactions:
         # A lattice without its surroundings, such as a beam: the drag of the floor only brings it to rest.

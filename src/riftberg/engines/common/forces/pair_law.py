@@ -80,7 +80,7 @@ class Terms(NamedTuple):
 
 
 class ContactTable(NamedTuple):
-    """Pairs of different bergs in reach of contact, with what does not change as long as they do not move."""
+    """Pairs of different bergs in reach of contact, with the terms that stay as long as they do not move."""
 
     start: Ints  # Those of element e are from ``start[e]`` to before ``start[e + 1]``
     partner: Ints
@@ -208,7 +208,7 @@ def interaction_terms(
 
 @kernel
 def pair_view(el: Elements, sizes: Sizes) -> PairView:
-    """Gather what pair forces see of the elements."""
+    """Gather the positions, velocities and sizes that pair forces read."""
     shown = el.shown
     return PairView(
         shown.lon_pair,

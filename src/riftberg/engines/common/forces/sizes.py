@@ -23,7 +23,7 @@ class Sizes(NamedTuple):
 
 
 def slice_sizes(sizes: Sizes, rows: slice) -> Sizes:
-    """Return those of some rows that follow one another, in the same memory."""
+    """Return the sizes of a block of rows, in the same memory."""
     return Sizes(*(array[rows] for array in sizes))
 
 
@@ -45,13 +45,13 @@ def rectangle_inertia(mass: float, length: float, width: float) -> float:
 
 @kernel
 def disc_inertia(mass: float, radius: float) -> float:
-    """The same of an element that sub-steps turn: that of the reference."""
+    """Moment of inertia (kg m2) of an element that sub-steps turn: the disc of the reference."""
     return 0.5 * mass * radius * radius
 
 
 @kernel
 def count_sides(sides: int, p: KernelParameters) -> int:
-    """Sides of an element; where it does not say, those of the packing that the parameters name."""
+    """Number of sides of an element; where it states none, the number of the packing in the parameters."""
     return sides if sides > 0 else p.max_sides
 
 

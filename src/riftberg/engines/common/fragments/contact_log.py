@@ -136,7 +136,7 @@ class ContactLog:
         return self._count - 1
 
     def _by_birth(self, key: tuple[int, int], began: float, tree: FragmentTree) -> bool:
-        """Whether a pair touches because one of it has just broken off: from the other, or from what touched that."""
+        """Whether a pair touches because one of it has just broken off: from the other, or from a piece that touched that one."""
         # Either of the two may be the newborn piece.
         for newborn, other in (key, key[::-1]):
             row = tree.rows[newborn - 1] if 0 < newborn <= len(tree.rows) else None

@@ -74,7 +74,7 @@ class GroundingLog:
         self, previous: Elements, el: Elements, step: tuple[float, float], tree: FragmentTree, p: KernelParameters,
         forces: Callable[[], Floats], clearance: float,
     ) -> None:  # fmt: skip
-        """Record what the floor carries after a long ``step`` from one time to another, s.
+        """Record the load on the floor after a long ``step`` from one time to another, s.
 
         ``previous``, ``el``: the elements at its start and at its end; ``forces``: gives the mean forces (N) of the step, shape
         (elements, forces, 2); ``clearance``: least water under a keel as the bed has it (m), NaN where the depth under the middle
@@ -137,7 +137,7 @@ def _measured(
     numbers: Ints, touching: NDArray[np.bool_], previous: Elements, el: Elements, step: tuple[float, float],
     p: KernelParameters, forces: Floats,
 ) -> list[_Measured]:  # fmt: skip
-    """Return what a step alone shows of each fragment on the floor."""
+    """Return the measures of one step for each fragment on the floor."""
     at = np.minimum(np.searchsorted(numbers, el.body.berg), numbers.size - 1)
     rows = np.flatnonzero(numbers[at] == el.body.berg)
     fragment, first = at[rows], np.empty(numbers.size, np.int64)

@@ -189,7 +189,7 @@ def _measures(rows: Ints, el: Elements, period: float) -> tuple[float, float, in
 
 
 def _measure_singles(rows: Ints, el: Elements) -> list[tuple[float, float, int, float, float]]:
-    """Return the same for each of some elements by itself."""
+    """Return the same for bergs of one element each."""
     body, place = el.body, el.place
     mass, area = body.mass[rows], body.length[rows] * body.width[rows]
     means = [
