@@ -466,7 +466,7 @@ class BareModel(RunState):
         self._look()
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return what brings this state back: for a step of an ocean that fails after births or steps of the bergs."""
+        """Return a function that brings this state back: for a step of an ocean that fails after births or steps of the bergs."""
         names = ("_seen_rows", "_seen_bonds", "_seen_ids", "_seen_bytes", "_seen_coarse", "_visited", "outlines")
         attributes = {name: getattr(self, name) for name in (*names, "departed")}
         checkpoint = self._before(self.population.saved())

@@ -212,7 +212,7 @@ class Parameters(Group):
         return parameters
 
     def adapted(self, /, **groups: Any) -> tuple[Parameters, list[str]]:
-        """Return `changed`, and the paths of what the scheme in ``groups`` has not, which is left out.
+        """Return `changed`, and the paths of the values left out because the scheme in ``groups`` has none.
 
         What ``groups`` themselves ask for is refused where the scheme has it not.
         """
@@ -434,7 +434,7 @@ def _choices(field: FieldInfo) -> list[str]:
 
 
 def _explain_other_engine() -> None:
-    """Let each group say of parameters and choices of the other engine whose they are, and what to write."""
+    """Let each group name the engine of parameters and choices that it lacks, and the remedy."""
     for engine, other, whose, scheme in (
         (QuasiStaticParameters, ExplicitParameters, "the explicit schemes", "mts"),
         (ExplicitParameters, QuasiStaticParameters, "quasi_static", "quasi_static"),
@@ -523,7 +523,7 @@ def _may_hold(field: FieldInfo, value: Any) -> bool:
 
 
 def from_file(values: Any, *, goes_on: bool) -> Parameters:
-    """Return parameters as a file of Riftberg has them, which may hold those of the other engine too; these never acted.
+    """Return the parameters of a file of Riftberg; a file may hold parameters of the other engine too, which never acted.
 
     ``goes_on``: a run goes on with them; else they say what it was, and what earlier versions had is left out.
     """
@@ -558,7 +558,7 @@ Compatibility._gone = {
 
 
 def _is_idle(engine: type[Parameters], group: str, name: str, value: Any, goes_on: bool) -> bool:
-    """Whether what a file says changes nothing, or is to be left out because no run goes on with it."""
+    """Whether a value of a file changes nothing, or is to be left out because no run goes on with it."""
     rigid = engine is QuasiStaticParameters
     # Keys and choices of earlier versions, with the values that they had by default.
     former: dict[tuple[str, str], tuple[Any, ...]] = {
@@ -625,7 +625,7 @@ def _without_replaced_strength(fracture: Mapping[str, Any], changes: Mapping[str
 
 
 def _explicit_if_asked(groups: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Add ``stepping.scheme = "mts"`` to values by group that name no scheme and ask for what only the explicit one has."""
+    """Add ``stepping.scheme = "mts"`` to values by group that name no scheme and ask for features of the explicit one alone."""
 
     def asked(group: str, name: str) -> Any:
         values = groups.get(group)

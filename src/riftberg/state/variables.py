@@ -326,7 +326,7 @@ class Elements(NamedTuple):
     keel: Keel
 
     def __getattr__(self, name: str) -> NDArray[Any]:
-        """Refuse a name that is no variable; those of the registry are properties, set below it."""
+        """Refuse a name that is no variable; the variables of the registry are properties, set below it."""
         raise AttributeError(f"elements have no variable {name!r}")
 
     @property
@@ -474,11 +474,11 @@ def copied(array: NDArray[Any]) -> NDArray[Any]:
 
 
 LARGE = 2**18
-"""Bytes from which zeros are taken from the system: what comes and goes in a step stays with NumPy."""
+"""Bytes from which zeros are taken from the system: arrays that come and go in a step stay with NumPy."""
 
 
 def zeros(count: int, dtype: Any = "f8") -> NDArray[Any]:
-    """Return zeros that take no memory until they are written; those of `numpy.zeros` do where it clears used memory."""
+    """Return zeros that take no memory until they are written; `numpy.zeros` takes some where it clears used memory."""
     kind = np.dtype(dtype)
     if count * kind.itemsize < LARGE or not hasattr(mmap, "MAP_PRIVATE"):  # as on Windows
         return np.zeros(count, kind)

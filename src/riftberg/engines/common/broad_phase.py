@@ -44,16 +44,16 @@ SEARCH_MARGIN = 1.001
 class CellSearch(NamedTuple):
     """How far the reference looks for partners in the cells of the ocean's grid: columns and rows to each side (equations 5.1).
 
-    ``around`` is the number of columns of a cyclic grid, else 0.
+    ``cyclic_columns`` is the number of columns of a cyclic grid, else 0.
     """
 
     columns: int
     rows: int
-    around: int
+    cyclic_columns: int
 
     def within(self, cells: int) -> CellSearch:
         """Return a search over so many cells to each side."""
-        return CellSearch(cells, cells, self.around)
+        return CellSearch(cells, cells, self.cyclic_columns)
 
 
 def contact_cells(p: Parameters, grid: Grid | None) -> CellSearch | None:
@@ -180,8 +180,8 @@ def within_cells(pairs: PairList, el: Elements, cells: CellSearch) -> PairList:
     """Return ``pairs`` with only those whose cells are so near to each other."""
     i, j, owner = el.place.cell_i, el.place.cell_j, _owners(pairs)
     across, up = np.abs(i[owner] - i[pairs.partner]), np.abs(j[owner] - j[pairs.partner])
-    if cells.around:
-        across = np.minimum(across, cells.around - across)
+    if cells.cyclic_columns:
+        across = np.minimum(across, cells.cyclic_columns - across)
     return _selected(pairs, (across <= cells.columns) & (up <= cells.rows))
 
 
