@@ -67,8 +67,8 @@ def extra(field: Any, name: str) -> str:
 
 def parameters_page() -> str:
     """Return the page of all parameters, with the values of the presets where they differ from the default."""
-    from riftberg.config.values import extra_of, words_for_nothing
-    from riftberg.parameters import A68A_2022, A68A_2022_KID, GROUPS, Parameters, sections_of
+    from riftberg.config.values import field_extra, words_for_nothing
+    from riftberg.parameters import A68A_2022, A68A_2022_KID, GROUPS, Parameters, group_classes
 
     engines = {
         "`quasi_static`": Parameters(), "`mts`, `verlet` and `runge_kutta`": Parameters(stepping={"scheme": "mts"}),
@@ -89,20 +89,20 @@ def parameters_page() -> str:
     ]
     for group in GROUPS:
         text.append(f"## {group}\n")
-        for kind in sections_of(group):
+        for kind in group_classes(group):
             has = [name for name, p in engines.items() if isinstance(getattr(p, group, None), kind)]
             whose = f" With {has[0]}." if len(has) == 1 else ""
             text.append((kind.__doc__ or "").split("\n\n")[0] + whose + "\n")
             rows = []
             for name, field in kind.model_fields.items():
-                usual = extra_of(field, "usual")
+                usual = field_extra(field, "usual")
                 span = f"{usual.low:g} to {usual.high:g}" if usual else ""
                 plain = field.get_default()
                 sets = (p for p in (A68A_2022, A68A_2022_KID) if isinstance(getattr(p, group, None), kind))
                 differ = {type(p): getattr(getattr(p, group), name) for p in sets}
                 physics, kid = (differ.get(type(p), plain) for p in (A68A_2022, A68A_2022_KID))
                 kid = kid if type(A68A_2022_KID) in differ else physics
-                meaning = (field.description or "") + (" (`riftberg kid` alone)" if extra_of(field, "hidden") else "")
+                meaning = (field.description or "") + (" (`riftberg kid` alone)" if field_extra(field, "hidden") else "")
                 rows.append(
                     (
                         # Nothing by a word that is no choice of its own.
@@ -120,7 +120,7 @@ def parameters_page() -> str:
 def experiment_page() -> str:
     """Return the page of the keys of an experiment file."""
     from riftberg.bergs.keys import FieldOfBergs
-    from riftberg.config.values import fields_of
+    from riftberg.config.values import section_fields
     from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Shelf, Strength
     from riftberg.experiments.yaml_file import sections
     from riftberg.ocean.formulas import FORMULAS
@@ -143,7 +143,7 @@ def experiment_page() -> str:
         ("berg.field", FieldOfBergs),
         *((f"forcing.{name}, kind: formula", part) for name, part in FORMULAS.items()),
     )
-    for name, fields in (*sections(), *((name, fields_of(kind)) for name, kind in shapes)):
+    for name, fields in (*sections(), *((name, section_fields(kind)) for name, kind in shapes)):
         text.append(f"## {name or 'top level'}\n")
         rows = []
         for key, field in fields.items():

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.config.values import extra_of
+from riftberg.config.values import field_extra
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import RiftbergError
@@ -446,7 +446,7 @@ def changed(name: str, trial: Trial) -> Groups:
     group, leaf = name.split(".")[:2]
     value = trial.value
     if value is None:
-        value = extra_of(fields_by_path()[f"{group}.{leaf}"], "trial")
+        value = field_extra(fields_by_path()[f"{group}.{leaf}"], "trial")
     value = not value_of(trial.base, name) if value is None else value
     return with_(trial.base, **{group: {leaf: value}})
 

@@ -328,7 +328,7 @@ import sys
 import textwrap
 from riftberg.compiled.kernels import kernel
 from riftberg.state.neighbours import find_pairs
-from riftberg.engines.common.forces.sizes import radius_of
+from riftberg.engines.common.forces.sizes import interaction_radius
 from riftberg.physics.geometry import separation
 import numpy as np
 kind = {"0": np.float64, "1": np.float32}[sys.argv[1]]

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from riftberg import Parameters
-from riftberg.config.values import extra_of
+from riftberg.config.values import field_extra
 from riftberg.ensembles.vary import varied_of
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
@@ -194,7 +194,7 @@ def test_the_numerics_of_the_reference_stay_behind_with_its_engine() -> None:
 def test_each_engine_has_parameters_of_its_own_and_a_user_meets_few() -> None:
     """152 could be set with `quasi_static`, of which half did nothing. 80 were left; modulus and viscosity of edges came."""
     sets = {engine: fields_by_path(engine) for engine in (QuasiStaticParameters, ExplicitParameters)}
-    settable = [path for path, field in sets[QuasiStaticParameters].items() if not extra_of(field, "hidden")]
+    settable = [path for path, field in sets[QuasiStaticParameters].items() if not field_extra(field, "hidden")]
     assert len(settable) <= 82
     for engine, other, scheme in (
         (QuasiStaticParameters, ExplicitParameters, "quasi_static"),

@@ -75,15 +75,15 @@ def test_a_quantity_is_the_nearest_number_to_what_is_written(text: str, unit: st
 def test_every_unit_of_a_parameter_or_a_key_can_be_written_behind_its_value() -> None:
     """That of the toughness, Pa m1/2, could not: its slash was taken for that of m/s."""
     from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
-    from riftberg.config.values import fields_of, unit_of
+    from riftberg.config.values import field_unit, section_fields
     from riftberg.experiments.yaml_file import sections
     from riftberg.ocean.formulas import FORMULAS
     from riftberg.parameters import fields_by_path
 
     groups = [fields_by_path()]
     shapes = [kind.model_fields for kind in (FieldOfBergs, LatticeRows, Rectangle)]
-    keys = [fields for _, fields in sections()] + [fields_of(part) for part in FORMULAS.values()]
-    units = {unit_of(field) for fields in (*groups, *shapes, *keys) for field in fields.values()} - {""}
+    keys = [fields for _, fields in sections()] + [section_fields(part) for part in FORMULAS.values()]
+    units = {field_unit(field) for fields in (*groups, *shapes, *keys) for field in fields.values()} - {""}
     assert "Pa m1/2" in units
     for unit in sorted(units):
         for one in unit.split(" or "):

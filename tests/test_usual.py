@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.cli.main import app
 from riftberg.config.usual_ranges import LAWS, USUAL, of_length, without_effect
-from riftberg.config.values import extra_of
+from riftberg.config.values import field_extra
 from riftberg.experiments import Options, build
 from riftberg.ocean import formulas
 from riftberg.ocean.grid import Grid
@@ -67,7 +67,7 @@ def numeric_parameters() -> set[str]:
 
 
 def test_every_number_has_a_usual_range_or_none_with_a_reason() -> None:
-    known = {path: usual for path, field in fields_by_path().items() if (usual := extra_of(field, "usual"))}
+    known = {path: usual for path, field in fields_by_path().items() if (usual := field_extra(field, "usual"))}
     assert known.keys() | NUMBERS_OF_METHOD | SHARES == numeric_parameters()
     assert all(usual.low < usual.high and usual.source for usual in {**USUAL, **known}.values())
 

@@ -123,32 +123,36 @@ class BareModel(RunState):
         *,
         laws: Laws | None = None,
     ) -> None:
-        asked, forcing = Parameters() if parameters is None else parameters, as_forcing(forcing)
-        check_arguments(berg, forcing, asked)
+        requested, forcing = Parameters() if parameters is None else parameters, as_forcing(forcing)
+        check_arguments(berg, forcing, requested)
         began = time_zero(forcing, None if start is None else moment(start, where="start"))
-        check_coordinates(berg, forcing, asked)
-        check_balance(forcing, asked)
-        if asked.bonds.packing == "hexagonal" and berg.packing == "square" and berg.elements.size:
+        check_coordinates(berg, forcing, requested)
+        check_balance(forcing, requested)
+        if requested.bonds.packing == "hexagonal" and berg.packing == "square" and berg.elements.size:
             raise InputError(
                 "bonds.packing = 'hexagonal', but the berg has square elements", where="Model",
                 remedy="Make the berg with packing='hexagonal', or leave bonds.packing out: it follows the berg",
             )  # fmt: skip
         # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
-        packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
+        packed = (
+            requested.changed(bonds={"packing": berg.packing}) if berg.packing != requested.bonds.packing else requested
+        )
         elements, bonds = copy_state(berg.elements, berg.bonds)
-        there, named, later = (
+        present, present_bergs, later = (
             parted_by_date(elements, berg.dates, began, berg.bergs) if berg.dates else (elements, berg.bergs, {})
         )
-        sized = _with_constant_size(packed, there, bonds)
-        self._begin(Population(there, bonds), forcing, sized, began, bergs=named, outlines=berg.outlines, laws=laws)
+        sized = _with_constant_size(packed, present, bonds)
+        self._begin(
+            Population(present, bonds), forcing, sized, began, bergs=present_bergs, outlines=berg.outlines, laws=laws
+        )
         self.remembered.update(later)
         # Runs with the reference's quirks must run as they stand, and bergs that do not act on each other may overlap.
-        if not asked.quirks.zero_start and asked.stepping.interactions:
-            earth = asked.earth
-            refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
+        if not requested.quirks.zero_start and requested.stepping.interactions:
+            earth = requested.earth
+            refuse_overlap(self.elements, requested.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
 
     @classmethod
-    def going_on(
+    def from_state(
         cls, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float,
         step_number: int, fragments: Sequence[Fragment], bergs: Sequence[tuple[str, int]] = (),
         contacts: ContactLog | None = None, laws: Laws | None = None,
@@ -165,19 +169,21 @@ class BareModel(RunState):
         outlines: tuple[Any, ...] = (), laws: Laws | None = None,
     ) -> None:  # fmt: skip
         """Check the state and set up the stepper."""
-        own, forcing = Laws() if laws is None else laws, as_forcing(forcing)
-        required(own, Laws, "Laws(force=..., melt=..., fracture=...)", where="Model, laws")
-        own.check(parameters)
+        custom_laws, forcing = Laws() if laws is None else laws, as_forcing(forcing)
+        required(custom_laws, Laws, "Laws(force=..., melt=..., fracture=...)", where="Model, laws")
+        custom_laws.check(parameters)
         # Errors of an ensemble may be put around the forcing later; the forces are still called through this.
-        self._force = None if own.force is None and own.drag is None else WithOwnForces(forcing, own)
+        self._force = (
+            None if custom_laws.force is None and custom_laws.drag is None else WithOwnForces(forcing, custom_laws)
+        )
         super().__init__(
             population, self._force or forcing, parameters,
             parameters.kernel_values()._replace(ice_drift_known=forcing.ice_drift_known),
             FragmentTree(list(fragments), bergs), start, time, step_number, outlines=outlines,
-            laws=own,
+            laws=custom_laws,
         )  # fmt: skip
-        self.life = LifeProcess(parameters, own.melt) if lives(parameters) else None
-        self.motion = MotionLedger(parameters, own.several())
+        self.life = LifeProcess(parameters, custom_laws.melt) if lives(parameters) else None
+        self.motion = MotionLedger(parameters, custom_laws.several())
         self._own: Floats | None = None  # Accelerations by each of several own forces, (elements, forces, 2)
         self.after_step: list[Process] = []
         self.departed: tuple[Elements, Bonds] | None = None
@@ -220,7 +226,7 @@ class BareModel(RunState):
                     array[:] = values
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""
+        """Return the state of a copy: not the stepper, whose tables point into the arrays of this model."""
         state = dict(self.__dict__)
         stepper = state.pop("_stepper")
         return {**state, "_saved": None, "_stepper_state": stepper.state_dict(), "_applied": stepper.applied}
@@ -289,12 +295,12 @@ class BareModel(RunState):
         rows = self.elements.size
         ids = self.population.append(elements, bonds, ids=ids)
         new = slice(rows, None)
-        now = self.elements
-        now.body.berg[new] = parent
-        now.place.entered[new] = now.place.entered[:rows].max(initial=-1) + 1
-        for shown, own in (("lon_pair", "lon"), ("lat_pair", "lat"), ("u_pair", "u"), ("v_pair", "v")):
-            getattr(now, shown)[new] = getattr(now, own)[new]
-        now.motion.u_sync[new], now.motion.v_sync[new] = now.motion.u[new], now.motion.v[new]
+        current = self.elements
+        current.body.berg[new] = parent
+        current.place.entered[new] = current.place.entered[:rows].max(initial=-1) + 1
+        for copy, name in (("lon_pair", "lon"), ("lat_pair", "lat"), ("u_pair", "u"), ("v_pair", "v")):
+            getattr(current, copy)[new] = getattr(current, name)[new]
+        current.motion.u_sync[new], current.motion.v_sync[new] = current.motion.u[new], current.motion.v[new]
         return ids
 
     def remove(self, ids: Sequence[int] | Ints) -> None:
@@ -336,10 +342,10 @@ class BareModel(RunState):
         array, shape (elements, forces, 2)
             East and north, in the order of `Laws.several`; together they are the force ``own`` of `applied_forces`.
         """
-        own, count = self._own, len(self.laws.several())
-        if own is None:
+        accelerations, count = self._own, len(self.laws.several())
+        if accelerations is None:
             return np.zeros((self.elements.size, count, 2))
-        return self._of_last_step(own, self.elements)
+        return self._of_last_step(accelerations, self.elements)
 
     def step(self) -> None:
         """Advance the state by one long step, and run the processes of `after_step`.
@@ -367,12 +373,12 @@ class BareModel(RunState):
         # A scheme alone changes neither rows nor sizes, so half of the copies are spared.
         stepped_only = self.life is None and not self.after_step and COMING not in self.remembered
         self._saved = saved = self.population.saved(stepped_only=stepped_only, into=self._saved)
-        before = self._before(saved)
+        checkpoint = self._before(saved)
         try:
             if self.elements.size:
                 if self._force is not None:
                     self._force.begin_step()
-                self._stepped_from(saved.elements)
+                self._take_step(saved.elements)
                 self._count_turns(saved.elements)
                 # The ledgers see the state before the step; contacts need it too, for the speed before bergs touched.
                 applied = self._stepper.applied
@@ -382,10 +388,10 @@ class BareModel(RunState):
                     saved.elements, saved.bonds, self, applied, self.remembered, self._stepper.plastic, self._own
                 )
                 self.contacts.update(
-                    saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
+                    saved.elements, self._stepper.touched, checkpoint[0], self.time, self.fragments, self.constants
                 )
                 self.groundings.update(
-                    saved.elements, self.elements, (before[0], self.time), self.fragments, self.constants,
+                    saved.elements, self.elements, (checkpoint[0], self.time), self.fragments, self.constants,
                     self.applied_forces, self._stepper.clearance,
                 )  # fmt: skip
                 self._drop_lost()
@@ -402,46 +408,46 @@ class BareModel(RunState):
             if not stepped_only:  # a scheme changes neither rows nor sizes
                 self._follow_changes()
         except BaseException:  # whatever it was, an interrupt too: the state must stay one that can be saved
-            self._go_back(*before)
+            self._go_back(*checkpoint)
             raise
 
-    def _count_turns(self, before: Elements) -> None:
+    def _count_turns(self, previous: Elements) -> None:
         """Count the turns of a step; no element goes half a period in one."""
         grid, el = self.forcing.grid, self.elements
         if grid is not None and grid.arrays.period > 0.0:
-            turns = np.round((before.place.lon - el.place.lon) / grid.arrays.period)
+            turns = np.round((previous.place.lon - el.place.lon) / grid.arrays.period)
             if turns.any():
                 self.remembered[_TURNS] = np.column_stack([el.body.id, self.turns + turns])
 
     def _drop_lost(self) -> None:
-        """Take out what has left the grid over an open edge: whole bergs; single elements by the reference's rules."""
+        """Take out the bergs that have left the grid over an open edge; single elements by the reference's rules."""
         grid = self.forcing.grid
         if grid is None or (inside := grid.has_in_domain(self.elements)).all():
             return
         lost = ~inside
         if not self.parameters.quirks.lost_over_edge:
-            part = connected_parts(inside.size, self.bonds.first, self.bonds.second, self.bonds.status)
-            lost = np.isin(part, part[lost])
+            component = connected_parts(inside.size, self.bonds.first, self.bonds.second, self.bonds.status)
+            lost = np.isin(component, component[lost])
         self.departed = cut_out(self.elements, self.bonds, np.flatnonzero(lost))[:2]
         self.remove(self.elements.body.id[lost])
         self._follow_changes()
 
-    def _stepped_from(self, before: Elements) -> None:
+    def _take_step(self, previous: Elements) -> None:
         """Take the step of the scheme; whatever fails in a run that has flown apart, the reason is that."""
         try:
             self._stepper.step(self)
         except Exception as error:
-            check_speed(self, before, self._stepper.applied)
-            refuse_forcing(self, before, error)
+            check_speed(self, previous, self._stepper.applied)
+            refuse_forcing(self, previous, error)
             raise
         self._stepped, self._stepped_mass = self.elements.body.id.copy(), self.elements.body.mass.copy()
-        check_speed(self, before, self._stepper.applied)
+        check_speed(self, previous, self._stepper.applied)
         check_forcing(self)
 
     def _before(
         self, population: Saved
     ) -> tuple[float, int, list[Fragment], Saved, dict[str, Floats], ContactLog, GroundingLog]:
-        """Return what `_go_back` takes, as it is before a step."""
+        """Return the arguments of `_go_back`, from the state before a step."""
         return (
             self.time, self.step_number, list(self.fragments.rows), population, dict(self.remembered),
             self.contacts.saved(), self.groundings.saved(),
@@ -460,32 +466,32 @@ class BareModel(RunState):
         self._look()
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return what brings this state back: for a step of an ocean that fails after births or steps of the bergs."""
+        """Return a function that brings this state back: for a step of an ocean that fails after births or steps of the bergs."""
         names = ("_seen_rows", "_seen_bonds", "_seen_ids", "_seen_bytes", "_seen_coarse", "_visited", "outlines")
-        noted = {name: getattr(self, name) for name in (*names, "departed")}
-        before = self._before(self.population.saved())
+        attributes = {name: getattr(self, name) for name in (*names, "departed")}
+        checkpoint = self._before(self.population.saved())
 
         def go_back() -> None:
-            self._go_back(*before)
+            self._go_back(*checkpoint)
             # What came before the step and has not been followed up is still to be, and so is the first visit.
-            for name, value in noted.items():
+            for name, value in attributes.items():
                 setattr(self, name, value)
 
         return go_back
 
     def _look(self, coarse: tuple[Floats, ...] | None = None) -> None:
-        """Note what must be followed up when it changes: which rows there are, mass and sizes; those in steps if known."""
+        """Note the values to follow up when they change: which rows there are, mass and sizes; those in steps if known."""
         body, population = self.elements.body, self.population
         self._seen_rows, self._seen_bonds = (population.version, population.next_bond), self.bonds.id.copy()
-        self._seen_ids, self._seen_bytes = body.id.copy(), _bytes_of(_sizes_of(self.elements))
+        self._seen_ids, self._seen_bytes = body.id.copy(), _to_bytes(_element_sizes(self.elements))
         self._seen_coarse = size_bins(self.elements) if coarse is None else coarse
 
     def _follow_changes(self) -> None:
-        """Do what follows from births, deaths and changes of mass or size since the last look."""
+        """Follow up births, deaths and changes of mass or size since the last look."""
         version, next_bond = self._seen_rows
         ids = self._seen_ids
         # Most steps change nothing: then the rows are the same, and comparing their bytes is enough, and quick.
-        if self.population.version == version and _bytes_of(_sizes_of(self.elements)) == self._seen_bytes:
+        if self.population.version == version and _to_bytes(_element_sizes(self.elements)) == self._seen_bytes:
             return
         # Sizes in bins: melt changes every element in every step, the number of sub-steps only where that matters.
         coarse = size_bins(self.elements)
@@ -500,7 +506,7 @@ class BareModel(RunState):
         self._look(coarse)
 
     def _follow_rows(self, ids: Ints) -> bool:
-        """Do what follows from elements and bonds that came or went, and return whether fragments were found and measured.
+        """Follow up elements and bonds that came or went, and return whether fragments were found and measured.
 
         ``ids``: identifiers before.
         """
@@ -550,7 +556,7 @@ class BareModel(RunState):
         InputError
             If it is too long, or the forcing does not cover it.
         """
-        count = self._number_of_steps(days, steps)
+        count = self._count_steps(days, steps)
         check_work(count, self.substeps, self.elements.mass.size, where="Model.run")
         self._check_forcing(count)
         return count
@@ -589,7 +595,7 @@ class BareModel(RunState):
         """Take steps until they are done or a signal waits."""
         started: list[Recorder] = []
         failed: BaseException | None = None
-        known = len(self.fragments.rows)
+        logged = len(self.fragments.rows)
         _LOG.info("%d steps from %s, %d sub-steps in each", count, f"{self.date:%Y-%m-%d %H:%M}", self.substeps)
         try:
             for recorder in recorders:
@@ -600,7 +606,7 @@ class BareModel(RunState):
                 if hold.requested:
                     return
                 step()
-                known = self._log_breakups(known)
+                logged = self._log_breakups(logged)
                 for recorder in recorders:
                     recorder.record(self)
         except BaseException as error:
@@ -610,9 +616,9 @@ class BareModel(RunState):
             _LOG.info("stands at %s", f"{self.date:%Y-%m-%d %H:%M}")
             finish_all(started, self, failed)
 
-    def _log_breakups(self, known: int) -> int:
+    def _log_breakups(self, logged: int) -> int:
         """Log the fragments that are new, and return how many there have been now."""
-        for row in self.fragments.rows[known:]:
+        for row in self.fragments.rows[logged:]:
             if row.parent > 0:
                 _LOG.info(
                     "%s: fragment %d of %.4g km2 broke off %d", f"{self.date:%Y-%m-%d %H:%M}", row.number,
@@ -620,7 +626,7 @@ class BareModel(RunState):
                 )  # fmt: skip
         return len(self.fragments.rows)
 
-    def _number_of_steps(self, days: float | str | None, steps: int | None) -> int:
+    def _count_steps(self, days: float | str | None, steps: int | None) -> int:
         if (days is None) == (steps is None):
             raise InputError("give either days or steps", where="Model.run")
         if steps is not None:
@@ -681,9 +687,9 @@ class BareModel(RunState):
         from riftberg.ocean.balance import slope_notice  # with xarray, which a run of formulas does without
 
         body, bonds = self.elements.body, self.bonds
-        part = connected_parts(body.id.size, bonds.first, bonds.second, bonds.status)
-        areas = np.bincount(part, weights=body.length * body.width)
-        largest = np.flatnonzero(part == areas.argmax()) if areas.size else part
+        component = connected_parts(body.id.size, bonds.first, bonds.second, bonds.status)
+        areas = np.bincount(component, weights=body.length * body.width)
+        largest = np.flatnonzero(component == areas.argmax()) if areas.size else component
         return slope_notice(self.forcing, self.elements, largest, self.parameters)
 
     @property
@@ -728,13 +734,13 @@ def _nothing(model: BareModel) -> None:
     """Stand for a method that a recorder does not have."""
 
 
-def _sizes_of(elements: Elements) -> tuple[Floats, ...]:
-    """Mass and sizes of the elements: what melt and calving change."""
+def _element_sizes(elements: Elements) -> tuple[Floats, ...]:
+    """Mass and sizes of the elements, which melt and calving change."""
     body = elements.body
     return body.mass, body.thickness, body.length, body.width
 
 
-def _bytes_of(arrays: tuple[Floats, ...]) -> list[bytes]:
+def _to_bytes(arrays: tuple[Floats, ...]) -> list[bytes]:
     return [a.tobytes() for a in arrays]
 
 
@@ -748,15 +754,15 @@ def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Para
     b = p.bonds
     if not b.constant_size or (b.constant_length > 0.0 and b.constant_width > 0.0):
         return p
-    part = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
-    if part.any() and not p.quirks.bergs_coupled:
+    component = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
+    if component.any() and not p.quirks.bergs_coupled:
         return p
     length, width = float(np.mean(elements.length)), float(np.mean(elements.width))
     return p.changed(bonds={"constant_length": length, "constant_width": width})
 
 
 def check_arguments(berg: object, forcing: object, parameters: object) -> None:
-    """Refuse what is no berg, no forcing and no parameters, by name: they are easily given in another order."""
+    """Refuse arguments that are no berg, no forcing and no parameters: they are easily given in another order."""
     good = {
         "berg": (isinstance(berg, Iceberg), "an Iceberg, for example Iceberg.rectangle(...)"),
         "forcing": (
@@ -765,48 +771,48 @@ def check_arguments(berg: object, forcing: object, parameters: object) -> None:
         ),
         "parameters": (isinstance(parameters, Parameters), "Parameters(...), or A68A_2022.changed(...)"),
     }
-    for (name, (fits, wanted)), value in zip(good.items(), (berg, forcing, parameters), strict=True):
+    for (name, (fits, expected)), value in zip(good.items(), (berg, forcing, parameters), strict=True):
         if not fits:
-            raise InputError(f"{value_shown(value)} is no {name}", where=f"Model, {name}", remedy=f"Give {wanted}")
+            raise InputError(f"{value_shown(value)} is no {name}", where=f"Model, {name}", remedy=f"Give {expected}")
 
 
 def check_recorders(recorders: object) -> None:
-    """Refuse what is no list of recorders before the first step."""
-    wanted = "recorders in a list, such as [RunWriter('run.nc')]"
-    required(recorders, (list, tuple), wanted, where="Model.run, recorders")
+    """Refuse an argument that is no list of recorders, before the first step."""
+    expected = "recorders in a list, such as [RunWriter('run.nc')]"
+    required(recorders, (list, tuple), expected, where="Model.run, recorders")
     for recorder in recorders if isinstance(recorders, list | tuple) else ():
         if not all(callable(getattr(recorder, name, None)) for name in ("start", "record", "finish")):
             raise InputError(
-                f"{value_shown(recorder)} is no recorder", where="Model.run, recorders", remedy=f"Give {wanted}"
+                f"{value_shown(recorder)} is no recorder", where="Model.run, recorders", remedy=f"Give {expected}"
             )
 
 
-def time_zero(forcing: Forcing, given: datetime | None) -> datetime:
+def time_zero(forcing: Forcing, start: datetime | None) -> datetime:
     """Return the date of time zero: as given, or that from which the forcing counts."""
-    own = forcing.start
-    if given is not None and own is not None and own != given:
+    forcing_start = forcing.start
+    if start is not None and forcing_start is not None and forcing_start != start:
         raise InputError(
-            f"the forcing counts its time from {own}, the model from {given}",
+            f"the forcing counts its time from {forcing_start}, the model from {start}",
             where="start",
-            remedy=f"Give both the same start, such as Forcing.from_dataset(ds, start='{given:%Y-%m-%d %H:%M}')",
+            remedy=f"Give both the same start, such as Forcing.from_dataset(ds, start='{start:%Y-%m-%d %H:%M}')",
         )
-    return given or own or DEFAULT_START
+    return start or forcing_start or DEFAULT_START
 
 
 def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
     """Refuse a berg, a grid and parameters that do not agree whether positions are degrees or metres."""
-    said = {"the berg": berg.latlon}
+    units_in_degrees = {"the berg": berg.latlon}
     if forcing.grid is not None:
-        said["the grid of the forcing"] = forcing.grid.arrays.latlon
+        units_in_degrees["the grid of the forcing"] = forcing.grid.arrays.latlon
     if forcing.latlon is not None:
-        said["the forcing"] = forcing.latlon
-    for who, latlon in said.items():
+        units_in_degrees["the forcing"] = forcing.latlon
+    for who, latlon in units_in_degrees.items():
         if latlon != p.earth.latlon:
-            ours, theirs = ("degrees", "metres") if latlon else ("metres", "degrees")
+            actual, expected = ("degrees", "metres") if latlon else ("metres", "degrees")
             raise InputError(
-                f"positions of {who} are {ours}, those of the parameters {theirs}",
+                f"positions of {who} are {actual}, those of the parameters {expected}",
                 where=f"earth.latlon = {p.earth.latlon}",
-                remedy=f"Set earth.latlon = {latlon}, or make {who} in {theirs}",
+                remedy=f"Set earth.latlon = {latlon}, or make {who} in {expected}",
             )
     if forcing.grid is not None and forcing.grid.arrays.period not in (0.0, p.earth.period):
         period = forcing.grid.arrays.period
@@ -818,14 +824,14 @@ def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
 
 
 def check_balance(forcing: Forcing, p: Parameters) -> None:
-    """Refuse a current that is balanced for another Coriolis parameter than that of the run."""
+    """Refuse a current that is balanced for a Coriolis parameter other than the run's."""
     if forcing.latlon is None:
         return
-    theirs = forcing.latitude
+    forcing_latitude = forcing.latitude
     plane = p.earth.f_plane or not p.earth.latlon
-    ours = p.earth.reference_latitude if plane else None
-    if theirs != ours:
-        words = ["that of each place" if at is None else f"{at:g} degrees" for at in (theirs, ours)]
+    run_latitude = p.earth.reference_latitude if plane else None
+    if forcing_latitude != run_latitude:
+        words = ["that of each place" if at is None else f"{at:g} degrees" for at in (forcing_latitude, run_latitude)]
         raise InputError(
             f"the forcing is balanced for the latitude {words[0]}, the parameters have {words[1]}",
             where="earth.reference_latitude" if plane else "forcing, latitude",
@@ -842,10 +848,10 @@ def check_state(elements: Elements, bonds: Bonds, latlon: bool) -> None:
             bad |= values <= 0.0
         if bad.any():
             e = int(np.flatnonzero(bad)[0])
-            place = place_text(float(elements.lon[e]), float(elements.lat[e]), latlon=latlon, digits=5)
+            position = place_text(float(elements.lon[e]), float(elements.lat[e]), latlon=latlon, digits=5)
             raise InputError(
                 f"{name} is {values[e]:g}",
-                where=f"element {int(elements.id[e])} (row {e}) at {place}",
+                where=f"element {int(elements.id[e])} (row {e}) at {position}",
                 remedy="It must be a finite number"
                 + (" above zero" if name in ("mass", "thickness", "length", "width") else ""),
             )
@@ -856,10 +862,10 @@ def check_state(elements: Elements, bonds: Bonds, latlon: bool) -> None:
 
 
 def check_strengths(bonds: Bonds, p: Parameters) -> None:
-    """Refuse strengths that are no strengths; runs with the reference's quirks take those of the parameters as they stand."""
-    own, f = not p.quirks.zero_start, p.fracture
+    """Refuse strengths that are no strengths; runs with the reference's quirks take the strengths of the parameters unchecked."""
+    checked, f = not p.quirks.zero_start, p.fracture
     for name, value in (("normal_strength", f.normal_strength), ("shear_strength", f.shear_strength)):
-        if f.enabled and own and value is not None and value <= 0.0:
+        if f.enabled and checked and value is not None and value <= 0.0:
             raise InputError(
                 f"fracture.{name} = {value:g} Pa is no strength",
                 where="parameters",

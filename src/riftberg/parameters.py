@@ -47,7 +47,7 @@ from riftberg.config.quasi_static_groups import (
     QuasiStaticStepping,
     Seabed,
 )
-from riftberg.config.values import allowed, extra_of, kinds_of, unit_of, words_for_nothing
+from riftberg.config.values import allowed, field_extra, field_unit, value_kinds, words_for_nothing
 from riftberg.constants import AIR_DRAG_SIDE, AIR_DRAG_TOP, OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE, SEA_ICE_DRAG_SIDE
 from riftberg.errors import InputError
 from riftberg.physics.sea_ice import LIMITED, LOCKED, NO_CAPTURE, OF_REFERENCE
@@ -133,7 +133,7 @@ class Parameters(Group):
 
     def __new__(cls, /, **groups: Any) -> Self:
         """Make parameters of the engine that the groups name."""
-        return super().__new__(engine_of(groups) if cls is Parameters else cls)  # type: ignore[return-value]
+        return super().__new__(choose_engine(groups) if cls is Parameters else cls)  # type: ignore[return-value]
 
     @model_validator(mode="before")
     @classmethod
@@ -188,7 +188,7 @@ class Parameters(Group):
             for key, field in type(group).model_fields.items():
                 value = getattr(group, key)
                 if value != field.get_default():
-                    cells = (f"{name}.{key}", f"{value} {unit_of(field)}", str(field.description or ""))
+                    cells = (f"{name}.{key}", f"{value} {field_unit(field)}", str(field.description or ""))
                     rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
         note = "all others have their defaults; see describe()"
         return f"<table><caption>Parameters ({note})</caption>{''.join(rows)}</table>"
@@ -203,26 +203,26 @@ class Parameters(Group):
         Changes that only the explicit engine has (sub-steps, spring bonds, bonds without shear) select its scheme `mts` unless
         they name a scheme. Values of the other engine that the new one lacks must be left out first (`adapted`).
         """
-        made, left_out = self.adapted(**groups)
+        parameters, left_out = self.adapted(**groups)
         if left_out:
             raise InputError(
-                f"stepping.scheme = {made.stepping.scheme!r} has no {', '.join(left_out)}", where="stepping.scheme",
+                f"stepping.scheme = {parameters.stepping.scheme!r} has no {', '.join(left_out)}", where="stepping.scheme",
                 remedy="Leave them out, or take adapted(...), which returns the parameters and what it left out",
             )  # fmt: skip
-        return made
+        return parameters
 
     def adapted(self, /, **groups: Any) -> tuple[Parameters, list[str]]:
-        """Return `changed`, and the paths of what the scheme in ``groups`` has not, which is left out.
+        """Return `changed`, and the paths of the values left out because the scheme in ``groups`` has none.
 
         What ``groups`` themselves ask for is refused where the scheme has it not.
         """
         values = {**self.model_dump(), "fracture": self.fracture.model_dump(exclude_none=True)}
         if isinstance(self, QuasiStaticParameters):
             groups = dict(_explicit_if_asked(groups))
-        engine = engine_of(_merged({"stepping": {"scheme": self.stepping.scheme}}, groups))
+        engine = choose_engine(_merged({"stepping": {"scheme": self.stepping.scheme}}, groups))
         left_out: list[str] = []
         if engine is not type(self):
-            values, left_out = _carried_over(self, values, engine)
+            values, left_out = _carry_values(self, values, engine)
         return engine(**_merged(values, groups)), left_out
 
     def kernel_values(self) -> KernelParameters:
@@ -230,7 +230,7 @@ class Parameters(Group):
         p = self
         hexagonal = p.bonds.packing == "hexagonal"
         values: dict[str, Any] = {
-            name: getattr(getattr(p, group), key) if key in _keys_of(type(p), group) else default
+            name: getattr(getattr(p, group), key) if key in _group_fields(type(p), group) else default
             for name, (group, key, default) in _KERNEL_NAMES.items()
         }
         derived: dict[str, Any] = {
@@ -248,10 +248,10 @@ class Parameters(Group):
             "dem": p.bonds.law == "dem",
             "bonds_on": p.bonds.law != "none",
         }
-        return KernelParameters(**values, **{**derived, **self._derived_of_engine()})
+        return KernelParameters(**values, **{**derived, **self._derive_engine_values()})
 
-    def _derived_of_engine(self) -> dict[str, Any]:
-        """Return what compiled code reads and each engine derives for itself."""
+    def _derive_engine_values(self) -> dict[str, Any]:
+        """Return the values for compiled code that each engine derives for itself."""
         raise NotImplementedError
 
 
@@ -267,7 +267,7 @@ class QuasiStaticParameters(Parameters):
     stepping: QuasiStaticStepping = Field(default_factory=QuasiStaticStepping)
 
     @model_validator(mode="after")
-    def _combinations_of_engine(self) -> Self:
+    def _check_engine_combinations(self) -> Self:
         f, g = self.fracture, self.grounding
         missing = [
             f"grounding.{name}" for name in ("stiffness", "bearing_strength", "friction") if getattr(g, name) is None
@@ -292,7 +292,7 @@ class QuasiStaticParameters(Parameters):
             )
         return self
 
-    def _derived_of_engine(self) -> dict[str, Any]:
+    def _derive_engine_values(self) -> dict[str, Any]:
         return {
             "multiple_steps": True, "rigid_bodies": True, "ice_capture": CAPTURES[self.sea_ice.capture],
             "ground_coefficient": 0.0, "ground_quadratic": 0.0, "ground_on_substeps": True,
@@ -322,7 +322,7 @@ class ExplicitParameters(Parameters):
         return self.contact.distance
 
     @model_validator(mode="after")
-    def _combinations_of_engine(self) -> Self:
+    def _check_engine_combinations(self) -> Self:
         g, quirks = self.grounding, self.compatibility
         if self.bonds.law == "dem" and not self.stepping.explicit_substeps:
             raise ValueError(
@@ -349,7 +349,7 @@ class ExplicitParameters(Parameters):
             )
         return self
 
-    def _derived_of_engine(self) -> dict[str, Any]:
+    def _derive_engine_values(self) -> dict[str, Any]:
         p, g = self, self.grounding
         multiple = p.stepping.scheme == "mts"
         fast_contact = multiple and p.contact.on_substeps and p.stepping.explicit_substeps
@@ -380,27 +380,27 @@ GROUPS: Final = tuple(dict.fromkeys(name for engine in ENGINES for name in engin
 
 def fields_by_path(*engines: type[Parameters]) -> dict[str, FieldInfo]:
     """Return the field of each parameter of engines, by default both, by group and name."""
-    found: dict[str, FieldInfo] = {}
+    fields: dict[str, FieldInfo] = {}
     for engine in engines or ENGINES:
-        for group, held in engine.model_fields.items():
-            for name, field in _groups_of(held).model_fields.items():
-                found.setdefault(f"{group}.{name}", field)
-    return found
+        for group, group_field in engine.model_fields.items():
+            for name, field in _group_class(group_field).model_fields.items():
+                fields.setdefault(f"{group}.{name}", field)
+    return fields
 
 
-def sections_of(group: str) -> tuple[type[Group], ...]:
-    """Return the classes of a group: one if the engines share it or one alone has it, else that of each engine."""
-    return tuple(dict.fromkeys(_groups_of(e.model_fields[group]) for e in ENGINES if group in e.model_fields))
+def group_classes(group: str) -> tuple[type[Group], ...]:
+    """Return the classes of a group: one if the engines share it or one alone has it, else the class of each engine."""
+    return tuple(dict.fromkeys(_group_class(e.model_fields[group]) for e in ENGINES if group in e.model_fields))
 
 
 def kid_quirks() -> dict[str, dict[str, bool]]:
     """Return all quirks of the reference by group and name, each switched on."""
-    found: dict[str, dict[str, bool]] = {}
+    quirks: dict[str, dict[str, bool]] = {}
     for path, field in fields_by_path().items():
-        if extra_of(field, "quirk"):
+        if field_extra(field, "quirk"):
             group, name = path.split(".")
-            found.setdefault(group, {})[name] = True
-    return found
+            quirks.setdefault(group, {})[name] = True
+    return quirks
 
 
 def scheme_asked(groups: Mapping[str, Any]) -> str:
@@ -410,31 +410,31 @@ def scheme_asked(groups: Mapping[str, Any]) -> str:
     return "quasi_static" if scheme is None else str(scheme)
 
 
-def engine_of(groups: Mapping[str, Any]) -> type[Parameters]:
+def choose_engine(groups: Mapping[str, Any]) -> type[Parameters]:
     """Return the parameters of the engine that values by group name or ask for, by default the quasi-static one."""
     explicit = get_args(ExplicitStepping.model_fields["scheme"].annotation)
     return ExplicitParameters if scheme_asked(groups) in explicit else QuasiStaticParameters
 
 
-def _groups_of(held: FieldInfo) -> type[Group]:
+def _group_class(field: FieldInfo) -> type[Group]:
     """Return the class of a group."""
-    kind: type[Group] = held.annotation  # type: ignore[assignment]
+    kind: type[Group] = field.annotation  # type: ignore[assignment]
     return kind
 
 
-def _keys_of(engine: type[Parameters], group: str) -> Mapping[str, FieldInfo]:
+def _group_fields(engine: type[Parameters], group: str) -> Mapping[str, FieldInfo]:
     """Return the fields of a group, none where an engine has not got it."""
-    held = engine.model_fields.get(group)
-    return {} if held is None else _groups_of(held).model_fields
+    field = engine.model_fields.get(group)
+    return {} if field is None else _group_class(field).model_fields
 
 
 def _choices(field: FieldInfo) -> list[str]:
     """Return the words among which a field chooses."""
-    return [choice for kind in kinds_of(field.annotation) for choice in get_args(kind) if isinstance(choice, str)]
+    return [choice for kind in value_kinds(field.annotation) for choice in get_args(kind) if isinstance(choice, str)]
 
 
-def _tell_of_other_engine() -> None:
-    """Let each group say of parameters and choices of the other engine whose they are, and what to write."""
+def _explain_other_engine() -> None:
+    """Let each group name the engine of parameters and choices that it lacks, and the remedy."""
     for engine, other, whose, scheme in (
         (QuasiStaticParameters, ExplicitParameters, "the explicit schemes", "mts"),
         (ExplicitParameters, QuasiStaticParameters, "quasi_static", "quasi_static"),
@@ -443,25 +443,27 @@ def _tell_of_other_engine() -> None:
         engine._foreign = {
             group: f"it is of {whose}: leave it out{ending}" for group in GROUPS if group not in engine.model_fields
         }
-        for group, held in engine.model_fields.items():
-            kind = _groups_of(held)
+        for group, group_field in engine.model_fields.items():
+            kind = _group_class(group_field)
             foreign: dict[str, str] = {}
-            for name, field in _keys_of(other, group).items():
+            for name, field in _group_fields(other, group).items():
                 if name not in kind.model_fields:
                     foreign[name] = f"it is of {whose}: {kind._instead.get(name, 'leave it out')}{ending}"
                     continue
-                own = kind.model_fields[name]
-                for choice in set(_choices(field)) - set(_choices(own)):
-                    told = f"{name} = {choice!r}"
-                    foreign[told] = f"{choice!r} is of {whose}: {kind._instead.get(told, allowed(own))}{ending}"
+                own_field = kind.model_fields[name]
+                for choice in set(_choices(field)) - set(_choices(own_field)):
+                    setting = f"{name} = {choice!r}"
+                    foreign[setting] = (
+                        f"{choice!r} is of {whose}: {kind._instead.get(setting, allowed(own_field))}{ending}"
+                    )
             kind._foreign = foreign
 
 
-_tell_of_other_engine()
+_explain_other_engine()
 
 _KERNEL_NAMES: Final = {
-    str(extra_of(field, "kernel")): (*path.split("."), field.get_default())
-    for path, field in fields_by_path().items() if extra_of(field, "kernel")
+    str(field_extra(field, "kernel")): (*path.split("."), field.get_default())
+    for path, field in fields_by_path().items() if field_extra(field, "kernel")
 }  # fmt: skip
 """Names in compiled code of parameters that it reads as they stand: group, name, and the value for the engine without it."""
 
@@ -493,7 +495,7 @@ else:
     )
 
 
-def _carried_over(
+def _carry_values(
     parameters: Parameters, values: dict[str, Any], engine: type[Parameters]
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the values that another engine has too, and the paths of the others where they are not as by default.
@@ -503,13 +505,13 @@ def _carried_over(
     carried: dict[str, Any] = {}
     left_out: list[str] = []
     for group, inner in values.items():
-        keys, own = _keys_of(engine, group), type(getattr(parameters, group)).model_fields
+        keys, fields = _group_fields(engine, group), type(getattr(parameters, group)).model_fields
         for name, value in inner.items():
             if f"{group}.{name}" == "stepping.scheme":
                 continue
             if name in keys and _may_hold(keys[name], value):
                 carried.setdefault(group, {})[name] = value
-            elif value != own[name].get_default() and value != "none":
+            elif value != fields[name].get_default() and value != "none":
                 left_out.append(f"{group}.{name}")
     return carried, left_out
 
@@ -521,13 +523,13 @@ def _may_hold(field: FieldInfo, value: Any) -> bool:
 
 
 def from_file(values: Any, *, goes_on: bool) -> Parameters:
-    """Return parameters as a file of Riftberg has them, which may hold those of the other engine too; these never acted.
+    """Return the parameters of a file of Riftberg; a file may hold parameters of the other engine too, which never acted.
 
     ``goes_on``: a run goes on with them; else they say what it was, and what earlier versions had is left out.
     """
     if not isinstance(values, dict):
         return Parameters(**{"parameters": values})
-    engine, left = engine_of(values), dict[str, Any]()
+    engine, left = choose_engine(values), dict[str, Any]()
     for group, inner in values.items():
         if not isinstance(inner, dict):
             left[group] = inner
@@ -546,7 +548,7 @@ _QUIRKS_OF_LIFE: Final = {
     name: group
     for group in ("melt", "rolling", "footloose", "calving")
     for name in Parameters.model_fields[group].annotation.model_fields  # type: ignore[union-attr]
-    if extra_of(fields_by_path()[f"{group}.{name}"], "hidden")
+    if field_extra(fields_by_path()[f"{group}.{name}"], "hidden")
 }
 """Group of the quirks of melt and calving, which stood under `compatibility` in earlier versions."""
 
@@ -556,7 +558,7 @@ Compatibility._gone = {
 
 
 def _is_idle(engine: type[Parameters], group: str, name: str, value: Any, goes_on: bool) -> bool:
-    """Whether what a file says changes nothing, or is to be left out because no run goes on with it."""
+    """Whether a value of a file changes nothing, or is to be left out because no run goes on with it."""
     rigid = engine is QuasiStaticParameters
     # Keys and choices of earlier versions, with the values that they had by default.
     former: dict[tuple[str, str], tuple[Any, ...]] = {
@@ -573,13 +575,13 @@ def _is_idle(engine: type[Parameters], group: str, name: str, value: Any, goes_o
         return True
     if value in acted.get((group, name), ()):
         return not goes_on
-    if (group, name) in former and name not in _keys_of(engine, group):
+    if (group, name) in former and name not in _group_fields(engine, group):
         return not goes_on
     other = ExplicitParameters if rigid else QuasiStaticParameters
-    foreign = _keys_of(other, group).get(name)
-    if foreign is None or name in _keys_of(engine, group):
+    foreign = _group_fields(other, group).get(name)
+    if foreign is None or name in _group_fields(engine, group):
         return False
-    refused_before = group in engine.model_fields and name in _groups_of(engine.model_fields[group])._instead
+    refused_before = group in engine.model_fields and name in _group_class(engine.model_fields[group])._instead
     return not refused_before or value == foreign.get_default() or not goes_on
 
 
@@ -623,7 +625,7 @@ def _without_replaced_strength(fracture: Mapping[str, Any], changes: Mapping[str
 
 
 def _explicit_if_asked(groups: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Add ``stepping.scheme = "mts"`` to values by group that name no scheme and ask for what only the explicit one has."""
+    """Add ``stepping.scheme = "mts"`` to values by group that name no scheme and ask for features of the explicit one alone."""
 
     def asked(group: str, name: str) -> Any:
         values = groups.get(group)

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from engines.lattices import stiffness_matrix
 from riftberg.bergs.lattice import lattice_points
-from riftberg.engines.common.lattices import outline_of_cells
+from riftberg.engines.common.lattices import outline_cells
 from riftberg.engines.quasi_static.lattice.cells import cell_mesh, freed_edges
 from riftberg.engines.quasi_static.lattice.triangles import (
     Neighbourhoods,
@@ -362,7 +362,7 @@ def test_a_bar_of_uneven_thickness_stretches_as_its_sections_say(packing, angle)
 def test_without_an_outline_the_cells_themselves_make_one(packing, area) -> None:
     xy, first, second = filled(box(6, 5), packing, 30.0)
     angle = np.arctan2(*(xy[second[0]] - xy[first[0]])[::-1])
-    outline = outline_of_cells(xy, RADIUS, packing, angle)
+    outline = outline_cells(xy, RADIUS, packing, angle)
     assert outline.geom_type == "Polygon"
     assert outline.area == pytest.approx(len(xy) * area, rel=1e-4)
     mesh = cell_mesh(xy, first, second, outline, 1.0, both_diagonals=packing == "square")

@@ -8,11 +8,11 @@ import shapely
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
-from riftberg.engines.common.lattices import outline_of_cells
+from riftberg.engines.common.lattices import outline_cells
 from riftberg.engines.quasi_static.lattice import cells, footprints
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
 from riftberg.ocean.analytic import Steady
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 
 def model(rotation: float, packing: str) -> Model:
@@ -75,12 +75,11 @@ def test_bergs_of_one_element_have_the_cells_of_a_lattice(packing: str, monkeypa
     bergs.elements.sides[:] = 6 if packing == "hexagonal" else 4
     run = Model(bergs, Forcing.uniform((0.1, 0.0)), Parameters())
     one_by_one = [
-        outline_of_cells(np.zeros((1, 2)), r, packing, 0.0)
-        for r in interaction_sizes(run.elements, run.constants).radius
+        outline_cells(np.zeros((1, 2)), r, packing, 0.0) for r in interaction_sizes(run.elements, run.constants).radius
     ]
     monkeypatch.setattr(footprints, "lattices", lambda *_: [])
     found = FootprintBook(run).follow(run)
-    row = rows_of(run.elements.id, found.element)[0]
+    row = find_rows(run.elements.id, found.element)[0]
     assert sorted(row) == list(range(30))
     for ring, owner in zip(np.split(found.corner, found.start[1:-1]), found.owner, strict=True):
         one, other = shapely.Polygon(ring + found.centre[owner]), one_by_one[row[owner]]
@@ -154,7 +153,7 @@ def test_a_crack_divides_the_ice_along_its_line(packing: str, angle: float, line
     np.testing.assert_allclose(shapely.area(shapely.convex_hull(rings)), shapely.area(rings), rtol=1e-9)
     assert all(ring.exterior.is_ccw for ring in rings)
     assert shapely.area(rings).sum() == pytest.approx(288e6, rel=1e-6)
-    berg = el.berg[rows_of(el.id, found.element)[0]][found.owner]
+    berg = el.berg[find_rows(el.id, found.element)[0]][found.owner]
     one, other = (shapely.union_all([r for r, b in zip(rings, berg, strict=True) if b == n]) for n in np.unique(berg))
     middle = shapely.box(-2e4, -3.5e3, 2e4, 3.5e3)
     face = shapely.intersection(shapely.intersection(one.buffer(1.0), other.boundary), middle)

@@ -161,7 +161,7 @@ def test_a_criterion_of_ones_own_decides_what_breaks() -> None:
 
     def bar(laws: Laws | None) -> Model:
         at = pulled()
-        model = Model.going_on(at.population, at.forcing, at.parameters, at.start, 0.0, 0, (), laws=laws)
+        model = Model.from_state(at.population, at.forcing, at.parameters, at.start, 0.0, 0, (), laws=laws)
         model.step()
         return model
 
@@ -186,7 +186,9 @@ def test_a_criterion_that_changes_the_equilibrium_is_refused(name: str) -> None:
         return moment.stress[:, 0] / strengths.normal
 
     at = pulled()
-    model = Model.going_on(at.population, at.forcing, at.parameters, at.start, 0.0, 0, (), laws=Laws(fracture=halving))
+    model = Model.from_state(
+        at.population, at.forcing, at.parameters, at.start, 0.0, 0, (), laws=Laws(fracture=halving)
+    )
     with pytest.raises(RunError, match="Laws, fracture: halving changes the equilibrium"):
         model.step()
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from riftberg import Parameters
 from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
 from riftberg.cli.main import app
-from riftberg.config.values import fields_of, given, moment, parse_date
+from riftberg.config.values import given, moment, parse_date, section_fields
 from riftberg.errors import InputError
 from riftberg.experiments import build
 from riftberg.experiments.changes import parse_settings
@@ -25,7 +25,7 @@ from riftberg.experiments.yaml_file import build_berg, read_file
 from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.formulas import FORMULAS
-from riftberg.parameters import GROUPS, sections_of
+from riftberg.parameters import GROUPS, group_classes
 
 SLAB = """\
 start: 2020-12-09 13:00
@@ -167,9 +167,9 @@ WRONG: list[Any] = [
 SECTIONS: list[type[BaseModel]] = [
     Experiment, Berg, OutlineFile, Mask, Shelf, Rift, Strength, Rectangle, FieldOfBergs, LatticeRows, ConstantForcing,
     FileForcing, NamedFiles, ExperimentForcing, *FORMULAS.values(),
-    *(section for group in GROUPS for section in sections_of(group)),
+    *(section for group in GROUPS for section in group_classes(group)),
 ]  # fmt: skip
-FIELDS = [(section, name) for section in SECTIONS for name in fields_of(section)]
+FIELDS = [(section, name) for section in SECTIONS for name in section_fields(section)]
 
 
 @pytest.mark.quick(100)

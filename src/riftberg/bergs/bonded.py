@@ -34,7 +34,7 @@ from riftberg.parameters import Packing
 from riftberg.physics.crevasses import prestress, rift_factor, stable_depth
 from riftberg.physics.floating import draft_of
 from riftberg.plane import EqualAreaPlane, near
-from riftberg.state import Bonds, Elements, Floats, copy_state, elements_of
+from riftberg.state import Bonds, Elements, Floats, build_elements, copy_state
 from riftberg.system.input_files import value_shown
 
 
@@ -398,7 +398,7 @@ def _joined_elements(bergs: Sequence[BondedBerg]) -> Any:
     before = np.cumsum([0, *(int(berg.elements.berg.max(initial=0)) for berg in bergs)])
     whole["berg"] = np.concatenate([berg.elements.berg + n for berg, n in zip(bergs, before, strict=False)])
     whole["id"] = np.arange(1, whole["id"].size + 1)
-    return elements_of(whole)
+    return build_elements(whole)
 
 
 def _joined_bonds(bergs: Sequence[BondedBerg]) -> Bonds:

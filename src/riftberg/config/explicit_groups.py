@@ -14,7 +14,7 @@ from riftberg.config.parameter_groups import (
     quantity,
     quirk,
 )
-from riftberg.config.values import Usual, extra_of, fields_of
+from riftberg.config.values import Usual, field_extra, section_fields
 
 _SPRING: Final = Usual(1e-9, 10.0, "E / (rho (R1 + R2)^2) of elements of 10 m to 10 km")
 _SIZE: Final = Usual(5.0, 2e4, "elements of lattices are some m to some km wide", off=True)
@@ -277,5 +277,5 @@ class Compatibility(Group):
     @classmethod
     def kid(cls, **overrides: Any) -> Compatibility:
         """All quirks of motion as KID/iKID has them, and the options that are given."""
-        on = {name: True for name, field in fields_of(cls).items() if extra_of(field, "quirk")}
+        on = {name: True for name, field in section_fields(cls).items() if field_extra(field, "quirk")}
         return cls(**{**on, **overrides})

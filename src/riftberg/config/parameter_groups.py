@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Final, Literal
 from pydantic import BaseModel, ValidationError, model_validator
 
 from riftberg import constants
-from riftberg.config.values import Section, UnfitError, Usual, explained, fields_of, key, sections_in
+from riftberg.config.values import Section, UnfitError, Usual, explained, key, nested_sections, section_fields
 from riftberg.errors import InputError, nearest
 from riftberg.system.input_files import value_shown
 
@@ -63,7 +63,7 @@ class Group(Section):
             super().__init__(**given)
         except ValidationError as error:
             group = type(self)
-            outer = any(sections_in(field.annotation) for field in fields_of(group).values())
+            outer = any(nested_sections(field.annotation) for field in section_fields(group).values())
             raise explained(error, group, name="" if outer else group.__name__) from error
 
     # Tells pydantic not to call it for groups within groups: the first mistake there would end the search for more.
@@ -71,8 +71,8 @@ class Group(Section):
 
     @classmethod
     def _no_section(cls, value: Any) -> UnfitError:
-        """Return the refusal of what is no group."""
-        remedy = f"Give {cls.__name__}(...) or a dict with {', '.join(fields_of(cls))}"
+        """Return the refusal of a value that is no group."""
+        remedy = f"Give {cls.__name__}(...) or a dict with {', '.join(section_fields(cls))}"
         return UnfitError(f"{value_shown(value)} is no group of parameters", remedy)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -82,17 +82,17 @@ class Group(Section):
         )  # fmt: skip
 
     def __getattr__(self, name: str) -> Any:
-        """Name what there is, with the nearest, for a parameter that is not known."""
+        """Name the parameters, with the nearest, for one that is not known."""
         if name.startswith("_"):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        known = type(self).model_fields
-        what = "group" if type(self).__name__ in ("QuasiStaticParameters", "ExplicitParameters") else "parameter"
+        names = type(self).model_fields
+        noun = "group" if type(self).__name__ in ("QuasiStaticParameters", "ExplicitParameters") else "parameter"
         raise AttributeError(
-            f"{type(self).__name__} has no {what} {name!r}. {nearest(name, known)}It has {', '.join(known)}"
+            f"{type(self).__name__} has no {noun} {name!r}. {nearest(name, names)}It has {', '.join(names)}"
         )
 
     def __dir__(self) -> list[str]:
-        """List what is of this package for the tab key, not the dozens of names of pydantic; these can be used all the same."""
+        """List the names of this package for the tab key, not the dozens of names of pydantic; these can be used all the same."""
         foreign = set(dir(BaseModel))
         return sorted(name for name in super().__dir__() if name.startswith("__") or name not in foreign)
 
@@ -273,15 +273,15 @@ class Earth(Group):
 
     @model_validator(mode="before")
     @classmethod
-    def _degrees_are_no_metres(cls, given: Any) -> Any:
+    def _degrees_are_no_metres(cls, values: Any) -> Any:
         """Take the default of 360 as no period where positions are metres: nothing is periodic after 360 m."""
         if (
-            isinstance(given, dict)
-            and given.get("latlon") in (False, 0, "false")
-            and given.get("period", 360.0) == 360.0
+            isinstance(values, dict)
+            and values.get("latlon") in (False, 0, "false")
+            and values.get("period", 360.0) == 360.0
         ):
-            return {**given, "period": 0.0}
-        return given
+            return {**values, "period": 0.0}
+        return values
 
 
 class Melt(Group):

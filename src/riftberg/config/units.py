@@ -132,7 +132,7 @@ def parse_unit(text: str) -> Unit:
 def _unit_name(word: str) -> str:
     """Return the unit that a word stands for, empty for none; long words may have capitals, in symbols these have a meaning."""
     spellings = [word, word.lower()] if len(word) > 3 else [word]
-    return next((name for name in (_WORDS.get(one, one) for one in spellings) if name in _UNITS), "")
+    return next((name for name in (_WORDS.get(spelling, spelling) for spelling in spellings) if name in _UNITS), "")
 
 
 def _alike(word: str) -> list[str]:
@@ -140,37 +140,37 @@ def _alike(word: str) -> list[str]:
 
     None of another magnitude: m and M are not taken for each other before a unit, nor kilo for centi.
     """
-    known, lower = [*_UNITS, *_WORDS], word.lower()
-    found = [
+    words, lower = [*_UNITS, *_WORDS], word.lower()
+    matches = [
         name
-        for name in known
+        for name in words
         if name.lower() == lower and not ({name[0], word[0]} == {"m", "M"} and name[1:] in _UNITS)
     ]
-    if len(word) > 2 and not found:
+    if len(word) > 2 and not matches:
         prefix = _PREFIX.match(lower)
-        long = [name for name in known if len(name) > 3 and name.startswith(prefix[0] if prefix else lower[0])]
-        found = difflib.get_close_matches(lower[:40], long, n=1, cutoff=0.85)
-    return found
+        long = [name for name in words if len(name) > 3 and name.startswith(prefix[0] if prefix else lower[0])]
+        matches = difflib.get_close_matches(lower[:40], long, n=1, cutoff=0.85)
+    return matches
 
 
 _PREFIX: Final = re.compile("milli|centi|dec[ai]|deka|hecto|kilo|mega|giga|tera|peta|micro|nano|pico")
 
 
-def _meant(text: str, wanted: Sequence[Powers]) -> str:
+def _meant(text: str, dimensions: Sequence[Powers]) -> str:
     """Return the question whether a known unit was meant by one that is none, never one of another dimension."""
     words = re.findall("[A-Za-z]+", text)[:6]
     for names in product(*([word] if _unit_name(word) else _alike(word) for word in words)):
-        meant = text
+        candidate = text
         for word, name in zip(words, names, strict=True):
-            meant = re.sub(rf"(?<![A-Za-z]){word}(?![A-Za-z])", name, meant)
+            candidate = re.sub(rf"(?<![A-Za-z]){word}(?![A-Za-z])", name, candidate)
         with suppress(ValueError):
-            if meant != text and (not wanted or _exact(meant)[1] in wanted):
-                return f" (did you mean {meant[:40]!r}?)"
+            if candidate != text and (not dimensions or _exact(candidate)[1] in dimensions):
+                return f" (did you mean {candidate[:40]!r}?)"
     return ""
 
 
-def _exact(text: str, wanted: Sequence[Powers] = ()) -> tuple[float | Fraction, Powers]:
-    """Return the size of a unit, as a fraction unless a root is in it, and its powers; ``wanted``: those that are asked for."""
+def _exact(text: str, dimensions: Sequence[Powers] = ()) -> tuple[float | Fraction, Powers]:
+    """Return the size of a unit, as a fraction unless a root is in it, and its powers; ``dimensions``: the ones asked for."""
     factor: float | Fraction = Fraction(1)
     powers, sign = Powers(), 1
     # Superscripts become digits, and the minus of word processors that of keyboards.
@@ -187,7 +187,7 @@ def _exact(text: str, wanted: Sequence[Powers] = ()) -> tuple[float | Fraction, 
         if match is None or not name:
             unknown = piece if match is None else match[1]
             raise ValueError(
-                f"{_brief(unknown)} is not a unit that Riftberg knows{_meant(text, wanted)}; it knows {', '.join(_UNITS)}"
+                f"{_brief(unknown)} is not a unit that Riftberg knows{_meant(text, dimensions)}; it knows {', '.join(_UNITS)}"
             )
         # A power is 2, -1, 0.5, or 1:2 for a half.
         over, _, under = (stated := match[2] or "1").partition(":")
@@ -218,9 +218,9 @@ def to_unit(text: str, unit: str) -> float:
     number = float(digits)
     if not match[2]:
         return number
-    asked = [_exact(one) for one in (unit or "1").split(" or ")]
-    size, powers = _exact(match[2], [dimension for _, dimension in asked])
-    fits = [factor for factor, dimension in asked if powers == dimension]
+    alternatives = [_exact(alternative) for alternative in (unit or "1").split(" or ")]
+    size, powers = _exact(match[2], [dimension for _, dimension in alternatives])
+    fits = [factor for factor, dimension in alternatives if powers == dimension]
     if not fits:
         raise ValueError(f"{_brief(text)} is in {match[2][:40]}, but this is measured in {unit or 'no unit'}")
     factor = size / fits[0]
@@ -252,12 +252,12 @@ def place_text(lon: float, lat: float, *, latlon: bool, digits: int = 3) -> str:
 
 
 def box_text(west: float, east: float, south: float, north: float, *, latlon: bool = True) -> str:
-    """Return what a box covers: latitudes and longitudes in degrees, or x and y (m)."""
+    """Return the extent of a box: latitudes and longitudes in degrees, or x and y (m)."""
     if not latlon:
         return f"x {west:g} to {east:g} m, y {south:g} to {north:g} m"
     # More than once round has no letters; west of Greenwich comes before east of it.
-    around = "all longitudes" if east - west >= 359.0 else f"{_degrees(west, 'WE')} to {_degrees(east, 'WE')}"
-    return f"{_degrees(south, 'SN')} to {_degrees(north, 'SN')}, {around}"
+    longitudes = "all longitudes" if east - west >= 359.0 else f"{_degrees(west, 'WE')} to {_degrees(east, 'WE')}"
+    return f"{_degrees(south, 'SN')} to {_degrees(north, 'SN')}, {longitudes}"
 
 
 def _degrees(value: float, letters: str) -> str:

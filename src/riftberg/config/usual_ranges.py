@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from riftberg.config.explicit_groups import Compatibility
-from riftberg.config.values import Usual, extra_of, unit_of
+from riftberg.config.values import Usual, field_extra, field_unit
 
 _CURRENT: Final = Usual(-3.0, 3.0, "the Gulf Stream reaches 2.5 m s-1", "m s-1")
 _WIND: Final = Usual(-50.0, 50.0, "a hurricane begins at 33 m s-1", "m s-1")
@@ -65,10 +65,10 @@ STEPS_IN_A_TIDE: Final = 10.0
 
 
 def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True) -> dict[str, str]:
-    """Return what lies outside its usual range or is set without effect, a sentence for each name."""
-    said: dict[str, str] = {}
-    given = [*_of_parameters(parameters), *_of_forcing(forcing), *(_of_bergs(parameters, elements) if placed else [])]
-    for name, usual, values, unit in given:
+    """Return the values outside their usual range or without effect, a sentence for each name."""
+    sentences: dict[str, str] = {}
+    checked = [*_of_parameters(parameters), *_of_forcing(forcing), *(_of_bergs(parameters, elements) if placed else [])]
+    for name, usual, values, unit in checked:
         array = np.ravel(np.asarray(values, np.float64))
         low, high = usual.low, usual.high
         bad = array[((array < low) | (array > high)) & ~((array == 0.0) & usual.off)]
@@ -77,43 +77,49 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
             unit = "" if unit == "1" else f" {unit}"
             kind, _, key = name.partition(".")  # the name as the user wrote it
             label = f"forcing, {kind}: {'depth' if key in _DEPTHS else key}" if kind[0].isupper() else name
-            said[name] = (
+            sentences[name] = (
                 f"{label} = {value:g}{unit} is unusual: from {low:g} to {high:g}{unit} would be usual ({usual.source})"
             )
     step = parameters.stepping.time_step
-    for what, seconds, most in _changes(forcing):
+    for change, seconds, most in _changes(forcing):
         if step > most:
-            said[what] = (
-                f"the long step of {step / 3600.0:g} h is too long for {what} {seconds / 3600.0:.4g} h, which it passes over: "
+            sentences[change] = (
+                f"the long step of {step / 3600.0:g} h is too long for {change} {seconds / 3600.0:.4g} h, which it passes over: "
                 f"set stepping.time_step to {most:g} s or less"
             )
     if parameters.stepping.scheme == "quasi_static" and _lacks_concentration(forcing):
-        said["sea_ice"] = "sea ice without its concentration (ice_fraction) exerts no force in the default scheme"
-    return {**said, **without_effect(parameters)}
+        sentences["sea_ice"] = "sea ice without its concentration (ice_fraction) exerts no force in the default scheme"
+    return {**sentences, **without_effect(parameters)}
 
 
 def _lacks_concentration(forcing: Any) -> bool:
     """Whether formulas give a thickness of sea ice, and nothing its concentration."""
-    parts = forcing.components()
-    given = [part for part in parts if {"Steady", "Uniform"} & set(_own_kinds(part)) and part.sea_ice[2] > 0.0]
-    known = "ice_fraction" in forcing.provides or any(getattr(part, "ice_fraction", 0.0) > 0.0 for part in parts)
-    return bool(given) and not known
+    components = forcing.components()
+    formulas = [
+        component
+        for component in components
+        if {"Steady", "Uniform"} & set(_own_kinds(component)) and component.sea_ice[2] > 0.0
+    ]
+    has_concentration = "ice_fraction" in forcing.provides or any(
+        getattr(component, "ice_fraction", 0.0) > 0.0 for component in components
+    )
+    return bool(formulas) and not has_concentration
 
 
 def of_records(hours: float, days: float, parameters: Any) -> list[str]:
-    """Return what is unusual about the interval of the records of a run of some days, a sentence each."""
+    """Return warnings about the interval between the records of a run of some days, a sentence each."""
     steps = 3600.0 * hours / parameters.stepping.time_step
-    said = []
+    sentences = []
     if steps > 1.0 and abs(steps - round(steps)) > 1e-6 * steps:
-        said.append(
+        sentences.append(
             f"records every {hours:g} h are no whole number of long steps ({parameters.stepping.time_step / 3600.0:g} h): each "
             "comes with the first step that ends at its time or later"
         )
     if hours > 24.0 * days * (1.0 + 1e-9):
-        said.append(
+        sentences.append(
             f"records every {hours:g} h, but the run ends after {24.0 * days:g} h: it has its start and its end alone"
         )
-    return said
+    return sentences
 
 
 def of_length(days: float, parameters: Any) -> list[str]:
@@ -138,29 +144,29 @@ def _of_parameters(parameters: Any) -> Iterator[tuple[str, Usual, Any, str]]:
     for group in type(parameters).model_fields:
         section = getattr(parameters, group)
         for key, field in type(section).model_fields.items():
-            usual, value = extra_of(field, "usual"), getattr(section, key)
+            usual, value = field_extra(field, "usual"), getattr(section, key)
             on_plane = (group, key) == ("earth", "radius") and not section.latlon
             if usual is not None and value is not None and not on_plane:
-                yield f"{group}.{key}", usual, value, unit_of(field)
+                yield f"{group}.{key}", usual, value, field_unit(field)
 
 
 def _of_forcing(forcing: Any) -> Iterator[tuple[str, Usual, Any, str]]:
     """Give the values of formulas that have a usual range."""
-    for part in forcing.components():
-        for kind in _own_kinds(part):
+    for component in forcing.components():
+        for kind in _own_kinds(component):
             for name, usual in USUAL.items():
-                value = getattr(part, name.partition(".")[2], None) if name.startswith(f"{kind}.") else None
+                value = getattr(component, name.partition(".")[2], None) if name.startswith(f"{kind}.") else None
                 if value is not None and value != np.inf:
                     yield name, usual, value, usual.unit
 
 
-def _own_kinds(part: Any) -> list[str]:
+def _own_kinds(component: Any) -> list[str]:
     """Names of the package's own classes of a forcing; a user's class may share a name and hold something else."""
-    return [kind.__name__ for kind in type(part).__mro__ if kind.__module__.startswith("riftberg.")]
+    return [kind.__name__ for kind in type(component).__mro__ if kind.__module__.startswith("riftberg.")]
 
 
 def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Usual, Any, str]]:
-    """Give what the bergs and their elements are like."""
+    """Give the sizes, speeds and places of the bergs and their elements."""
     body, place = elements.body, elements.place
     area = body.length * body.width
     values = {
@@ -174,14 +180,14 @@ def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Usual, Any,
 
 
 def _changes(forcing: Any) -> Iterator[tuple[str, float, float]]:
-    """Give what changes in a forcing, its period or interval (s), and the longest step that follows it."""
-    for part in forcing.components():
-        times = getattr(getattr(part, "records", part), "times", None)
+    """Give each change in a forcing, its period or interval (s), and the longest step that follows it."""
+    for component in forcing.components():
+        times = getattr(getattr(component, "records", component), "times", None)
         if times is not None and len(times) > 1:
             interval = float(np.median(np.diff(times)))
-            yield f"{getattr(part, 'shown', '') or 'forcing'} with records every", interval, interval
-        if "Tide" in _own_kinds(part):
-            yield "a tide with a period of", part.period, part.period / STEPS_IN_A_TIDE
+            yield f"{getattr(component, 'shown', '') or 'forcing'} with records every", interval, interval
+        if "Tide" in _own_kinds(component):
+            yield "a tide with a period of", component.period, component.period / STEPS_IN_A_TIDE
 
 
 # Parameters that only one law reads: a user who sets the exponent of damage while there is none is told before the run.
@@ -221,13 +227,13 @@ LAWS: Final = (
 
 
 def without_effect(parameters: Any) -> dict[str, str]:
-    """Return what is set otherwise than by default although nothing reads it, a sentence for each name.
+    """Return the parameters that differ from their default although nothing reads them, a sentence for each name.
 
     Runs with the numerics of the reference are left out: a namelist gives values for laws that it switches off.
     """
     if parameters.quirks != Compatibility():
         return {}
-    said = {}
+    sentences = {}
     for law in LAWS:
         group = getattr(parameters, law.group) if law.group in type(parameters).model_fields else None
         keys = {} if group is None else type(group).model_fields
@@ -236,6 +242,8 @@ def without_effect(parameters: Any) -> dict[str, str]:
             for name in names:
                 value = getattr(group, name)
                 if value != keys[name].get_default():
-                    shown = f"{value:g}" if isinstance(value, float) else str(value).lower()
-                    said[f"{law.group}.{name}"] = f"{law.group}.{name} = {shown} has no effect: it needs {law.needs}"
-    return said
+                    text = f"{value:g}" if isinstance(value, float) else str(value).lower()
+                    sentences[f"{law.group}.{name}"] = (
+                        f"{law.group}.{name} = {text} has no effect: it needs {law.needs}"
+                    )
+    return sentences

@@ -71,41 +71,43 @@ def finding_text(finding: Any) -> str:
     return f"{value_shown(finding['input'])} is {'no finite number' if kind == 'finite_number' else 'not possible'}"
 
 
-def extra_of(field: FieldInfo, name: str) -> Any:
+def field_extra(field: FieldInfo, name: str) -> Any:
     """Return something else that is said of a field, such as its usual range; None where nothing is."""
     extra = field.json_schema_extra
     return extra.get(name) if isinstance(extra, dict) else None
 
 
-def unit_of(field: FieldInfo) -> str:
+def field_unit(field: FieldInfo) -> str:
     """Return the unit of a field, empty where it has none."""
-    return str(extra_of(field, "unit") or "")
+    return str(field_extra(field, "unit") or "")
 
 
-def fields_of(section: Any) -> dict[str, FieldInfo]:
+def section_fields(section: Any) -> dict[str, FieldInfo]:
     """Return the fields of a section: a model or a dataclass of pydantic."""
     fields: dict[str, FieldInfo] = section.__pydantic_fields__
     return fields
 
 
-def sections_in(annotation: Any) -> list[Any]:
+def nested_sections(annotation: Any) -> list[Any]:
     """Return the sections that an annotation names, also as items of lists."""
     if hasattr(annotation, "__pydantic_fields__"):
         return [annotation]
-    return [section for part in get_args(annotation) for section in sections_in(part)]
+    return [section for argument in get_args(annotation) for section in nested_sections(argument)]
 
 
-def kinds_of(annotation: Any) -> tuple[Any, ...]:
+def value_kinds(annotation: Any) -> tuple[Any, ...]:
     """Return the alternatives of an annotation, without None and without checks."""
     if get_origin(annotation) in (Union, types.UnionType):
-        return tuple(kind for part in get_args(annotation) for kind in kinds_of(part) if kind is not type(None))
-    return kinds_of(get_args(annotation)[0]) if get_origin(annotation) is Annotated else (annotation,)
+        return tuple(
+            kind for argument in get_args(annotation) for kind in value_kinds(argument) if kind is not type(None)
+        )
+    return value_kinds(get_args(annotation)[0]) if get_origin(annotation) is Annotated else (annotation,)
 
 
 def native(value: Any) -> Any:
-    """Return numbers, dates and lists of NumPy, pandas and xarray as those of Python.
+    """Return numbers, dates and lists of NumPy, pandas and xarray as plain values of Python.
 
-    Texts, paths and everything else pass as they are.
+    Texts, paths and everything else pass unchanged.
 
     Examples
     --------
@@ -129,18 +131,18 @@ def native(value: Any) -> Any:
         return value.item()
     if hasattr(value, "__array__") and not isinstance(value, type):
         array = np.asarray(value)
-        return native(array[()]) if array.ndim == 0 else [native(part) for part in array]
+        return native(array[()]) if array.ndim == 0 else [native(item) for item in array]
     if type(value) is tuple or type(value) is list:
-        return type(value)(native(part) for part in value)
+        return type(value)(native(item) for item in value)
     return value
 
 
 def plain_value(value: Any, field: FieldInfo, *, metres: bool = False) -> Any:
-    """Return what a field takes in place of what a person gave: no units, plain kinds, one section as a list of one.
+    """Return a value as its field takes it: no units, plain kinds, one section as a list of one.
 
     ``metres``: places are x and y in m, not longitude and latitude.
     """
-    value, kinds = native(value), kinds_of(field.annotation)
+    value, kinds = native(value), value_kinds(field.annotation)
     # What would silently pass for something else: true for 1, a number for a date, a section for a value.
     if isinstance(value, dict) and not all(isinstance(name, str) for name in value):
         raise UnfitError("a key that is no word", "Keys are plain words, such as fracture")
@@ -167,24 +169,24 @@ def plain_value(value: Any, field: FieldInfo, *, metres: bool = False) -> Any:
 
 
 def _without_unit(value: Any, field: FieldInfo, metres: bool) -> Any:
-    kinds = kinds_of(field.annotation)
+    kinds = value_kinds(field.annotation)
     lists = [kind for kind in kinds if get_origin(kind) is list]
-    if isinstance(value, dict | str) and any(sections_in(kind) or get_args(kind) == (str,) for kind in lists):
+    if isinstance(value, dict | str) and any(nested_sections(kind) or get_args(kind) == (str,) for kind in lists):
         value = [value]
-    elif lists == list(kinds) and sections_in(lists[0]) and not isinstance(value, list | tuple):
-        keys = ", ".join(fields_of(sections_in(lists[0])[0]))
+    elif lists == list(kinds) and nested_sections(lists[0]) and not isinstance(value, list | tuple):
+        keys = ", ".join(section_fields(nested_sections(lists[0])[0]))
         raise UnfitError(f"{value_shown(value)} is no section and no list of sections", f"Each has the keys {keys}")
     if isinstance(value, list | tuple):
         if lists:
             return value  # names of files or of parts, and rows of whole numbers, carry no units
-        units = _units_of_parts(field, len(value), metres)
-        return [_number(part, field, *unit) for part, unit in zip(value, units, strict=True)]
+        units = _item_units(field, len(value), metres)
+        return [_number(item, field, *unit) for item, unit in zip(value, units, strict=True)]
     if isinstance(value, timedelta):
-        return to_unit(f"{value.total_seconds()!r} s", unit_of(field))
+        return to_unit(f"{value.total_seconds()!r} s", field_unit(field))
     if not isinstance(value, str):
         return value
     if str in kinds:  # a name; where a number may stand too (a thickness), what begins like one is one
-        return _number(value, field, unit_of(field)) if float in kinds and looks_like_quantity(value) else value
+        return _number(value, field, field_unit(field)) if float in kinds and looks_like_quantity(value) else value
     if type(None) in get_args(field.annotation) and value.lower() in words_for_nothing(field):
         return None
     if bool in kinds:
@@ -192,25 +194,25 @@ def _without_unit(value: Any, field: FieldInfo, metres: bool) -> Any:
     if any(get_origin(kind) is tuple for kind in kinds):
         return _without_unit(value.strip("()[] ").split(","), field, metres)
     if float in kinds or int in kinds:
-        return _number(value, field, unit_of(field), "NS" if "latitude" in (field.description or "") else "")
+        return _number(value, field, field_unit(field), "NS" if "latitude" in (field.description or "") else "")
     return value
 
 
 def words_for_nothing(field: FieldInfo) -> tuple[str, ...]:
     """Words that leave a field to the others, the usual one first; "none" may be a choice of its own."""
-    choices = [choice for kind in kinds_of(field.annotation) for choice in get_args(kind)]
+    choices = [choice for kind in value_kinds(field.annotation) for choice in get_args(kind)]
     return ("auto", "null", "") if "none" in choices else ("none", "null", "auto", "")
 
 
-def _units_of_parts(field: FieldInfo, size: int, metres: bool) -> list[tuple[str, str]]:
+def _item_units(field: FieldInfo, size: int, metres: bool) -> list[tuple[str, str]]:
     """Return the unit of each of several numbers, and the letters that may stand behind it."""
-    units = extra_of(field, "units")
+    units = field_extra(field, "units")
     if units and len(units) == size:  # velocity and thickness of sea ice
         return [(unit, "") for unit in units]
-    if metres and extra_of(field, "place"):
+    if metres and field_extra(field, "place"):
         return [("m", "")] * size
-    letters = _COMPASS.get(size) if unit_of(field) == "degree" else None
-    return [(unit_of(field), letter) for letter in letters or ("",) * size]
+    letters = _COMPASS.get(size) if field_unit(field) == "degree" else None
+    return [(field_unit(field), letter) for letter in letters or ("",) * size]
 
 
 def _flag(text: str) -> bool:
@@ -252,11 +254,11 @@ def _number(text: Any, field: FieldInfo, unit: str, letters: str = "") -> Any:
     if not looks_like_quantity(text):
         raise ValueError(f"{value_shown(text)} is not a number")
     number = to_unit(text, unit)
-    return int(number) if int in kinds_of(field.annotation) and number.is_integer() else number
+    return int(number) if int in value_kinds(field.annotation) and number.is_integer() else number
 
 
 def allowed(field: FieldInfo, *, metres: bool = False) -> str:
-    """Return in words what a field may hold."""
+    """Return in words the values that a field may hold."""
     limits = []
     for item in field.metadata:
         for name, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
@@ -267,9 +269,9 @@ def allowed(field: FieldInfo, *, metres: bool = False) -> str:
             limits.append(f"of at most {most} letters")
         if getattr(item, "min_length", None):
             limits.append("not empty")
-    kinds = [_kind_name(kind) for kind in kinds_of(field.annotation)]
+    kinds = [_kind_name(kind) for kind in value_kinds(field.annotation)]
     text = "Allowed: " + " or ".join(kinds) + (" " + " and ".join(limits) if limits else "")
-    unit = "m" if metres and extra_of(field, "place") else unit_of(field)
+    unit = "m" if metres and field_extra(field, "place") else field_unit(field)
     text += f", in {unit}" if unit not in ("", "1") else ""
     text += f" or {words_for_nothing(field)[0]}" if type(None) in get_args(field.annotation) else ""
     # What follows a semicolon is about special cases, which are hard to read in brackets.
@@ -298,24 +300,24 @@ def given(
         return _adapter(section, name).validate_python(value, context={"metres": metres})
     except ValidationError as error:
         finding = error.errors()[0]
-        field = fields_of(section)[name]
-        what, remedy = finding_text(finding), allowed(field, metres=metres)
+        field = section_fields(section)[name]
+        text, remedy = finding_text(finding), allowed(field, metres=metres)
         if finding["type"] == "value_error":
             remedy = getattr(finding["ctx"]["error"], "remedy", "")
         elif finding["type"] != "finite_number":
-            what = f"{value_shown(plain_value(value, field, metres=metres))} is not possible"
-        raise kind(what, where=where or name, remedy=remedy) from error
+            text = f"{value_shown(plain_value(value, field, metres=metres))} is not possible"
+        raise kind(text, where=where or name, remedy=remedy) from error
 
 
 @cache
 def _adapter(section: Any, name: str) -> TypeAdapter[Any]:
-    field = fields_of(section)[name]
+    field = section_fields(section)[name]
 
     def plain(value: Any, info: ValidationInfo) -> Any:
         return plain_value(value, field, metres=in_metres(info))
 
     annotation: Any = Annotated[(field.annotation, *field.metadata, BeforeValidator(plain))]
-    inner = isinstance(field.annotation, type) and bool(sections_in(field.annotation))  # it has a config of its own
+    inner = isinstance(field.annotation, type) and bool(nested_sections(field.annotation))  # it has a config of its own
     return TypeAdapter(annotation, config=None if inner else {"allow_inf_nan": False})
 
 
@@ -325,7 +327,7 @@ def in_metres(info: ValidationInfo) -> bool:
 
 
 def says_metres(latlon: Any) -> bool:
-    """Whether an argument ``latlon`` says that places are metres; what is neither true nor false is refused in its turn."""
+    """Whether an argument ``latlon`` says that places are metres; a value neither true nor false is refused in its turn."""
     try:
         return latlon is not None and not flag(latlon, where="latlon")
     except InputError:
@@ -333,110 +335,112 @@ def says_metres(latlon: Any) -> bool:
 
 
 def findings(error: ValidationError, section: Any, *, metres: bool = False) -> list[tuple[Place, InputError]]:
-    """Return what pydantic found in a section, in our words, each with its place.
+    """Return the findings of pydantic in a section, in our words, each with its place.
 
-    What follows from something else is left out: of an entry that may be a text or a section, what is wrong with the
+    Consequences of another fault are left out: of an entry that may be a text or a section, the fault of the
     section says more: it lies deeper, or is a sentence of ours; a key that is misspelt is not missing too.
     """
-    found: dict[int, tuple[Place, InputError]] = {}
-    known: list[Place] = []
+    errors: dict[int, tuple[Place, InputError]] = {}
+    reported: list[Place] = []
     deepest = sorted(
         enumerate(error.errors()),
         key=lambda item: (-len(item[1]["loc"]), item[1]["type"] == "missing", item[1]["type"] != "value_error"),
     )
     for number, finding in deepest:
         unknown = finding["type"] in ("extra_forbidden", "unexpected_keyword_argument")
-        place, inner, field = _found_at(finding["loc"], section, unknown=unknown)
-        what, remedy = finding_text(finding), "" if field is None else allowed(field, metres=metres)
+        path, inner, field = _locate_finding(finding["loc"], section, unknown=unknown)
+        text, remedy = finding_text(finding), "" if field is None else allowed(field, metres=metres)
         if finding["type"] == "value_error":
             remedy = getattr(finding["ctx"]["error"], "remedy", "")
         elif unknown:
-            what, remedy, meant = _unknown(place, inner, section)
-            known += meant
+            text, remedy, suggested = _unknown(path, inner, section)
+            reported += suggested
         elif (
             finding["type"] == "literal_error"
-            and (elsewhere := absent_key(inner, f"{place[-1]} = {finding['input']!r}"))[0]
+            and (elsewhere := absent_key(inner, f"{path[-1]} = {finding['input']!r}"))[0]
         ):
-            what, remedy = elsewhere
+            text, remedy = elsewhere
         elif field is not None and finding["type"].startswith("union_tag"):
-            sections = sections_in(field.annotation)
-            kinds = [kind for one in sections for kind in get_args(fields_of(one)["kind"].annotation)]
+            sections = nested_sections(field.annotation)
+            kinds = [kind for branch in sections for kind in get_args(section_fields(branch)["kind"].annotation)]
             value = finding["input"].get("kind") if isinstance(finding["input"], dict) else None
-            what = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
+            text = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
             remedy = f"{nearest(str(value), kinds)}Use kind: {', '.join(kinds)}"
-            place = (*place, "kind")
-        if any(other[: len(place)] == place or place[: len(other)] == other for other in known):
+            path = (*path, "kind")
+        if any(other[: len(path)] == path or path[: len(other)] == other for other in reported):
             continue
-        known.append(place)
-        found[number] = place, InputError(what, where=".".join(map(str, place)), remedy=remedy)
-    return [found[number] for number in sorted(found)]
+        reported.append(path)
+        errors[number] = path, InputError(text, where=".".join(map(str, path)), remedy=remedy)
+    return [errors[number] for number in sorted(errors)]
 
 
-def _found_at(
+def _locate_finding(
     loc: tuple[str | int, ...], section: Any, *, unknown: bool = False
 ) -> tuple[Place, Any, FieldInfo | None]:
     """Return the place of a finding without pydantic's names of alternatives, the section around it, and its field."""
-    place: Place = ()
+    path: Place = ()
     sections, inner, field = [section], section, None
-    parts = list(loc)
-    while parts:
-        part = parts.pop(0)
-        holder = next((one for one in sections if part in _names_of(one)), None)
-        if isinstance(part, int):
-            place = (*place, part)
+    remaining = list(loc)
+    while remaining:
+        entry = remaining.pop(0)
+        holder = next((branch for branch in sections if entry in _named_fields(branch)), None)
+        if isinstance(entry, int):
+            path = (*path, entry)
         elif holder is not None:
-            inner, field, place = holder, _names_of(holder)[part], (*place, part)
-            sections = sections_in(field.annotation)
-            if field.discriminator and parts:  # what follows is the kind, not a key
-                kind = parts.pop(0)
-                sections = [one for one in sections if kind in get_args(fields_of(one)["kind"].annotation)]
-        elif unknown and not parts and sections:  # the key that is not known
-            return (*place, part), sections[0], None
-    return place, inner, field
+            inner, field, path = holder, _named_fields(holder)[entry], (*path, entry)
+            sections = nested_sections(field.annotation)
+            if field.discriminator and remaining:  # the next one is the kind, not a key
+                kind = remaining.pop(0)
+                sections = [
+                    branch for branch in sections if kind in get_args(section_fields(branch)["kind"].annotation)
+                ]
+        elif unknown and not remaining and sections:  # the key that is not known
+            return (*path, entry), sections[0], None
+    return path, inner, field
 
 
-def _names_of(section: Any) -> dict[str, FieldInfo]:
+def _named_fields(section: Any) -> dict[str, FieldInfo]:
     """Return the fields of a section by the names that a person gives them."""
-    return {field.alias or name: field for name, field in fields_of(section).items()}
+    return {field.alias or name: field for name, field in section_fields(section).items()}
 
 
 def absent_key(section: Any, name: str) -> tuple[str, str]:
-    """Return why a section has not got a key that there was, or is elsewhere, and what to write; empty for any other name."""
-    if now := getattr(section, "_gone", {}).get(name):
-        return "there is no such parameter any more", now
+    """Return why a section has no such key any more, or where it is, and the remedy; empty for any other name."""
+    if replacement := getattr(section, "_gone", {}).get(name):
+        return "there is no such parameter any more", replacement
     return getattr(section, "_foreign", {}).get(name, ""), ""
 
 
-def _unknown(place: Place, section: Any, outer: Any) -> tuple[str, str, list[Place]]:
+def _unknown(path: Place, section: Any, outer: Any) -> tuple[str, str, list[Place]]:
     """Say that a key is not known, and return the places that may have been meant by it."""
-    names = [name for name, field in _names_of(section).items() if not extra_of(field, "hidden")]
-    why, now = absent_key(section, str(place[-1]))
+    names = [name for name, field in _named_fields(section).items() if not field_extra(field, "hidden")]
+    why, replacement = absent_key(section, str(path[-1]))
     if why:
-        return why, now, []
-    what, has = getattr(section, "_unknown_key", ("there is no such key", "Allowed here: "))
-    hint = nearest(str(place[-1]), names)
-    holder = str(place[-2]) if len(place) > 1 else section.__name__
-    meant = [(*place[:-1], name) for name in names if repr(name) in hint]
-    return what, f"{hint}{has.format(holder)}{', '.join(names)}", meant
+        return why, replacement, []
+    text, has = getattr(section, "_unknown_key", ("there is no such key", "Allowed here: "))
+    hint = nearest(str(path[-1]), names)
+    holder = str(path[-2]) if len(path) > 1 else section.__name__
+    suggested = [(*path[:-1], name) for name in names if repr(name) in hint]
+    return text, f"{hint}{has.format(holder)}{', '.join(names)}", suggested
 
 
 def explained(
     error: ValidationError, section: Any, *, name: str = "", kind: type[InputError] = InputError, metres: bool = False
 ) -> InputError:
-    """Return what pydantic found in a section as one error, each place below the section's name."""
+    """Return the findings of pydantic in a section as one error, each place below the section's name."""
     faults = []
-    for place, fault in findings(error, section, metres=metres):
-        where = ".".join([*([name] if name and place else []), *map(str, place)])
+    for path, fault in findings(error, section, metres=metres):
+        where = ".".join([*([name] if name and path else []), *map(str, path)])
         faults.append(kind(fault.what, where=where, remedy=fault.remedy))
     return together(faults)
 
 
 def required(
-    value: Any, kinds: type | tuple[type, ...], wanted: str, *, where: str, kind: type[InputError] = InputError
+    value: Any, kinds: type | tuple[type, ...], expected: str, *, where: str, kind: type[InputError] = InputError
 ) -> None:
     """Refuse an argument of another kind than is wanted, in words."""
     if not isinstance(value, kinds) or isinstance(value, bool):
-        raise kind(f"{value_shown(value)} cannot be used here", where=where, remedy=f"Give {wanted}")
+        raise kind(f"{value_shown(value)} cannot be used here", where=where, remedy=f"Give {expected}")
 
 
 def check_names(options: Mapping[str, Any], kind: type, *also: str) -> None:
@@ -452,10 +456,10 @@ def check_names(options: Mapping[str, Any], kind: type, *also: str) -> None:
     TypeError: unexpected keyword argument 'lenght'. Did you mean 'length'? It may be length
 
     """
-    known = (*also, *kind.__annotations__)
+    names = (*also, *kind.__annotations__)
     for name in options:
-        if name not in known:
-            raise TypeError(f"unexpected keyword argument {name!r}. {nearest(name, known)}It may be {', '.join(known)}")
+        if name not in names:
+            raise TypeError(f"unexpected keyword argument {name!r}. {nearest(name, names)}It may be {', '.join(names)}")
 
 
 def moment(value: Any, *, where: str) -> datetime:
@@ -487,8 +491,8 @@ def parse_date(text: str, *, where: str = "", model_years: bool = False) -> tupl
         if text.isdigit() and len(text) == 7:
             when = datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1)
             if when.year != int(text[:4]):
-                what = f"{text!r}: {text[:4]} has no day {int(text[4:])}"
-                raise InputError(what, where=where, remedy="Write the year and its day, such as 2020352")
+                fault = f"{text!r}: {text[:4]} has no day {int(text[4:])}"
+                raise InputError(fault, where=where, remedy="Write the year and its day, such as 2020352")
         elif text.isdigit() and len(text) == 8:
             when = datetime.strptime(text, "%Y%m%d")
         else:
@@ -531,44 +535,46 @@ def nanoseconds(
     array(['2020-12-09T13:00:00.000000000'], dtype='datetime64[ns]')
 
     """
-    given = np.asarray(dates)
-    given = given if given.dtype.kind == "M" else given.astype("datetime64[us]")
-    years = given.astype("datetime64[Y]").astype(np.int64) + 1970
-    beyond = ~np.isnat(given) & ((years < FIRST_YEAR) | (years > LAST_YEAR))
+    moments = np.asarray(dates)
+    moments = moments if moments.dtype.kind == "M" else moments.astype("datetime64[us]")
+    years = moments.astype("datetime64[Y]").astype(np.int64) + 1970
+    beyond = ~np.isnat(moments) & ((years < FIRST_YEAR) | (years > LAST_YEAR))
     if beyond.any():
-        wrong = given[beyond].ravel()
-        several = (
-            f"{wrong.size} of {given.size} dates, the first {wrong[0]}, lie" if given.size > 1 else f"{wrong[0]} lies"
+        wrong = moments[beyond].ravel()
+        summary = (
+            f"{wrong.size} of {moments.size} dates, the first {wrong[0]}, lie"
+            if moments.size > 1
+            else f"{wrong[0]} lies"
         )
         raise kind(
-            f"{several} outside the years {FIRST_YEAR} to {LAST_YEAR} that dates can be kept in", where=where,
+            f"{summary} outside the years {FIRST_YEAR} to {LAST_YEAR} that dates can be kept in", where=where,
             remedy=remedy,
         )  # fmt: skip
-    return given.astype("datetime64[ns]")
+    return moments.astype("datetime64[ns]")
 
 
 def check_degrees(
-    place: tuple[float, float], *, where: str = "", kind: type[InputError] | type[UnfitError] = UnfitError
+    position: tuple[float, float], *, where: str = "", kind: type[InputError] | type[UnfitError] = UnfitError
 ) -> None:
     """Refuse two numbers that cannot be degrees of longitude and latitude."""
-    if not (abs(place[0]) <= 540.0 and abs(place[1]) <= 180.0):
+    if not (abs(position[0]) <= 540.0 and abs(position[1]) <= 180.0):
         raise kind(
-            f"{list(place)} is no longitude and latitude in degrees", where=where, remedy="Longitude stands first"
+            f"{list(position)} is no longitude and latitude in degrees", where=where, remedy="Longitude stands first"
         )
 
 
 def check_place(
-    place: tuple[float, float], *, where: str = "", kind: type[InputError] | type[UnfitError] = UnfitError,
+    position: tuple[float, float], *, where: str = "", kind: type[InputError] | type[UnfitError] = UnfitError,
     south: float = -90.0, north: float = 90.0,
 ) -> None:  # fmt: skip
     """Refuse a place that is none on Earth, where only swapped coordinates put a berg.
 
-    ``place``: longitude and latitude, degrees.
+    ``position``: longitude and latitude, degrees.
     """
-    check_degrees(place, where=where, kind=kind)
-    if not south <= place[1] <= north:
+    check_degrees(position, where=where, kind=kind)
+    if not south <= position[1] <= north:
         raise kind(
-            f"latitude {place[1]:g} has no sea for a berg: are longitude and latitude swapped?", where=where,
+            f"latitude {position[1]:g} has no sea for a berg: are longitude and latitude swapped?", where=where,
             remedy=f"Write [longitude, latitude], with a latitude from {south:g} to {north:g}",
         )  # fmt: skip
 
@@ -576,7 +582,7 @@ def check_place(
 def number(value: Any, unit: str, *, where: str, kind: type[InputError] = InputError) -> float:
     """Return one number in a unit; a text with a unit and numbers of NumPy are taken."""
     try:
-        return _number_in(value, unit)
+        return _parse_number(value, unit)
     except ValueError as error:
         measured = f", in {unit}" if unit not in ("", "1") else ""
         raise kind(str(error), where=where, remedy=f"Allowed: a number{measured}") from error
@@ -594,25 +600,25 @@ def numbers(value: Any, unit: str, *, where: str, kind: type[InputError] = Input
     """Return a number or an array of numbers in a unit, NaN where masked; texts with units, Series and DataArrays are taken."""
     try:
         if isinstance(value, str):
-            return np.asarray(_number_in(value, unit))
+            return np.asarray(_parse_number(value, unit))
         try:
             array = np.asarray(value)
         except ValueError:  # of NumPy: rows of different lengths
             raise ValueError(f"{value_shown(value)} is no array of numbers") from None
         if array.dtype.kind in "OUS":
-            array = np.array([_number_in(part, unit) for part in array.ravel().tolist()]).reshape(array.shape)
+            array = np.array([_parse_number(item, unit) for item in array.ravel().tolist()]).reshape(array.shape)
         if array.dtype.kind not in "fiu":
             raise ValueError(f"{value_shown(value)} is no number")
-        known = array.astype(np.float64)
+        floats = array.astype(np.float64)
         if isinstance(value, np.ma.MaskedArray):
-            known[np.ma.getmaskarray(value)] = np.nan
-        return known
+            floats[np.ma.getmaskarray(value)] = np.nan
+        return floats
     except ValueError as error:
         measured = f", in {unit}" if unit not in ("", "1") else ""
         raise kind(str(error), where=where, remedy=f"Allowed: a number or an array of numbers{measured}") from error
 
 
-def _number_in(value: Any, unit: str) -> float:
+def _parse_number(value: Any, unit: str) -> float:
     plain = native(value)
     if isinstance(plain, str):
         return to_unit(plain, unit)
@@ -653,7 +659,7 @@ class Section(BaseModel):
     @classmethod
     def _keys(cls, values: Any) -> Any:
         """Take the name of a file for a section with nothing else (``outline: berg.geojson``)."""
-        fields = fields_of(cls)
+        fields = section_fields(cls)
         if isinstance(values, str) and "file" in fields and values not in fields:
             return {"file": values}
         if not isinstance(values, dict | cls):
@@ -662,13 +668,13 @@ class Section(BaseModel):
 
     @classmethod
     def _no_section(cls, value: Any) -> UnfitError:
-        """Return the refusal of what is no section."""
-        return UnfitError(f"{value_shown(value)} is not a section", f"It has the keys {', '.join(fields_of(cls))}")
+        """Return the refusal of a value that is no section."""
+        return UnfitError(f"{value_shown(value)} is not a section", f"It has the keys {', '.join(section_fields(cls))}")
 
     @field_validator("*", mode="before")
     @classmethod
     def _plain(cls, value: Any, info: ValidationInfo) -> Any:
-        return plain_value(value, fields_of(cls)[str(info.field_name)], metres=in_metres(info))
+        return plain_value(value, section_fields(cls)[str(info.field_name)], metres=in_metres(info))
 
 
 def about(unit: str, meaning: str, **options: Any) -> Any:
@@ -690,10 +696,10 @@ PLACE: dict[str, Any] = {"place": True}
 """Marks a key as a place: longitude and latitude, or x and y in m where positions are metres."""
 
 
-def _sea(place: Pair, info: ValidationInfo) -> Pair:
+def _sea(position: Pair, info: ValidationInfo) -> Pair:
     if not in_metres(info):
-        check_place(place)
-    return place
+        check_place(position)
+    return position
 
 
 Position = Annotated[Pair, AfterValidator(_sea)]
@@ -709,10 +715,10 @@ Shift = Annotated[Pair, AfterValidator(_shift_in_degrees)]
 
 
 def at_most(limit: float, unit: str) -> AfterValidator:
-    """Return the check of one value, or each of several, against what is larger than anything in nature."""
+    """Return the check of one value, or each of several, against a limit that nothing in nature exceeds."""
 
     def check(value: Any) -> Any:
-        if any(abs(part) > limit for part in (value if isinstance(value, tuple) else (value,))):
+        if any(abs(item) > limit for item in (value if isinstance(value, tuple) else (value,))):
             raise UnfitError(f"{value} is not possible; the most is {limit:g} {unit}")
         return value
 

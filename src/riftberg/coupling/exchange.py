@@ -29,7 +29,7 @@ from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
 from riftberg.ocean.gridded import interpolate_corners
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 
 class Settling:
@@ -546,7 +546,7 @@ class Exchange:
         assert self._seen is not None
         el, p = self.model.elements, self.model.parameters
         # Melt may have removed elements since their shares were found: rows are matched by identifier.
-        rows, known = rows_of(self._seen.ids, el.body.id)
+        rows, known = find_rows(self._seen.ids, el.body.id)
         # Processes of the user may have added ice since.
         shares = self._seen.shares.taken(rows) if known.all() else self._shares()
         scaling = el.life.mass_scaling

@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from riftberg.constants import DEGREE
 from riftberg.engines.common.forces import media
-from riftberg.engines.common.forces.implicit_velocity import apply_at_velocities
+from riftberg.engines.common.forces.implicit_velocity import record_current_forces
 from riftberg.engines.common.forces.media import allocate_surroundings, find_surroundings
 from riftberg.engines.common.forces.pack import hold_by_pack
 from riftberg.engines.common.forces.sizes import interaction_sizes
@@ -103,7 +103,7 @@ def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[s
     around = allocate_surroundings(el.mass.size)
     find_surroundings(el, interaction_sizes(el, p), around, p)
     around.acts[:] = True  # the sub-steps' part too
-    apply_at_velocities(el, around)
+    record_current_forces(el, around)
     around.applied[:, media.SEA_ICE] += hold_by_pack(around.media[:, media.SEA_ICE], el.u, el.v)
     return {name: el.mass[:, None] * around.applied[:, row] for name, row in _ROWS.items()}
 

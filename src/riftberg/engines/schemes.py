@@ -1,6 +1,6 @@
 """The door to the engines: the choice of the scheme, and the two in which no force moves the ice.
 
-What lies inside of an engine is imported by that engine alone; what both share lies in `riftberg.engines.common`.
+Modules of an engine are imported by that engine alone; modules that both share lie in `riftberg.engines.common`.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class FrozenStepper(Stateless):
         sample_between_steps(run, run.elements)
 
     def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
-        """Return the velocity as it stands."""
+        """Return the velocity unchanged."""
         return run.elements.u.copy(), run.elements.v.copy()
 
     @property
@@ -101,7 +101,7 @@ class ImposedStepper(FrozenStepper):
         for _ in range(count):
             single_step.update_positions(el, p.stepping.time_step / count, run.constants)
         el.rotation[moving] += p.stepping.time_step * el.spin[moving]
-        for mine, shown in ((el.u, (el.u_pair, el.u_sync)), (el.v, (el.v_pair, el.v_sync))):
-            for other in shown:
-                other[moving] = mine[moving]
+        for values, copies in ((el.u, (el.u_pair, el.u_sync)), (el.v, (el.v_pair, el.v_sync))):
+            for copy in copies:
+                copy[moving] = values[moving]
         apply_boundaries(run)

@@ -33,7 +33,7 @@ from riftberg.plane import EqualAreaPlane, near
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import SMALL
 from riftberg.runs.tracks import Shapes, is_channel, lon_of_track
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 from riftberg.system.input_files import allow_large, value_shown
 
 if TYPE_CHECKING:
@@ -370,7 +370,7 @@ def _cracks(model: BareModel, start: tuple[Any, Any, Any], values: Mapping[str, 
     x, y = turned(*_about_middle(model, lon, lat), -float(values.get("start.turn", 0.0)))
     size = float(values.get("start.size", 1.0))
     # Elements that came during the run were nowhere at the start.
-    (i, i_known), (j, j_known) = (rows_of(ids, e.id[end[broken]]) for end in (bonds.first, bonds.second))
+    (i, i_known), (j, j_known) = (find_rows(ids, e.id[end[broken]]) for end in (bonds.first, bonds.second))
     known = i_known & j_known
     i, j = i[known], j[known]
     # The side of a square is the root of its area, that of a hexagon 0.62 of it.
@@ -395,7 +395,7 @@ def _shapes(model: BareModel, start: tuple[Any, Any, Any]) -> list[list[Any]]:
     ids, lon, lat = start
     e, (x, y) = model.elements, _about_middle(model, lon, lat)
     area = e.length * e.width
-    side, (rows, known) = float(np.sqrt(area.mean())), rows_of(ids, e.id)
+    side, (rows, known) = float(np.sqrt(area.mean())), find_rows(ids, e.id)
     found = []
     for number in np.unique(e.berg[known]).tolist():
         own = (e.berg == number) & known

@@ -12,7 +12,7 @@ from typing import Any, Final, get_args, get_origin
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from riftberg.config.values import allowed, fields_of, kinds_of, native, number, required, unit_of
+from riftberg.config.values import allowed, field_unit, native, number, required, section_fields, value_kinds
 from riftberg.ensembles.distributions import EXAMPLE as EXAMPLE_DRAWN
 from riftberg.ensembles.distributions import (
     OF_VALUES,
@@ -173,7 +173,7 @@ def _field_of(name: str, where: str) -> FieldInfo:
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
     section = sections_with(group, key, where=where, settable=SECTIONS)[0]
-    return fields_of(section)[key]
+    return section_fields(section)[key]
 
 
 def _of_parameter(name: str, values: Any, where: str) -> Varied:
@@ -197,11 +197,11 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
             return checked_value(part, group, key, where=where, settable=SECTIONS)
 
         return _drawn(f"{group}.{key}", values[1:], field, value, where)
-    if any(get_origin(kind) is tuple for kind in kinds_of(field.annotation)) and isinstance(values, str):
+    if any(get_origin(kind) is tuple for kind in value_kinds(field.annotation)) and isinstance(values, str):
         values = _of_file(values, where)  # such as [-39, -55],[-38, -55]
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
     plain = [checked_value(value, group, key, where=where, settable=SECTIONS) for value in several]
-    return Varied(f"{group}.{key}", _distinct(plain, where), unit_of(field), field.description or "")
+    return Varied(f"{group}.{key}", _distinct(plain, where), field_unit(field), field.description or "")
 
 
 def _of_file(values: Any, where: str) -> list[Any]:
@@ -238,8 +238,8 @@ def _drawn(name: str, text: str, field: FieldInfo, value: Callable[[str], Any], 
 
     ``value``: reads one of the values of a choice.
     """
-    unit = unit_of(field)
-    kinds = kinds_of(field.annotation)
+    unit = field_unit(field)
+    kinds = value_kinds(field.annotation)
     item = name.rpartition(".")[2].isdecimal()  # one of a list, such as forcing.uniform.current.0
     several = [len(get_args(kind)) for kind in kinds if get_origin(kind) is tuple and not item]
     limits = Limits.of(field.metadata)
@@ -264,7 +264,7 @@ def _drawn(name: str, text: str, field: FieldInfo, value: Callable[[str], Any], 
 
 def _numbers(annotation: Any) -> Iterator[Any]:
     """Give the plain kinds of an annotation, those of items of lists too."""
-    for kind in kinds_of(annotation):
+    for kind in value_kinds(annotation):
         yield kind
         for item in get_args(kind):
             yield from _numbers(item) if item is not Ellipsis else ()
@@ -282,10 +282,10 @@ def _read(text: str, field: FieldInfo, where: str) -> list[Any]:
     parts, count = _parts(text, where)
     if not count:
         return list(parts)
-    whole = int in kinds_of(field.annotation) and float not in kinds_of(field.annotation)
-    if not whole and float not in kinds_of(field.annotation):
+    whole = int in value_kinds(field.annotation) and float not in value_kinds(field.annotation)
+    if not whole and float not in value_kinds(field.annotation):
         raise InputError("a range of what is no number", where=where, remedy=f"{allowed(field)}. Give them with commas")
-    first, last = (number(end, unit_of(field), where=where) for end in parts)
+    first, last = (number(end, field_unit(field), where=where) for end in parts)
     if not first < last:
         raise InputError(f"{parts[0]} is not below {parts[1]}", where=where, remedy="The smaller number stands first")
     values = np.linspace(first, last, count)
@@ -396,7 +396,7 @@ def designed(
         field, (group, _, key) = _field_of(name, where), name.partition(".")
         refuse_bare_numbers([str(value) for value in values], where)
         plain = tuple(checked_value(value, group, key, where=where, settable=SECTIONS) for value in values)
-        varied.append(Varied(name, plain, unit_of(field), field.description or ""))
+        varied.append(Varied(name, plain, field_unit(field), field.description or ""))
     names = [v.name for v in varied]
     found: dict[str, Any] = {v.name: v.values for v in varied}
     count = len(varied[0].values)

@@ -23,7 +23,7 @@ from riftberg.bergs.bonding import Metric, give_velocity, separations, turn_rigi
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.keys import BergKeys
 from riftberg.bergs.regions import turned
-from riftberg.config.values import absent_key, extra_of, fields_of, given, sections_in
+from riftberg.config.values import absent_key, field_extra, given, nested_sections, section_fields
 from riftberg.errors import InputError, nearest, together, without_secrets
 from riftberg.parameters import (
     A68A_2022,
@@ -31,9 +31,9 @@ from riftberg.parameters import (
     GROUPS,
     ExplicitParameters,
     Parameters,
+    group_classes,
     kid_quirks,
     scheme_asked,
-    sections_of,
 )
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.layout import COMMAND, FILE, PLACE
@@ -49,7 +49,7 @@ Changes = dict[str, dict[str, Any]]
 BERG: Final = "berg"
 """Group of what may be changed of an experiment's berg; all others are groups of parameters."""
 
-SETTABLE: Final[dict[str, tuple[Any, ...]]] = {**{name: sections_of(name) for name in GROUPS}, BERG: (BergKeys,)}
+SETTABLE: Final[dict[str, tuple[Any, ...]]] = {**{name: group_classes(name) for name in GROUPS}, BERG: (BergKeys,)}
 """Sections of each group that ``--set`` and ``--vary`` know: of a group of parameters, that of each engine."""
 
 
@@ -75,8 +75,8 @@ def file_field(name: str) -> FieldInfo | None:
     for part in name.split("."):
         if part.isdigit():  # the place in a list of sections
             continue
-        found = [fields_of(section)[part] for section in sections if part in fields_of(section)]
-        sections = [inner for field in found for inner in sections_in(field.annotation)]
+        found = [section_fields(section)[part] for section in sections if part in section_fields(section)]
+        sections = [inner for field in found for inner in nested_sections(field.annotation)]
     return found[0] if found else None
 
 
@@ -178,19 +178,19 @@ def sections_with(
             where=where,
             remedy=f"{nearest(group, settable)}Groups are {', '.join(settable)}",
         )
-    sections = [section for section in settable[group] if name in fields_of(section)]
+    sections = [section for section in settable[group] if name in section_fields(section)]
     if not sections:
         gone = [now for section in settable[group] if (now := absent_key(section, name)[1])]
         if gone:
             raise InputError(f"group {group} has no parameter {name!r} any more", where=where, remedy=gone[0])
-        fields = [item for section in settable[group] for item in fields_of(section).items()]
-        known = list(dict.fromkeys(key for key, field in fields if not extra_of(field, "hidden")))
+        fields = [item for section in settable[group] for item in section_fields(section).items()]
+        known = list(dict.fromkeys(key for key, field in fields if not field_extra(field, "hidden")))
         raise InputError(
             f"group {group} has no parameter {name!r}",
             where=where,
             remedy=f"{nearest(name, known)}It has {', '.join(known)}",
         )
-    if extra_of(fields_of(sections[0])[name], "hidden"):
+    if field_extra(section_fields(sections[0])[name], "hidden"):
         raise InputError(f"{group}.{name} is an option of KID's namelists", where=where, remedy=OF_NAMELISTS)
     return sections
 

@@ -21,7 +21,7 @@ from pydantic.fields import FieldInfo
 
 from riftberg.bergs.bonded import lost_in_lattice, outside_text
 from riftberg.bergs.keys import CloudOfBergs, FieldOfBergs
-from riftberg.config.values import Place, extra_of, findings, sections_in
+from riftberg.config.values import Place, field_extra, findings, nested_sections
 from riftberg.errors import BergError, InputError, nearest, together
 from riftberg.experiments.changes import OF_NAMELISTS, changed_document, reference_numerics
 from riftberg.experiments.registry import Info, Options, find
@@ -325,7 +325,7 @@ def _parameters(groups: Any) -> Parameters:
     for group, values in groups.items():
         for name in values if isinstance(values, dict) else ():
             field = fields_by_path().get(f"{group}.{name}")
-            if field is not None and extra_of(field, "hidden"):
+            if field is not None and field_extra(field, "hidden"):
                 raise InputError(
                     "it is an option of KID's namelists alone", where=f"{group}.{name}", remedy=OF_NAMELISTS
                 )
@@ -640,6 +640,6 @@ def sections() -> Iterator[tuple[str, Mapping[str, FieldInfo]]]:
     """Give the sections of an experiment file with their keys, for the documentation."""
     yield "", Experiment.model_fields
     yield "berg", Berg.model_fields
-    for section in sections_in(Experiment.model_fields["forcing"].annotation):
+    for section in nested_sections(Experiment.model_fields["forcing"].annotation):
         (kind,) = get_args(section.model_fields["kind"].annotation)
         yield f"forcing, kind: {kind}", section.model_fields

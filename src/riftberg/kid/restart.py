@@ -33,7 +33,7 @@ from riftberg.life.calving import Stores
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters, element_radius
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 from riftberg.state.variables import GONE
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import MEANT, extreme_allowed
@@ -399,7 +399,7 @@ def _rows(dataset: netCDF4.Dataset, path: Path, elements: Elements, end: str, si
     counters = whole_column(dataset, path, f"{end}_id_cnt", size)
     cells = whole_column(dataset, path, f"{end}_id_ij", size)
     ids = join_id(counters, cells)
-    rows, known = rows_of(elements.id, ids)
+    rows, known = find_rows(elements.id, ids)
     if not known.all():
         k = int(np.argmin(known))
         raise BergError(

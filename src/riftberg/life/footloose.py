@@ -19,7 +19,7 @@ from riftberg.bergs.bonding import Metric, separations
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.engines.common.broad_phase import NEWBORN_CHILD, contact_cells, within_cells
-from riftberg.engines.common.forces.sizes import radius_of
+from riftberg.engines.common.forces.sizes import interaction_radius
 from riftberg.engines.common.fragments.tree import FragmentTree
 from riftberg.errors import RunError
 from riftberg.life.melt import LifeValues, bit_shape
@@ -40,7 +40,7 @@ from riftberg.physics.floating import roll
 from riftberg.physics.geometry import move, separation, wrap_around
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
-from riftberg.state.population import listed, numbered, rows_of
+from riftberg.state.population import find_rows, listed, numbered
 
 _LARGEST: Final = 2.0**32 - 1.0
 
@@ -531,7 +531,7 @@ def follow_growth(el: Elements, grown: Floats, dt: float, remembered: MutableMap
 def growth_of(el: Elements, remembered: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the mean rate (m s-1) at which the feet of the elements grow, 0 where it is not known, and where it is."""
     ids, means = np.asarray(remembered.get(FOOT_GROWTH, np.zeros((0, 2)))).T
-    row, known = rows_of(ids.astype(np.int64), el.body.id)
+    row, known = find_rows(ids.astype(np.int64), el.body.id)
     mean = np.zeros(el.size)
     mean[known] = means[row[known]]
     return mean, known
@@ -544,7 +544,7 @@ def let_children_go(elements: Elements, p: Parameters, grid: Grid | None) -> Non
         return
     body, place, earth = elements.body, elements.place, p.earth
     hexagonal, bonded = p.bonds.packing == "hexagonal", p.bonds.law != "none"
-    radius = np.array([radius_of(area, hexagonal, bonded) for area in (body.length * body.width).tolist()])
+    radius = np.array([interaction_radius(area, hexagonal, bonded) for area in (body.length * body.width).tolist()])
     reach = max(2.0 * float(radius.max()), p.contact_distance)
     near = find_pairs(place.lon, place.lat, body.berg, reach, ANY, earth.latlon, earth.radius, earth.period)
     cells = contact_cells(p, grid)

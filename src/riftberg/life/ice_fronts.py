@@ -25,7 +25,7 @@ from riftberg.engines.common.lattices import ice_on_plane, laid_flat, lattices
 from riftberg.errors import InputError
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.population import numbered, rows_of
+from riftberg.state.population import find_rows, numbered
 
 REACH: Final = 0.05
 """Retreat after which the outline is drawn anew, in parts of the size of an element."""
@@ -74,8 +74,8 @@ def follow_outlines(
     ):
         return
     fronts = _with_new(_taken(remembered), el, bonds, many, outlines, p)
-    row, present = rows_of(el.body.id, fronts.element)
-    place, _ = rows_of(fronts.element, ids)
+    row, present = find_rows(el.body.id, fronts.element)
+    place, _ = find_rows(fronts.element, ids)
     size = np.sqrt(fronts.area)
 
     ices, kept = [], []
@@ -131,7 +131,7 @@ def _with_new(
     fronts: IceFronts, el: Elements, bonds: Bonds, many: Any, outlines: Sequence[Any], p: KernelParameters
 ) -> IceFronts:
     """Return the fronts with the lattices that have elements not met before, each as one piece with a number below zero."""
-    new = many & ~rows_of(fronts.element, el.body.id)[1]
+    new = many & ~find_rows(fronts.element, el.body.id)[1]
     if not new.any():
         return fronts
     radius = interaction_sizes(el, p).bond_radius

@@ -23,7 +23,7 @@ from riftberg.bergs.bonding import Metric, pieces, separations
 from riftberg.bergs.lattice import Booleans
 from riftberg.compiled.kernels import borrower, kernel, plain
 from riftberg.engines.common.forces.media import CORIOLIS, FORCES, OWN, SEA_FLOOR
-from riftberg.engines.common.forces.sizes import disc_inertia, interaction_sizes, radius_of, rectangle_inertia
+from riftberg.engines.common.forces.sizes import disc_inertia, interaction_radius, interaction_sizes, rectangle_inertia
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
@@ -184,7 +184,7 @@ def _inertia(ice: _Ice, e: int, mass: float) -> float:
     length, width = ice.length[e], ice.width[e]
     if ice.rigid_bodies:
         return rectangle_inertia(mass, length, width)
-    return disc_inertia(mass, radius_of(length * width, ice.sides[e] == 6, True))
+    return disc_inertia(mass, interaction_radius(length * width, ice.sides[e] == 6, True))
 
 
 @borrower

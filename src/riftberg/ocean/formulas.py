@@ -39,10 +39,10 @@ from riftberg.config.values import (
     Wind,
     about,
     explained,
-    fields_of,
     in_metres,
     plain_value,
     says_metres,
+    section_fields,
 )
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
@@ -289,7 +289,7 @@ F = TypeVar("F", bound=type[Formula])
 def _formula(cls: F) -> F:
     """Make a class whose arguments are the keys of a section of a file: the same units, limits and words for mistakes."""
     section: Any = dataclass(config=ConfigDict(extra="forbid", allow_inf_nan=False), repr=False, eq=False)(cls)
-    names = [field.alias or name for name, field in fields_of(section).items() if not field.kw_only]
+    names = [field.alias or name for name, field in section_fields(section).items() if not field.kw_only]
 
     @functools.wraps(section.__init__)
     def init(self: Any, *args: Any, **values: Any) -> None:
@@ -330,7 +330,7 @@ class Part(Formula):
         if isinstance(values, ArgsKwargs | cls):
             return values
         if not isinstance(values, dict):
-            keys = ", ".join(field.alias or name for name, field in fields_of(cls).items() if not field.kw_only)
+            keys = ", ".join(field.alias or name for name, field in section_fields(cls).items() if not field.kw_only)
             raise UnfitError(f"{value_shown(values)} is not a section", f"It has the keys {keys}")
         repeated = values.keys() & {"latlon", "latitude"}
         if repeated:
@@ -340,7 +340,7 @@ class Part(Formula):
     @field_validator("*", mode="before")
     @classmethod
     def _plain(cls, value: Any, info: ValidationInfo) -> Any:
-        return plain_value(value, fields_of(cls)[str(info.field_name)], metres=in_metres(info))
+        return plain_value(value, section_fields(cls)[str(info.field_name)], metres=in_metres(info))
 
 
 class Flow(Part):

@@ -25,7 +25,7 @@ from riftberg.config.values import explained
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters, from_file
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 from riftberg.state.variables import ABOVE_0, GONE, LARGEST, LARGEST_WHOLE
 from riftberg.system.input_files import MOST_VALUES, check_file, reading, refuse_large, shown, value_shown
 from riftberg.system.netcdf_lock import NETCDF, open_lazily
@@ -262,7 +262,7 @@ def _rows_of(ids: Ints, rows: Ints) -> Ints:
     """Return the rows in which identifiers stand; one behind the last where they do not."""
     if np.array_equal(ids, rows):
         return np.arange(rows.size)
-    row, there = rows_of(rows, ids)
+    row, there = find_rows(rows, ids)
     return np.where(there, row, rows.size).astype(np.int64)
 
 

@@ -233,7 +233,7 @@ class Model(BareModel):
             required(output, (str, Path), "the path of a run file", where="Model.run, output")
         before = self.step_number
         hours = number(every_hours, "h", where="every_hours")
-        left = self._number_of_steps(days, steps) * self.parameters.stepping.time_step
+        left = self._count_steps(days, steps) * self.parameters.stepping.time_step
         length, end = left / SECONDS_PER_DAY, self.time + left
         for text in of_records(hours, length, self.parameters):
             _LOG.warning(text)
@@ -272,7 +272,7 @@ class Model(BareModel):
         script = step is None and in_script()
         shown: list[Recorder] = []
         if progress or script:
-            left = self._number_of_steps(days, steps) * self.parameters.stepping.time_step
+            left = self._count_steps(days, steps) * self.parameters.stepping.time_step
             shown, end = self._progress(left / SECONDS_PER_DAY, progress), self.time + left
         with held():
             try:
@@ -330,7 +330,7 @@ class Model(BareModel):
                 f"the run had a law of one's own for {' and '.join(missing)}", where=f"{path}, laws",
                 remedy=f"Resume it with laws=Laws({', '.join(f'{name}=...' for name in missing)})",
             )  # fmt: skip
-        model = cls.going_on(
+        model = cls.from_state(
             state.population(), forcing, state.parameters, state.start, state.time, state.step_number,
             state.fragments, state.bergs, state.contacts, laws,
         )  # fmt: skip

@@ -25,8 +25,8 @@ from riftberg.state.variables import (
     Place,
     Shown,
     Variable,
+    build_elements,
     copied,
-    elements_of,
     zeros,
 )
 
@@ -47,8 +47,8 @@ __all__ = [
     "Place",
     "Shown",
     "Variable",
+    "build_elements",
     "copy_state",
-    "elements_of",
     "new_bonds",
     "new_elements",
     "zeros",
@@ -62,7 +62,7 @@ def _arrays(variables: Iterable[Variable], size: int) -> dict[str, NDArray[Any]]
 
 def new_elements(size: int) -> Elements:
     """Return ``size`` elements at rest with default values and identifiers 1, 2, ..."""
-    elements = elements_of(_arrays(ELEMENT_VARIABLES, size))
+    elements = build_elements(_arrays(ELEMENT_VARIABLES, size))
     elements.body.id[:] = np.arange(1, size + 1)
     return elements
 
@@ -78,6 +78,6 @@ def new_bonds(first: Ints, second: Ints) -> Bonds:
 
 def copy_state(elements: Elements, bonds: Bonds) -> tuple[Elements, Bonds]:
     """Return copies that share no memory with the originals; what is 0 takes none until it is written."""
-    return elements_of({name: copied(array) for name, array in elements.arrays().items()}), Bonds._make(
+    return build_elements({name: copied(array) for name, array in elements.arrays().items()}), Bonds._make(
         map(copied, bonds)
     )

@@ -27,7 +27,7 @@ _FEW_BERGS = 16
 
 
 class PairList(NamedTuple):
-    """Partners of each element: those of element e are ``partner[start[e]:start[e + 1]]``."""
+    """Partners of each element; element e has ``partner[start[e]:start[e + 1]]``."""
 
     start: Ints
     partner: Ints
@@ -112,11 +112,11 @@ def _bin(
         start[cell[e] + 1] += 1
     for c in range(columns * rows):
         start[c + 1] += start[c]
-    place = start[:-1].copy()
+    slot = start[:-1].copy()
     member = np.empty(count, np.int64)
     for e in range(count):
-        member[place[cell[e]]] = e
-        place[cell[e]] += 1
+        member[slot[cell[e]]] = e
+        slot[cell[e]] += 1
     return cell, start, member
 
 
@@ -132,13 +132,13 @@ def find_pairs(
         return PairList(*_find_pairs(x, y, berg, reach, rule, latlon, radius, period))
     # Most elements of the pieces of a broken berg lie far from all other pieces: they need not be binned. Half of the reach
     # for each of a pair, with something for round-off.
-    some = _near_other_boxes(x, y, berg, np.full(x.size, 0.5001 * reach), latlon, radius, period)
-    if some.size < 2:
+    candidates = _near_other_boxes(x, y, berg, np.full(x.size, 0.5001 * reach), latlon, radius, period)
+    if candidates.size < 2:
         return no_pairs(x.size)
-    start, partner = _find_pairs(x[some], y[some], berg[some], reach, rule, latlon, radius, period)
+    start, partner = _find_pairs(x[candidates], y[candidates], berg[candidates], reach, rule, latlon, radius, period)
     count = np.zeros(x.size + 1, np.int64)
-    count[some + 1] = np.diff(start)
-    return PairList(np.cumsum(count), some[partner])
+    count[candidates + 1] = np.diff(start)
+    return PairList(np.cumsum(count), candidates[partner])
 
 
 @kernel
@@ -194,7 +194,7 @@ def _crowded(start: Ints) -> bool:
 def _binned(
     x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float
 ) -> tuple[int, int, bool, Ints, Ints, Ints]:
-    """Columns and rows of the bins for a reach (m), whether the last column meets the first, and what `_bin` gives."""
+    """Columns and rows of the bins for a reach (m), whether the last column meets the first, and the result of `_bin`."""
     width_x, width_y, columns, rows, x0, y0, closed = _hash_columns(x, y, reach, latlon, radius, period)
     cell, start, member = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
     return columns, rows, closed, cell, start, member
@@ -205,13 +205,15 @@ def near_pairs(
 ) -> tuple[Ints, Ints]:
     """Find the pairs of different bergs that are nearer than the sum of their own reaches (m); each once, in order."""
     # Most elements of the pieces of a broken berg lie far from all other pieces: they need not be binned.
-    some = _near_other_boxes(x, y, berg, reach, latlon, radius, period)
-    if some.size == x.size:
+    candidates = _near_other_boxes(x, y, berg, reach, latlon, radius, period)
+    if candidates.size == x.size:
         return _near_pairs(x, y, berg, reach, latlon, radius, period)
-    if some.size < 2:
+    if candidates.size < 2:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    first, second = _near_pairs(x[some], y[some], berg[some], reach[some], latlon, radius, period)
-    return some[first], some[second]
+    first, second = _near_pairs(
+        x[candidates], y[candidates], berg[candidates], reach[candidates], latlon, radius, period
+    )
+    return candidates[first], candidates[second]
 
 
 @kernel
@@ -248,16 +250,16 @@ def _near_other_boxes(
         at[e] = b
         box[0, b], box[1, b] = min(box[0, b], along[e] - wide), max(box[1, b], along[e] + wide)
         box[2, b], box[3, b] = min(box[2, b], y[e] - tall), max(box[3, b], y[e] + tall)
-    taken = 0
+    candidates = 0
     for e in range(count):
         wide, tall = reach[e] / (per_unit * cosine), reach[e] / per_unit
         for b in range(boxes):
             inside = along[e] + wide > box[0, b] and along[e] - wide < box[1, b]
             if b != at[e] and inside and y[e] + tall > box[2, b] and y[e] - tall < box[3, b]:
-                everyone[taken] = e
-                taken += 1
+                everyone[candidates] = e
+                candidates += 1
                 break
-    return everyone[:taken]
+    return everyone[:candidates]
 
 
 @kernel
@@ -286,27 +288,27 @@ def _near_pairs(
     widest = 0
     for e in range(count):
         widest = max(widest, level[e])
-    asked = np.empty(count, np.int64)
+    searched = np.empty(count, np.int64)
     for k in range(widest, -1, -1):
         number, far = 0, -1.0
         for e in range(count):
             if level[e] <= k:
-                asked[number] = e
+                searched[number] = e
                 number += 1
             if level[e] == k:
                 far = max(far, 2.0 * reach[e])
         if far < 0.0:
             continue
         if crowded:
-            some = asked[:number]
+            active = searched[:number]
             columns, rows, closed, cell, bin_start, member = _binned(
-                _gathered_rows(x, some), _gathered_rows(y, some), far, latlon, radius, period
+                _gathered_rows(x, active), _gathered_rows(y, active), far, latlon, radius, period
             )
-        for one in range(number):
-            e = asked[one]
+        for place_in_search in range(number):
+            e = searched[place_in_search]
             if level[e] != k:
                 continue
-            row, column = cell[one] // columns, cell[one] % columns
+            row, column = cell[place_in_search] // columns, cell[place_in_search] % columns
             # The bins of a row stand beside each other; only round the seam of a circle they are taken one by one.
             wraps = closed and columns > 2
             low, high = (max(column - 1, 0), min(column + 2, columns)) if columns > 2 else (0, columns)
@@ -316,7 +318,7 @@ def _near_pairs(
                         low = (column + shift - 1) % columns
                         high = low + 1
                     for n in range(bin_start[r * columns + low], bin_start[r * columns + high]):
-                        f = asked[member[n]]
+                        f = searched[member[n]]
                         # Two of one class meet twice.
                         if berg[e] == berg[f] or (level[f] == k and f <= e):
                             continue
@@ -341,10 +343,10 @@ def _near_pairs(
 @kernel
 def _gathered_rows(values: Floats, rows: Ints) -> Floats:
     """Return the values of some rows."""
-    found = np.empty(rows.size)
+    gathered = np.empty(rows.size)
     for k in range(rows.size):
-        found[k] = values[rows[k]]
-    return found
+        gathered[k] = values[rows[k]]
+    return gathered
 
 
 @kernel
@@ -389,14 +391,14 @@ def partners_over_bonds(first: Ints, second: Ints, status: Ints, count: int) -> 
             start[second[b] + 1] += 1
     for e in range(count):
         start[e + 1] += start[e]
-    place = start[:-1].copy()
+    slot = start[:-1].copy()
     partner = np.empty(start[count], np.int64)
     bond = np.empty(start[count], np.int64)
     for b in range(first.size):
         if status[b] == 0:
             i, j = first[b], second[b]
-            partner[place[i]], bond[place[i]] = j, b
-            place[i] += 1
-            partner[place[j]], bond[place[j]] = i, b
-            place[j] += 1
+            partner[slot[i]], bond[slot[i]] = j, b
+            slot[i] += 1
+            partner[slot[j]], bond[slot[j]] = i, b
+            slot[j] += 1
     return start, partner, bond

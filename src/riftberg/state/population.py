@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.errors import InputError
-from riftberg.state import Bonds, Elements, Ints, elements_of, new_bonds
+from riftberg.state import Bonds, Elements, Ints, build_elements, new_bonds
 from riftberg.state.variables import Floats
 
 
@@ -46,7 +46,7 @@ class Population:
         self.next_bond = max(next_bond, _above(bonds.id))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy is made of; ``_columns`` points into these arrays."""
+        """Return the state of a copy; ``_columns`` points into these arrays."""
         return {**self.__dict__, "_columns": {}}
 
     @property
@@ -61,11 +61,11 @@ class Population:
 
     def rows(self, ids: Any) -> Ints:
         """Return the rows of elements."""
-        wanted = np.atleast_1d(np.asarray(ids, np.int64))
-        row, known = rows_of(self._elements.body.id, wanted)
-        if not known.all():
+        requested = np.atleast_1d(np.asarray(ids, np.int64))
+        row, exists = find_rows(self._elements.body.id, requested)
+        if not exists.all():
             raise InputError(
-                f"no element has the identifier {wanted[~known][0]}",
+                f"no element has the identifier {requested[~exists][0]}",
                 where="population",
                 remedy="Take identifiers from elements.id; those of removed elements are not used again",
             )
@@ -82,11 +82,11 @@ class Population:
                 remedy="Give each newly born an identifier of its own",
             )
         self.next_element = max(self.next_element, _above(ids))
-        before = self._elements.size
-        self._room = _extended(self._room, before, {**elements.arrays(), "id": ids})
-        self._show(before + elements.size, self._bonds.first.size)
+        old_size = self._elements.size
+        self._room = _extended(self._room, old_size, {**elements.arrays(), "id": ids})
+        self._show(old_size + elements.size, self._bonds.first.size)
         if bonds is not None and bonds.first.size:
-            self._add_bonds({**bonds.arrays(), "first": bonds.first + before, "second": bonds.second + before})
+            self._add_bonds({**bonds.arrays(), "first": bonds.first + old_size, "second": bonds.second + old_size})
         self.version += 1
         return ids
 
@@ -116,15 +116,15 @@ class Population:
             _copy_columns(self._columns[stepped_only], into.columns)
             return into
         copies = (
-            (self._elements.copy_of_stepped(), self._bonds.copy_of_stepped())
+            (self._elements.copy_stepped(), self._bonds.copy_stepped())
             if stepped_only
             else (self._elements.copy(), self._bonds.copy())
         )
         pairs = [
-            (array.view(np.int64), kept.view(np.int64))
-            for now, then in zip((*self._elements, self._bonds), (*copies[0], copies[1]), strict=True)
-            for array, kept in zip(now, then, strict=True)
-            if array is not kept
+            (array.view(np.int64), copy.view(np.int64))
+            for current, copied_group in zip((*self._elements, self._bonds), (*copies[0], copies[1]), strict=True)
+            for array, copy in zip(current, copied_group, strict=True)
+            if array is not copy
         ]
         self._columns[stepped_only], columns = zip(*pairs, strict=True)
         return Saved(*copies, self.next_element, self.next_bond, self.version, stepped_only, columns)
@@ -136,9 +136,9 @@ class Population:
             self._hold(saved.elements, saved.bonds)
             self.next_element, self.next_bond = saved.next_element, saved.next_bond
             return
-        for now, then in ((self._elements, saved.elements), (self._bonds, saved.bonds)):
-            for name, array in now.arrays().items():
-                array[:] = getattr(then, name)
+        for current, saved_group in ((self._elements, saved.elements), (self._bonds, saved.bonds)):
+            for name, array in current.arrays().items():
+                array[:] = getattr(saved_group, name)
 
     def _hold(self, elements: Elements, bonds: Bonds) -> None:
         self._room, self._bond_room = elements.arrays(), bonds.arrays()
@@ -148,15 +148,15 @@ class Population:
     def _show(self, elements: int, bonds: int) -> None:
         """Make the views of the rows in use."""
         self._columns = {}
-        self._elements = elements_of({name: array[:elements] for name, array in self._room.items()})
+        self._elements = build_elements({name: array[:elements] for name, array in self._room.items()})
         self._bonds = Bonds(**{name: array[:bonds] for name, array in self._bond_room.items()})
 
     def _add_bonds(self, arrays: dict[str, NDArray[Any]]) -> Ints:
-        count, before = arrays["first"].size, self._bonds.first.size
+        count, old_size = arrays["first"].size, self._bonds.first.size
         ids = np.arange(self.next_bond, self.next_bond + count)
         self.next_bond += count
-        self._bond_room = _extended(self._bond_room, before, {**arrays, "id": ids})
-        self._show(self._elements.size, before + count)
+        self._bond_room = _extended(self._bond_room, old_size, {**arrays, "id": ids})
+        self._show(self._elements.size, old_size + count)
         return ids
 
 
@@ -167,12 +167,12 @@ def _copy_columns(source: tuple[Ints, ...], target: tuple[Ints, ...]) -> None:
     What has not changed is not written: zeros that never were written take no memory.
     """
     for k in range(len(source)):
-        one, other, changed = source[k], target[k], 0
-        for n in range(one.size):
-            changed |= one[n] ^ other[n]
+        from_column, to_column, changed = source[k], target[k], 0
+        for n in range(from_column.size):
+            changed |= from_column[n] ^ to_column[n]
         if changed != 0:
-            for n in range(one.size):
-                other[n] = one[n]
+            for n in range(from_column.size):
+                to_column[n] = from_column[n]
 
 
 def _above(ids: Ints) -> int:
@@ -196,22 +196,22 @@ def _extended(room: dict[str, NDArray[Any]], used: int, new: dict[str, NDArray[A
 
 def cut_out(elements: Elements, bonds: Bonds, rows: Ints, block: slice | None = None) -> tuple[Elements, Bonds, Ints]:
     """Return some elements and a copy of the bonds between them, and the rows of these bonds."""
-    place = np.full(elements.size, -1, np.int64)
-    place[rows] = np.arange(rows.size)
-    inside = np.flatnonzero((place[bonds.first] >= 0) & (place[bonds.second] >= 0))
-    part = bonds.taken(inside)
-    part.first[:], part.second[:] = place[part.first], place[part.second]
-    return elements.taken(rows) if block is None else elements.shown_in(block), part, inside
+    position = np.full(elements.size, -1, np.int64)
+    position[rows] = np.arange(rows.size)
+    inside = np.flatnonzero((position[bonds.first] >= 0) & (position[bonds.second] >= 0))
+    inner_bonds = bonds.taken(inside)
+    inner_bonds.first[:], inner_bonds.second[:] = position[inner_bonds.first], position[inner_bonds.second]
+    return elements.taken(rows) if block is None else elements.view_rows(block), inner_bonds, inside
 
 
 def put_back(
-    elements: Elements, bonds: Bonds, rows: Ints, bond_rows: Ints, part: Elements, part_bonds: Bonds,
+    elements: Elements, bonds: Bonds, rows: Ints, bond_rows: Ints, piece: Elements, piece_bonds: Bonds,
     block: slice | None = None,
 ) -> None:  # fmt: skip
-    """Write what `cut_out` gave, and what was done with it since, back into its rows."""
-    for name, array in part.arrays().items() if block is None else ():
+    """Write a piece that `cut_out` gave, with its changes since, back into its rows."""
+    for name, array in piece.arrays().items() if block is None else ():
         getattr(elements, name)[rows] = array
-    for name, array in part_bonds.arrays().items():
+    for name, array in piece_bonds.arrays().items():
         if name not in ("first", "second"):
             getattr(bonds, name)[bond_rows] = array
 
@@ -226,8 +226,8 @@ def numbered(values: Ints) -> tuple[Ints, Ints]:
     Numbers of bergs are small and whole, so that a table takes the place of a sort wherever it is not too long.
     """
     if values.size == 0 or values.min() < 0 or (top := int(values.max())) > SPARSE * values.size:
-        numbers, place = np.unique(values, return_inverse=True)
-        return numbers, np.asarray(place, np.int64)
+        numbers, position = np.unique(values, return_inverse=True)
+        return numbers, np.asarray(position, np.int64)
     table = np.zeros(top + 1, np.int64)
     table[values] = 1
     numbers = np.flatnonzero(table)
@@ -235,25 +235,25 @@ def numbered(values: Ints) -> tuple[Ints, Ints]:
     return numbers, table[values]
 
 
-def summed(known: Ints, sums: Floats, values: Ints, amounts: Floats) -> tuple[Ints, Floats]:
+def summed(numbers_before: Ints, sums: Floats, values: Ints, amounts: Floats) -> tuple[Ints, Floats]:
     """Return sums by number with amounts added, in the order in which they stand."""
-    numbers, place = numbered(np.concatenate([known, values]))
+    numbers, position = numbered(np.concatenate([numbers_before, values]))
     out = np.zeros((len(amounts), numbers.size))
-    _add_columns(place[: known.size], np.ascontiguousarray(sums, dtype=float), out)
-    _add_columns(place[known.size :], amounts, out)
+    _add_columns(position[: numbers_before.size], np.ascontiguousarray(sums, dtype=float), out)
+    _add_columns(position[numbers_before.size :], amounts, out)
     return numbers, out
 
 
 @kernel
-def _add_columns(place: Ints, amounts: Floats, sums: Floats) -> None:
+def _add_columns(column: Ints, amounts: Floats, sums: Floats) -> None:
     """Add amounts to the columns of their numbers, in their order."""
     for k in range(amounts.shape[0]):
-        for n in range(place.size):
-            sums[k, place[n]] += amounts[k, n]
+        for n in range(column.size):
+            sums[k, column[n]] += amounts[k, n]
 
 
 def changed_rows(
-    ids: Ints, values: tuple[Floats, ...], ids_before: Ints, before: tuple[Floats, ...]
+    ids: Ints, values: tuple[Floats, ...], ids_before: Ints, values_before: tuple[Floats, ...]
 ) -> NDArray[np.bool_]:
     """Return which elements have other values than before; the newly born count as changed."""
     if ids_before.size == 0:
@@ -261,32 +261,32 @@ def changed_rows(
     changed: NDArray[np.bool_]
     if np.array_equal(ids, ids_before):  # as in most steps: then there is nothing to sort
         changed = np.zeros(ids.size, bool)
-        for now, then in zip(values, before, strict=True):
-            changed |= now != then
+        for current, old in zip(values, values_before, strict=True):
+            changed |= current != old
         return changed
-    row, known = rows_of(ids_before, ids)
-    changed = ~known
-    for now, then in zip(values, before, strict=True):
-        changed |= now != then[row]
+    row, existed = find_rows(ids_before, ids)
+    changed = ~existed
+    for current, old in zip(values, values_before, strict=True):
+        changed |= current != old[row]
     return changed
 
 
-def by_identifier(ids: Ints, values: Floats, wanted: Ints) -> Floats:
+def by_identifier(ids: Ints, values: Floats, requested: Ints) -> Floats:
     """Return rows of values in the order of other identifiers; zeros for those that have none."""
-    taken = np.zeros((wanted.size, *values.shape[1:]))
-    row, known = rows_of(ids, wanted)
-    taken[known] = values[row[known]]
-    return taken
+    ordered = np.zeros((requested.size, *values.shape[1:]))
+    row, exists = find_rows(ids, requested)
+    ordered[exists] = values[row[exists]]
+    return ordered
 
 
-def rows_of(ids: Ints, wanted: Ints) -> tuple[Ints, NDArray[np.bool_]]:
+def find_rows(ids: Ints, requested: Ints) -> tuple[Ints, NDArray[np.bool_]]:
     """Return the row of each wanted identifier, any one where it is not there, and whether it is there."""
     if ids.size == 0:
-        return np.zeros(wanted.size, np.int64), np.zeros(wanted.size, np.bool_)
+        return np.zeros(requested.size, np.int64), np.zeros(requested.size, np.bool_)
     order = np.argsort(ids, kind="stable")
     # Beyond the last identifier the last row is taken, and found to be another one.
-    row = order[np.minimum(np.searchsorted(ids[order], wanted), ids.size - 1)]
-    return row, ids[row] == wanted
+    row = order[np.minimum(np.searchsorted(ids[order], requested), ids.size - 1)]
+    return row, ids[row] == requested
 
 
 def listed(el: Elements, cell_i: Ints | None = None, cell_j: Ints | None = None) -> Ints:

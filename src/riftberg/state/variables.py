@@ -326,7 +326,7 @@ class Elements(NamedTuple):
     keel: Keel
 
     def __getattr__(self, name: str) -> NDArray[Any]:
-        """Refuse a name that is no variable; those of the registry are properties, set below it."""
+        """Refuse a name that is no variable; the variables of the registry are properties, set below it."""
         raise AttributeError(f"elements have no variable {name!r}")
 
     @property
@@ -340,30 +340,30 @@ class Elements(NamedTuple):
 
     def replaced(self, **arrays: NDArray[Any]) -> Elements:
         """Return elements with some arrays exchanged for others; the rest is shared."""
-        return elements_of({**self.arrays(), **arrays})
+        return build_elements({**self.arrays(), **arrays})
 
     def copy(self) -> Elements:
         """Return elements that share no memory with these; once a long step, so by group and not by name."""
         return Elements(*(kind(*[a.copy() for a in group]) for kind, group in zip(GROUPS.values(), self, strict=True)))
 
-    def copy_of_stepped(self) -> Elements:
-        """Return elements with copies of what a long step may change; the rest is shared."""
+    def copy_stepped(self) -> Elements:
+        """Return elements with copies of the variables that a long step may change; the rest is shared."""
         return Elements._make([
-            _with_copies(group, places) for group, places in zip(self, _STEPPED, strict=True)
+            _with_copies(group, columns) for group, columns in zip(self, _STEPPED, strict=True)
         ])  # fmt: skip
 
-    def shown_in(self, block: slice) -> Elements:
+    def view_rows(self, block: slice) -> Elements:
         """Return some rows that follow one another, in the memory of these elements."""
         return Elements(*(kind(*[a[block] for a in group]) for kind, group in zip(GROUPS.values(), self, strict=True)))
 
     def taken(self, rows: Any) -> Elements:
         """Return a copy of some rows (numbers or a mask)."""
         if isinstance(rows, slice):
-            return elements_of({name: a[rows].copy() for name, a in self.arrays().items()})
+            return build_elements({name: a[rows].copy() for name, a in self.arrays().items()})
         chosen = np.asarray(rows)
         # A mask is counted out once, not for each of the arrays.
         chosen = np.flatnonzero(chosen) if chosen.dtype == bool else chosen.astype(np.int64)
-        return elements_of({name: a.take(chosen, axis=0) for name, a in self.arrays().items()})
+        return build_elements({name: a.take(chosen, axis=0) for name, a in self.arrays().items()})
 
 
 class Bonds(NamedTuple):
@@ -448,23 +448,23 @@ class Bonds(NamedTuple):
         """Return bonds that share no memory with these."""
         return Bonds._make(array.copy() for array in self)
 
-    def copy_of_stepped(self) -> Bonds:
-        """Return bonds with copies of what a long step may change; the rest is shared."""
+    def copy_stepped(self) -> Bonds:
+        """Return bonds with copies of the variables that a long step may change; the rest is shared."""
         return cast("Bonds", _with_copies(self, _BONDS_STEPPED))
 
     def taken(self, rows: Any) -> Bonds:
-        """Return a copy of some rows (numbers or a mask); the rows of their ends stay as they are."""
+        """Return a copy of some rows (numbers or a mask); the rows of their ends do not change."""
         return Bonds(**{name: array[rows].copy() for name, array in self.arrays().items()})
 
 
-def _with_copies(arrays: Any, places: list[int]) -> Any:
+def _with_copies(arrays: Any, columns: list[int]) -> Any:
     """Return a named tuple of arrays with copies of those at some places; once a long step, so without a generator."""
-    if not places:
+    if not columns:
         return arrays
-    some = list(arrays)
-    for k in places:
-        some[k] = copied(some[k])
-    return arrays._make(some)
+    copies = list(arrays)
+    for k in columns:
+        copies[k] = copied(copies[k])
+    return arrays._make(copies)
 
 
 def copied(array: NDArray[Any]) -> NDArray[Any]:
@@ -474,11 +474,11 @@ def copied(array: NDArray[Any]) -> NDArray[Any]:
 
 
 LARGE = 2**18
-"""Bytes from which zeros are taken from the system: what comes and goes in a step stays with NumPy."""
+"""Bytes from which zeros are taken from the system: arrays that come and go in a step stay with NumPy."""
 
 
 def zeros(count: int, dtype: Any = "f8") -> NDArray[Any]:
-    """Return zeros that take no memory until they are written; those of `numpy.zeros` do where it clears used memory."""
+    """Return zeros that take no memory until they are written; `numpy.zeros` takes some where it clears used memory."""
     kind = np.dtype(dtype)
     if count * kind.itemsize < LARGE or not hasattr(mmap, "MAP_PRIVATE"):  # as on Windows
         return np.zeros(count, kind)
@@ -489,8 +489,8 @@ def zeros(count: int, dtype: Any = "f8") -> NDArray[Any]:
 def _registered(kind: type, group: str = "") -> tuple[Variable, ...]:
     hints = get_type_hints(kind, include_extras=True)
     return tuple(
-        replace(said.__metadata__[0], name=name, group=group, dtype="i8" if said.__origin__ == Ints else "f8")
-        for name, said in hints.items()
+        replace(hint.__metadata__[0], name=name, group=group, dtype="i8" if hint.__origin__ == Ints else "f8")
+        for name, hint in hints.items()
     )
 
 
@@ -507,7 +507,7 @@ _STEPPED = tuple(
     [k for k, v in enumerate(v for v in ELEMENT_VARIABLES if v.group == group) if v.stepped] for group in GROUPS
 )
 _BONDS_STEPPED = [k for k, v in enumerate(BOND_VARIABLES) if v.stepped]
-"""Places in each group of what a long step may change."""
+"""Places in each group of the variables that a long step may change."""
 
 # Each variable of an element is a property as well: found without `__getattr__`, which steps in pure Python would feel.
 for _variable in ELEMENT_VARIABLES:
@@ -516,7 +516,7 @@ for _variable in ELEMENT_VARIABLES:
     )
 
 
-def elements_of(arrays: dict[str, NDArray[Any]]) -> Elements:
+def build_elements(arrays: dict[str, NDArray[Any]]) -> Elements:
     """Return elements made of arrays by name, one for each variable of the registry."""
     groups = {
         group: kind(*(arrays[v.name] for v in ELEMENT_VARIABLES if v.group == group)) for group, kind in GROUPS.items()

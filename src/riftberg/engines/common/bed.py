@@ -36,8 +36,8 @@ def make_bed(g: Seabed) -> Bed:
     """Return the bed that the parameters describe."""
     values = {**SEDIMENTS[g.sediment]}
     for name in ("stiffness", "bearing_strength", "friction", "shear_strength"):
-        if (given := getattr(g, name)) is not None:
-            values[name] = given
+        if (value := getattr(g, name)) is not None:
+            values[name] = value
     shear = values.get("shear_strength", 0.0)
     stiffness, strength = values["stiffness"], values.get("bearing_strength", BEARING_FACTOR * shear)
     grip = friction_depth(stiffness, strength, values["friction"], g.adhesion * shear)

@@ -44,16 +44,16 @@ SEARCH_MARGIN = 1.001
 class CellSearch(NamedTuple):
     """How far the reference looks for partners in the cells of the ocean's grid: columns and rows to each side (equations 5.1).
 
-    ``around`` is the number of columns of a cyclic grid, else 0.
+    ``cyclic_columns`` is the number of columns of a cyclic grid, else 0.
     """
 
     columns: int
     rows: int
-    around: int
+    cyclic_columns: int
 
     def within(self, cells: int) -> CellSearch:
         """Return a search over so many cells to each side."""
-        return CellSearch(cells, cells, self.around)
+        return CellSearch(cells, cells, self.cyclic_columns)
 
 
 def contact_cells(p: Parameters, grid: Grid | None) -> CellSearch | None:
@@ -162,8 +162,8 @@ def swept_test(
     when = np.clip(-(dx * du + dy * dv) / np.where(squared > 0.0, squared, 1.0), 0.0, dt)
     nearest = np.hypot(dx + when * du, dy + when * dv)
     touching = np.maximum(radius[first] + radius[second], c.contact_distance)
-    near = nearest < REACH_FACTOR * touching + SPEED_MARGIN * np.sqrt(squared) * dt
-    return first[near], second[near]
+    in_reach = nearest < REACH_FACTOR * touching + SPEED_MARGIN * np.sqrt(squared) * dt
+    return first[in_reach], second[in_reach]
 
 
 def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
@@ -172,7 +172,7 @@ def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
 
 
 def with_both(pairs: PairList, allowed: np.ndarray) -> PairList:
-    """Return ``pairs`` with only those of which both are allowed."""
+    """Return the pairs whose two elements are both allowed."""
     return _selected(pairs, allowed[pairs.partner] & allowed[_owners(pairs)])
 
 
@@ -180,16 +180,16 @@ def within_cells(pairs: PairList, el: Elements, cells: CellSearch) -> PairList:
     """Return ``pairs`` with only those whose cells are so near to each other."""
     i, j, owner = el.place.cell_i, el.place.cell_j, _owners(pairs)
     across, up = np.abs(i[owner] - i[pairs.partner]), np.abs(j[owner] - j[pairs.partner])
-    if cells.around:
-        across = np.minimum(across, cells.around - across)
+    if cells.cyclic_columns:
+        across = np.minimum(across, cells.cyclic_columns - across)
     return _selected(pairs, (across <= cells.columns) & (up <= cells.rows))
 
 
 def excluding(pairs: PairList, excluded: PairList) -> PairList:
-    """Return ``pairs`` without those of ``excluded``."""
+    """Return ``pairs`` without the pairs of ``excluded``."""
     count = pairs.start.size - 1
-    taken = _owners(excluded) * count + excluded.partner
-    return _selected(pairs, ~np.isin(_owners(pairs) * count + pairs.partner, taken))
+    excluded_keys = _owners(excluded) * count + excluded.partner
+    return _selected(pairs, ~np.isin(_owners(pairs) * count + pairs.partner, excluded_keys))
 
 
 def _owners(pairs: PairList) -> Ints:
@@ -244,9 +244,9 @@ def contact_rows(el: Elements, pairs: PairList, sizes: Sizes, p: KernelParameter
     if pairs.partner.size == 0:
         return NO_PAIRS
     shown = el.shown
-    near = _in_reach(shown.lon_pair, shown.lat_pair, sizes.radius, pairs, p)
+    in_reach = _in_reach(shown.lon_pair, shown.lat_pair, sizes.radius, pairs, p)
     first = np.repeat(np.arange(el.size), np.diff(pairs.start))
-    once = near & (first < pairs.partner)
+    once = in_reach & (first < pairs.partner)
     return first[once], pairs.partner[once]
 
 
@@ -264,20 +264,20 @@ def contact_groups(el: Elements, collisions: PairList, radius: Floats, p: Kernel
         return np.zeros(0, np.int64)
     numbers, berg = numbered(el.body.berg)
     shown = el.shown
-    near = _in_reach(shown.lon_pair, shown.lat_pair, radius, collisions, p)
-    owner = np.repeat(np.arange(el.size), np.diff(collisions.start))[near]
-    first, second = berg[owner], berg[collisions.partner[near]]
+    in_reach = _in_reach(shown.lon_pair, shown.lat_pair, radius, collisions, p)
+    owner = np.repeat(np.arange(el.size), np.diff(collisions.start))[in_reach]
+    first, second = berg[owner], berg[collisions.partner[in_reach]]
     return connected_parts(numbers.size, first, second, np.zeros(first.size, np.int64))[berg]
 
 
 @kernel
 def _in_reach(x: Floats, y: Floats, radius: Floats, pairs: PairList, p: KernelParameters) -> NDArray[np.bool_]:
     """Whether the elements of each pair of the list are as near as forces between bergs reach (equations 5.2)."""
-    near = np.zeros(pairs.partner.size, np.bool_)
+    in_reach = np.zeros(pairs.partner.size, np.bool_)
     for e in range(pairs.start.size - 1):
         for k in range(pairs.start[e], pairs.start[e + 1]):
             c = pairs.partner[k]
             rx, ry = separation(x[e], y[e], x[c], y[c], p.latlon, p.earth_radius, p.period)
             reach = max(radius[e] + radius[c], p.contact_distance)
-            near[k] = rx * rx + ry * ry < reach * reach
-    return near
+            in_reach[k] = rx * rx + ry * ry < reach * reach
+    return in_reach

@@ -45,4 +45,6 @@ def tips_from_arrays(saved: Mapping[str, Any]) -> CrackTips:
     """Return the tips of a restart file; none where it holds none."""
     if not all(name in saved for name in TIP_NAMES):
         return NO_TIPS
-    return CrackTips._make([np.asarray(saved[name], now.dtype) for name, now in zip(TIP_NAMES, NO_TIPS, strict=True)])
+    return CrackTips._make(
+        [np.asarray(saved[name], default.dtype) for name, default in zip(TIP_NAMES, NO_TIPS, strict=True)]
+    )

@@ -38,7 +38,7 @@ MAX_PASSES: Final = 8
 """Corrections in a row, where one of them leads onto other land."""
 
 
-def metric_of(c: KernelParameters) -> Metric:
+def kernel_metric(c: KernelParameters) -> Metric:
     """Return how positions become metres."""
     return Metric(c.latlon, c.earth_radius, c.period)
 
@@ -48,7 +48,7 @@ def land_corrections(el: Elements, lon: Floats, lat: Floats, c: KernelParameters
     changed = np.flatnonzero((el.lon != lon) | (el.lat != lat))
     correction = np.zeros((el.size, 2))
     correction[changed] = np.stack(
-        separations(metric_of(c), el.lon[changed], el.lat[changed], lon[changed], lat[changed]), axis=-1
+        separations(kernel_metric(c), el.lon[changed], el.lat[changed], lon[changed], lat[changed]), axis=-1
     )
     correction[np.hypot(correction[:, 0], correction[:, 1]) < MIN_CORRECTION] = 0.0
     return correction
@@ -67,42 +67,42 @@ FindNear = Callable[[float], NearPairs]
 """Finds the pairs whose edges are no farther from each other than some metres, by the law of contact of the run."""
 
 
-def leading_elements(correction: Floats, part: Ints, find_near: FindNear) -> Ints:
+def leading_elements(correction: Floats, component: Ints, find_near: FindNear) -> Ints:
     """Return for each part of the ice the element whose correction it shares; -1 for parts that stay.
 
     It is the largest correction of the elements of a part. Parts that this would push into each other, or farther into each
     other, move together.
     """
     distance = np.hypot(correction[:, 0], correction[:, 1])
-    count = int(part.max()) + 1
-    leader = _largest_correction(distance, part, count)
+    count = int(component.max()) + 1
+    leader = _largest_correction(distance, component, count)
     if count == 1:
         return leader
     first, second, gap, normal = find_near(2.0 * float(distance.max()))
-    together, room = np.arange(count), np.maximum(gap, 0.0) + MAX_OVERLAP_GROWTH
+    cluster, room = np.arange(count), np.maximum(gap, 0.0) + MAX_OVERLAP_GROWTH
     while True:
-        shift = np.where(leader[:, None] >= 0, correction[leader], 0.0)[part]
+        shift = np.where(leader[:, None] >= 0, correction[leader], 0.0)[component]
         closed = np.sum((shift[first] - shift[second]) * normal, axis=1)
-        pushed = (closed > room) & (leader[part[first]] != leader[part[second]])
+        pushed = (closed > room) & (leader[component[first]] != leader[component[second]])
         if not pushed.any():
             return leader
-        one, other = together[part[first[pushed]]], together[part[second[pushed]]]
-        together = connected_parts(count, one, other, np.zeros(one.size, np.int64))[together]
-        leader = _largest_correction(distance, together[part], count)[together]
+        pushing, pushed_into = cluster[component[first[pushed]]], cluster[component[second[pushed]]]
+        cluster = connected_parts(count, pushing, pushed_into, np.zeros(pushing.size, np.int64))[cluster]
+        leader = _largest_correction(distance, cluster[component], count)[cluster]
 
 
-def _largest_correction(distance: Floats, part: Ints, count: int) -> Ints:
+def _largest_correction(distance: Floats, component: Ints, count: int) -> Ints:
     """Return the element of each part with the largest correction, -1 where none has one."""
     leader = np.full(count, -1, np.int64)
     moving = np.flatnonzero(distance > 0.0)
     # The longest of each part comes last, and stays; of equal ones the first row.
     moving = moving[np.lexsort((-moving, distance[moving]))]
-    leader[part[moving]] = moving
+    leader[component[moving]] = moving
     return leader
 
 
 def find_near_circles(
-    el: Elements, lon: Floats, lat: Floats, part: Ints, c: KernelParameters, within: float
+    el: Elements, lon: Floats, lat: Floats, component: Ints, c: KernelParameters, within: float
 ) -> NearPairs:
     """Find near pairs of different parts, at ``lon``, ``lat``, by the circles that the springs of contact act between."""
     if not c.interactions:
@@ -111,12 +111,12 @@ def find_near_circles(
     touching = np.maximum(radius, 0.5 * c.contact_distance)
     free = movable(el)
     reach = touching[free] + 0.5 * within
-    first, second = near_pairs(lon[free], lat[free], part[free], reach, c.latlon, c.earth_radius, c.period)
+    first, second = near_pairs(lon[free], lat[free], component[free], reach, c.latlon, c.earth_radius, c.period)
     first, second = free[first], free[second]
-    away = np.stack(separations(metric_of(c), lon[second], lat[second], lon[first], lat[first]), axis=-1)
-    distance = np.hypot(away[:, 0], away[:, 1])
+    offset = np.stack(separations(kernel_metric(c), lon[second], lat[second], lon[first], lat[first]), axis=-1)
+    distance = np.hypot(offset[:, 0], offset[:, 1])
     gap = distance - np.maximum(radius[first] + radius[second], c.contact_distance)
-    return NearPairs(first, second, gap, away / np.where(distance > 0.0, distance, 1.0)[:, None])
+    return NearPairs(first, second, gap, offset / np.where(distance > 0.0, distance, 1.0)[:, None])
 
 
 def movable(el: Elements) -> Ints:
@@ -126,16 +126,18 @@ def movable(el: Elements) -> Ints:
 
 def apply_land_constraint(el: Elements, bonds: Bonds, grid: GridArrays, c: KernelParameters) -> None:
     """Find the cells of all elements at the end of a step; where land stops one, its berg is stopped and put back with it."""
-    part = None
+    component = None
     for _ in range(MAX_PASSES):
         lon, lat = el.lon.copy(), el.lat.copy()
         settle_elements(el, grid, c)
         correction = land_corrections(el, lon, lat, c)
         if not correction.any():
             return
-        if part is None:
-            part = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
-        leader = leading_elements(correction, part, partial(find_near_circles, el, lon, lat, part, c))[part]
+        if component is None:
+            component = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
+        leader = leading_elements(correction, component, partial(find_near_circles, el, lon, lat, component, c))[
+            component
+        ]
         moved = np.flatnonzero((leader >= 0) & (el.static < 0.5))
         # The mean over all that moves together: what bonds oscillate by is no motion into the land, and would be taken from all
         # in one direction alone.

@@ -20,7 +20,7 @@ DISC = 0.2
 """Part of its radius by which the ice reaches beyond the centre of a cell at least, also where the outline does not."""
 
 
-def outline_of_cells(xy: Floats, radius: float, packing: str, angle: float) -> shapely.Polygon:
+def outline_cells(xy: Floats, radius: float, packing: str, angle: float) -> shapely.Polygon:
     """Union of the cells themselves (m), for a piece whose outline is not known.
 
     ``radius``: of the inscribed circle, m; ``angle``: of the direction in which cells touch, rad.
@@ -69,7 +69,7 @@ def ice_on_plane(
     """
     if outline is None:
         angle = float(np.arctan2(along[1], along[0]))
-        return outline_of_cells(xy, float(radius.mean()), "hexagonal" if hexagonal else "square", angle)
+        return outline_cells(xy, float(radius.mean()), "hexagonal" if hexagonal else "square", angle)
     ice = shapely.transform(outline, plane.forward, interleaved=False)
     discs = shapely.buffer(shapely.points(xy), DISC * radius, quad_segs=2)
     outside = ~shapely.covers(ice, discs)

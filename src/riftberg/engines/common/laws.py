@@ -75,15 +75,15 @@ class Laws:
     def forces(self) -> dict[str, ElementLaw]:
         """Return the forces by name."""
         if self.force is None or callable(self.force):
-            return {} if self.force is None else {name_of(self.force): self.force}
+            return {} if self.force is None else {law_name(self.force): self.force}
         if isinstance(self.force, Mapping):
             return dict(self.force)
-        named = {name_of(law): law for law in self.force}
-        if len(named) < len(self.force):
+        by_name = {law_name(law): law for law in self.force}
+        if len(by_name) < len(self.force):
             raise InputError(
                 "two forces of one name", where="Laws, force", remedy="Name them: force={'tug': ..., 'mooring': ...}"
             )
-        return named
+        return by_name
 
     def several(self) -> tuple[str, ...]:
         """Return the names of forces that stand in outputs and budgets beside their sum; none where there is only one."""
@@ -92,7 +92,7 @@ class Laws:
 
     def named(self) -> str:
         """Return the functions by name, such as ``force by tug, melt by convective_melt``; nothing where there are none."""
-        whose = {kind: name_of(law) for kind, law in self.given().items()}
+        whose = {kind: law_name(law) for kind, law in self.given().items()}
         for kind, laws in (("force", self.forces()), ("drag", self.drag or {})):
             if kind in whose:
                 whose[kind] = " and ".join(laws)
@@ -141,10 +141,10 @@ class WithOwnForces(WrappedForcing):
         self.called: list[Floats] = []  # What they gave, N, shape (forces, 2, elements), each time in this step
 
     def describe(self) -> str:
-        """Return what the forcing is, and the names of the forces."""
-        own = ((f"force of one's own: {' and '.join(self.forces)}", self.forces),
+        """Describe the forcing, and name the forces."""
+        custom = ((f"force of one's own: {' and '.join(self.forces)}", self.forces),
                (f"drag of one's own: {' and '.join(self.drags)}", self.drags))  # fmt: skip
-        return "; ".join([self.forcing.describe(), *(text for text, laws in own if laws)])
+        return "; ".join([self.forcing.describe(), *(text for text, laws in custom if laws)])
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements, and the forces and drags on them."""
@@ -172,22 +172,24 @@ class WithOwnForces(WrappedForcing):
         from the sums; what they leave goes to each force by its size, so that the shares add up. Returns an array of shape
         (elements, forces, 2).
         """
-        each = np.stack([one for one in self.called if one.shape[-1] == mass.size])
-        whole = mass * applied.T
+        each = np.stack([forces for forces in self.called if forces.shape[-1] == mass.size])
+        total_force = mass * applied.T
         sums = each.sum(axis=1).reshape(len(each), -1)
         # The last row counts only where the forces cancel: there the weights are those of a mean.
         scale = 1e-7 * float(np.abs(each).max()) or 1.0
         rows = np.concatenate([sums, np.full((len(each), 1), scale)], axis=1).T
-        weight = np.linalg.lstsq(rows, np.append(whole.ravel(), scale), rcond=None)[0]
-        given = np.tensordot(weight, each, 1)
-        size = np.abs(given)
+        weight = np.linalg.lstsq(rows, np.append(total_force.ravel(), scale), rcond=None)[0]
+        estimate = np.tensordot(weight, each, 1)
+        size = np.abs(estimate)
         total = size.sum(axis=0)
         share = np.divide(size, total, out=np.full(size.shape, 1.0 / len(size)), where=total > 0.0)
-        return np.asarray(np.moveaxis(given + share * (whole - given.sum(axis=0)), -1, 0) / mass[:, None, None])
+        return np.asarray(
+            np.moveaxis(estimate + share * (total_force - estimate.sum(axis=0)), -1, 0) / mass[:, None, None]
+        )
 
 
 @contextmanager
-def to_read(groups: Iterable[Iterable[Any]], what: str, where: str) -> Iterator[None]:
+def to_read(groups: Iterable[Iterable[Any]], contents: str, where: str) -> Iterator[None]:
     """Let a law read arrays and change none: a law is called several times in a step, also in one that is taken back."""
     arrays = [array for group in groups for array in group if isinstance(array, np.ndarray) and array.flags.writeable]
     for array in arrays:
@@ -197,14 +199,14 @@ def to_read(groups: Iterable[Iterable[Any]], what: str, where: str) -> Iterator[
     except ValueError as error:
         if "read-only" not in str(error):
             raise
-        raise RunError(f"{where} changes the {what}. Return what it gives; what changes elements is a process "
+        raise RunError(f"{where} changes the {contents}. Return what it gives; what changes elements is a process "
                        "(Model.after_step)") from error  # fmt: skip
     finally:
         for array in arrays:
             array.flags.writeable = True
 
 
-def name_of(law: object) -> str:
+def law_name(law: object) -> str:
     """Return the name of a function of the user."""
     return str(getattr(law, "__name__", "a function"))
 
@@ -215,7 +217,7 @@ def force_values(law: ElementLaw, elements: Elements, time: float) -> Floats:
     if (values[2] < 0.0).any():
         e = int(np.flatnonzero(values[2] < 0.0)[0])
         raise RunError(
-            f"Laws, force: {name_of(law)}, rate: {values[2, e]:g} kg s-1 for element {int(elements.body.id[e])}. A force that "
+            f"Laws, force: {law_name(law)}, rate: {values[2, e]:g} kg s-1 for element {int(elements.body.id[e])}. A force that "
             "grows with the velocity of the ice has no rate: return the force alone"
         )
     return values
@@ -227,7 +229,7 @@ def drag_values(law: ElementLaw, elements: Elements, time: float, medium: str) -
     def as_sequence(elements: Elements, time: float) -> Sequence[Any]:
         return (law(elements, time),)
 
-    as_sequence.__name__ = name_of(law)
+    as_sequence.__name__ = law_name(law)
     (coefficients,) = law_values(as_sequence, elements, time, f"drag of {medium}", ("coefficient",), least=0.0)
     return np.asarray(coefficients)
 
@@ -236,27 +238,27 @@ def law_values(
     law: ElementLaw, elements: Elements, time: float, kind: str, names: tuple[str, ...], least: float = -math.inf,
     optional: tuple[str, ...] = (), may_leave: bool = False,
 ) -> Floats:  # fmt: skip
-    """Return what a law gives for each of some names, shape (names, elements).
+    """Return the values of a law for each of some names, shape (names, elements).
 
     0 for ``optional`` names that it leaves out, NaN where it gives None: it ``may_leave`` that to the built-in law.
     """
-    where = f"Laws, {kind}: {name_of(law)}"
+    where = f"Laws, {kind}: {law_name(law)}"
     with to_read(elements, "elements", where):
-        given = law(elements, time)
+        returned = law(elements, time)
     all_names = names + optional
-    if not isinstance(given, Sequence | np.ndarray) or len(given) not in (len(names), len(all_names)):
-        raise RunError(f"{where} returns {value_shown(given)} instead of {len(names)} arrays ({', '.join(names)})")
+    if not isinstance(returned, Sequence | np.ndarray) or len(returned) not in (len(names), len(all_names)):
+        raise RunError(f"{where} returns {value_shown(returned)} instead of {len(names)} arrays ({', '.join(names)})")
     out = np.zeros((len(all_names), elements.size))
-    for row, name, values in zip(out, all_names, given, strict=False):
-        wanted = f"Return a number{'' if least < 0.0 else ' of 0 or more'}, or an array of one for each of the elements"
+    for row, name, values in zip(out, all_names, returned, strict=False):
+        remedy = f"Return a number{'' if least < 0.0 else ' of 0 or more'}, or an array of one for each of the elements"
         try:
             row[:] = np.nan if values is None else values
         except (TypeError, ValueError) as error:
             raise RunError(
-                f"{where}, {name}: {value_shown(values)} is no number and no array of {elements.size}. {wanted}"
+                f"{where}, {name}: {value_shown(values)} is no number and no array of {elements.size}. {remedy}"
             ) from error
         bad = ~(np.isfinite(row) & (row >= least))
         if bad.any() and not (values is None and may_leave):
             e = int(np.flatnonzero(bad)[0])
-            raise RunError(f"{where}, {name}: {row[e]:g} for element {int(elements.body.id[e])}. {wanted}")
+            raise RunError(f"{where}, {name}: {row[e]:g} for element {int(elements.body.id[e])}. {remedy}")
     return out

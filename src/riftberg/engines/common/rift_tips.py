@@ -14,7 +14,7 @@ from riftberg.engines.common.crack_tips import RUN_OUT, CrackTips
 from riftberg.parameters import Parameters
 from riftberg.physics.crack_tip import hoop_intensity
 from riftberg.state import Bonds, Elements, Ints
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 MOST_TOLD: Final = 6
 """Tips that are told one by one, those that stand nearest to their toughness."""
@@ -39,7 +39,7 @@ class RiftTip:
         return hoop_intensity(self.opening, self.shearing)[1] if math.isfinite(self.opening) else math.nan
 
     def as_dict(self, parameters: Parameters) -> dict[str, Any]:
-        """Return it as a summary holds it; None for what cannot be said."""
+        """Return the tip as a summary holds it; None for values that are not known."""
         toughness = parameters.fracture.toughness if has_toughness(parameters) else math.nan
         shares = {"of_toughness": self.hoop / toughness, "largest_of_toughness": self.largest / toughness}
         return {name: value if math.isfinite(value) else None for name, value in (asdict(self) | shares).items()}
@@ -57,21 +57,23 @@ def given_rifts(bonds: Bonds) -> Ints:
 
 def standing_tips(tips: CrackTips, el: Elements, bonds: Bonds) -> list[RiftTip]:
     """Return the tips of rifts that stand in the ice; a tip that has reached the outline or another crack does not."""
-    rows, known = rows_of(el.body.id, tips.beside.ravel())
+    rows, exists = find_rows(el.body.id, tips.beside.ravel())
     first, second = rows.reshape(-1, 2).T
-    both_there = known.reshape(-1, 2).all(axis=1)
-    given = np.isin(tips.crack, given_rifts(bonds)) & (tips.intensity[:, 2] > RUN_OUT)
-    found = []
-    for n in np.flatnonzero(both_there & given):
+    both_there = exists.reshape(-1, 2).all(axis=1)
+    is_rift = np.isin(tips.crack, given_rifts(bonds)) & (tips.intensity[:, 2] > RUN_OUT)
+    standing = []
+    for n in np.flatnonzero(both_there & is_rift):
         i, j = first[n], second[n]
         if el.berg[i] != el.berg[j]:
             continue
-        told = tips.intensity[n, 2] >= 0.0
-        values = tips.intensity[n] if told else np.full(3, np.nan)
+        has_ratio = tips.intensity[n, 2] >= 0.0
+        values = tips.intensity[n] if has_ratio else np.full(3, np.nan)
         lon, lat = 0.5 * (el.lon[i] + el.lon[j]), 0.5 * (el.lat[i] + el.lat[j])
         size = 0.5 * float(np.sqrt(el.length[i] * el.width[i]) + np.sqrt(el.length[j] * el.width[j]))
-        found.append(RiftTip(int(tips.crack[n]), float(lon), float(lat), float(tips.length[n]), size, *values.tolist()))
-    return found
+        standing.append(
+            RiftTip(int(tips.crack[n]), float(lon), float(lat), float(tips.length[n]), size, *values.tolist())
+        )
+    return standing
 
 
 def tip_lines(tips: Sequence[RiftTip], parameters: Parameters) -> list[str]:
@@ -105,7 +107,7 @@ def _sentence(tip: RiftTip, parameters: Parameters) -> str:
 
 
 def tip_label(tip: RiftTip, parameters: Parameters) -> str:
-    """Return what a map says beside a tip."""
+    """Return the label of a tip on a map."""
     if not math.isfinite(tip.hoop):
         return "too short to say"
     if not has_toughness(parameters):

@@ -34,19 +34,19 @@ def narrow_warning(elements: Elements, parameters: Parameters) -> str:
     metric, narrowest = Metric(p.earth.latlon, p.earth.radius, p.earth.period), max(SAG) + 1
     numbers, counts = np.unique(body.berg, return_counts=True)
     for number in numbers[counts >= SLENDER]:  # of fewer elements none is as slender
-        own = body.berg == number
-        lon, lat, area = place.lon[own], place.lat[own], body.length[own] * body.width[own]
+        members = body.berg == number
+        lon, lat, area = place.lon[members], place.lat[members], body.length[members] * body.width[members]
         across, along = spread(
             *separations(metric, lon, lat, np.full_like(lon, lon[0]), np.full_like(lat, lat[0])), area
         )
         # A rectangle is as wide as the root of 12 times its spread.
         cells = round(float(np.sqrt(12.0 * across**2 / area.mean())))
         if along > SLENDER * across and cells < narrowest:
-            narrowest, named, width = max(cells, 1), int(number), float(np.sqrt(12.0)) * across
+            narrowest, thinnest, width = max(cells, 1), int(number), float(np.sqrt(12.0)) * across
     if narrowest > max(SAG):
         return ""
     return (
-        f"berg {named} is {narrowest} element{'s' if narrowest > 1 else ''} across: with so few elastic cells it bends by "
+        f"berg {thinnest} is {narrowest} element{'s' if narrowest > 1 else ''} across: with so few elastic cells it bends by "
         f"{SAG[narrowest]} of what the ice does, and its stress is as uncertain. Elements of {width / ENOUGH:.3g} m are small "
         "enough, and stepping.scheme=mts bends single rows as beams"
     )

@@ -55,7 +55,7 @@ def refuse_fast_start(el: Elements, p: Parameters) -> None:
         )
 
 
-def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
+def check_speed(run: RunState, previous: Elements, applied: Floats) -> None:
     """Raise `SpeedError` where an element is faster than ``stepping.speed_limit``, or is nowhere.
 
     Where all is well, that takes three products of vectors, and four passes more for large bergs.
@@ -78,9 +78,9 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
         # Static elements may keep any velocity; it moves nothing.
         fast = nowhere | ((speed > limit) & (el.static < 0.5))
         if fast.any() and run.parameters.quirks.flung_debris:
-            fast &= nowhere | (speed > max(limit, DEBRIS_SPEED)) | ~_by_neighbours(run, before, applied)
+            fast &= nowhere | (speed > max(limit, DEBRIS_SPEED)) | ~_by_neighbours(run, previous, applied)
         if fast.any():
-            raise _error(run, before, applied, int(np.argmax(fast)))
+            raise _error(run, previous, applied, int(np.argmax(fast)))
 
 
 def _product(a: Floats, b: Floats) -> float:
@@ -106,39 +106,39 @@ def _is_finite(environment: Environment) -> bool:
     return True
 
 
-def refuse_forcing(run: RunState, before: Elements, error: Exception | None = None) -> None:
+def refuse_forcing(run: RunState, previous: Elements, error: Exception | None = None) -> None:
     """Raise `RunError` where a step has failed on forcing that is no finite number."""
-    if at_fault := _forcing_at_fault(before, run.elements):
+    if at_fault := _describe_forcing_fault(previous, run.elements):
         moment = f"step {run.step_number + 1} ({run.date.isoformat(' ', 'minutes')})"
         raise RunError(f"{moment} cannot be taken. The reason is the forcing: {at_fault}. Correct it there") from error
 
 
-def _by_neighbours(run: RunState, before: Elements, applied: Floats) -> np.ndarray:
+def _by_neighbours(run: RunState, previous: Elements, applied: Floats) -> np.ndarray:
     """Whether elements owe their speed to their neighbours, now or earlier, more than to any force from outside."""
-    partners = np.hypot(*_by_partners(run, before, applied).T)
-    earlier = np.hypot(before.u, before.v) > run.parameters.stepping.speed_limit
+    partners = np.hypot(*_by_partners(run, previous, applied).T)
+    earlier = np.hypot(previous.u, previous.v) > run.parameters.stepping.speed_limit
     outside = np.hypot(applied[..., 0], applied[..., 1]).max(axis=1)
     return np.asarray(earlier | (partners > outside))
 
 
-def _by_partners(run: RunState, before: Elements, applied: Floats) -> Floats:
+def _by_partners(run: RunState, previous: Elements, applied: Floats) -> Floats:
     """Acceleration (m s-2) over the step that no force from outside explains: bonds, contact and loads."""
     el, dt = run.elements, run.parameters.stepping.time_step
-    change = np.column_stack([el.u - before.u, el.v - before.v]) / dt
+    change = np.column_stack([el.u - previous.u, el.v - previous.v]) / dt
     return np.asarray(change - applied.sum(axis=1))
 
 
-def _error(run: RunState, before: Elements, applied: Floats, k: int) -> SpeedError:
+def _error(run: RunState, previous: Elements, applied: Floats, k: int) -> SpeedError:
     el, s = run.elements, run.parameters.stepping
     speed = float(np.hypot(el.u[k], el.v[k]))
-    what = f"moves at {speed:.4g} m/s" if math.isfinite(speed) else "has no finite speed"
-    place = f"{before.lon[k]:.5f}, {before.lat[k]:.5f}"
+    movement = f"moves at {speed:.4g} m/s" if math.isfinite(speed) else "has no finite speed"
+    origin = f"{previous.lon[k]:.5f}, {previous.lat[k]:.5f}"
     moment = f"in step {run.step_number + 1} ({run.date.isoformat(' ', 'minutes')})"
-    head = f"element {int(el.id[k])} {what} {moment}; it came from {place}, and no ice is faster than {s.speed_limit:g} m/s"
-    if at_fault := _forcing_at_fault(before, el):
+    head = f"element {int(el.id[k])} {movement} {moment}; it came from {origin}, and no ice is faster than {s.speed_limit:g} m/s"
+    if at_fault := _describe_forcing_fault(previous, el):
         return SpeedError(f"{head}. The reason is the forcing: {at_fault}. Correct it there", int(el.id[k]))
-    env = before.environment
-    there = (
+    env = previous.environment
+    conditions = (
         f"there the water moves at {math.hypot(env.uo[k], env.vo[k]):.3g} m/s, the air at "
         f"{math.hypot(env.ua[k], env.va[k]):.3g} m/s, and the sea surface slopes by "
         f"{math.hypot(env.slope_x[k], env.slope_y[k]):.3g}"
@@ -148,13 +148,13 @@ def _error(run: RunState, before: Elements, applied: Floats, k: int) -> SpeedErr
         remedy += (
             "; where its neighbours push it, use more sub-steps (stepping.substeps), a shorter step or a softer berg"
         )
-    text = f"{head}. {_largest(run, before, applied, k)}; {there}. {remedy}. If it is meant, set stepping.speed_limit"
+    text = f"{head}. {_largest(run, previous, applied, k)}; {conditions}. {remedy}. If it is meant, set stepping.speed_limit"
     return SpeedError(text, int(el.id[k]))
 
 
-def _forcing_at_fault(before: Elements, now: Elements) -> str:
-    """Say what of the forcing is no finite number, and where; nothing where all is."""
-    for el in (before, now):
+def _describe_forcing_fault(previous: Elements, current: Elements) -> str:
+    """Name a value of the forcing that is no finite number, and its place; empty where all are finite."""
+    for el in (previous, current):
         for name in _GIVEN:
             values = getattr(el.environment, name)
             if not np.isfinite(values).all() and np.isfinite(el.lon).all():
@@ -163,17 +163,17 @@ def _forcing_at_fault(before: Elements, now: Elements) -> str:
     return ""
 
 
-def _largest(run: RunState, before: Elements, applied: Floats, k: int) -> str:
-    """Say which force on an element is the largest; that of Coriolis turns, and drives nothing."""
+def _largest(run: RunState, previous: Elements, applied: Floats, k: int) -> str:
+    """Name the largest force on an element; the Coriolis force turns, and drives nothing."""
     if applied.shape[0] != run.elements.size:
         return "The step did not come to its end"
-    mass = float(before.body.mass[k])
+    mass = float(previous.body.mass[k])
     forces = {
         _PUSH.get(name, name.replace("_", " ")): math.hypot(*applied[k, row])
         for row, name in enumerate(FORCES)
         if row != CORIOLIS
     }
-    forces["the push of its neighbours (bonds, contact, loads)"] = math.hypot(*_by_partners(run, before, applied)[k])
+    forces["the push of its neighbours (bonds, contact, loads)"] = math.hypot(*_by_partners(run, previous, applied)[k])
     # A force that is no number explains more than any that is.
     name = max(forces, key=lambda n: math.inf if math.isnan(forces[n]) else forces[n])
     return f"The largest force on it is {name}, {mass * forces[name]:.3g} N"

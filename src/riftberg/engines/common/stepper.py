@@ -61,10 +61,10 @@ class Stepper(Protocol):
         """Tips of cracks, as the last step has left them."""
 
     def state_dict(self) -> dict[str, Any]:
-        """Return what a restart must hold beside the state, as arrays, for the run to go on bit for bit."""
+        """Return the arrays that a restart needs beside the state, for the run to go on bit for bit."""
 
-    def load_state_dict(self, kept: Mapping[str, Any]) -> None:
-        """Restore what `state_dict` gave; other arrays in ``kept`` are left alone."""
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        """Restore the arrays of `state_dict`; other arrays in ``saved`` are left alone."""
 
 
 class Stateless:
@@ -92,7 +92,7 @@ class Stateless:
         """Return nothing."""
         return {}
 
-    def load_state_dict(self, kept: Mapping[str, Any]) -> None:
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore nothing."""
 
 
@@ -177,14 +177,16 @@ def _set_bond_areas(run: RunState) -> None:
         body.bond_area[unknown] = c.constant_length * c.constant_width
     else:
         bonds = run.bonds
-        part = connected_parts(run.elements.size, bonds.first, bonds.second, bonds.status)
-        count = np.bincount(part)
+        component = connected_parts(run.elements.size, bonds.first, bonds.second, bonds.status)
+        count = np.bincount(component)
         sides = (body.length, body.width)
-        length, width = (np.bincount(part, side) / count if part.any() else side.mean(keepdims=True) for side in sides)
+        length, width = (
+            np.bincount(component, side) / count if component.any() else side.mean(keepdims=True) for side in sides
+        )
         area = length * width
         # What joins a berg takes the area that its elements have.
-        area[part[~unknown]] = body.bond_area[~unknown]
-        body.bond_area[unknown] = area[part[unknown]]
+        area[component[~unknown]] = body.bond_area[~unknown]
+        body.bond_area[unknown] = area[component[unknown]]
 
 
 def sample_new_elements(run: RunState, new: NDArray[np.bool_], sampled: bool) -> None:
@@ -192,11 +194,11 @@ def sample_new_elements(run: RunState, new: NDArray[np.bool_], sampled: bool) ->
     if not new.any():
         return
     rows = np.flatnonzero(new)
-    some = run.elements.taken(rows)
+    newcomers = run.elements.taken(rows)
     if run.forcing.grid is not None:
-        run.forcing.grid.locate(some)
+        run.forcing.grid.locate(newcomers)
     if sampled:
-        sample_between_steps(run, some)
-    for group in (some.place, some.environment):
+        sample_between_steps(run, newcomers)
+    for group in (newcomers.place, newcomers.environment):
         for name in group._fields:
             getattr(run.elements, name)[rows] = getattr(group, name)

@@ -77,12 +77,12 @@ class StepContext(NamedTuple):
 
 @stage
 def take_substeps_of_beams(
-    el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
+    el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, surroundings: Surroundings, rank: Ints, plan: StepPlan,
     p: KernelParameters,
 ) -> int:  # fmt: skip
     """Take the sub-steps; returns the number of bonds broken."""
     tiles, pairs, law, broken = work.tiles, work.pairs, pair_law(p), 0
-    context = _step_context(el, bonds, work, sizes, around, rank, plan, p)
+    context = _step_context(el, bonds, work, sizes, surroundings, rank, plan, p)
     n = _first_substep(plan, p)
     while n < plan.substeps:
         # Contact before the bonds: one that breaks in this sub-step touches from the next one on.
@@ -93,18 +93,18 @@ def take_substeps_of_beams(
             time = _substep_flags(n - 1, plan, context.period).time
             record_breaks(tiles, bonds, el.body.bond_count, pairs, time, p.broken_as_contact)
             broken += newly_broken
-    _end(el, work, around, plan, context, p)
+    _end(el, work, surroundings, plan, context, p)
     return broken
 
 
 @stage
 def _step_context(
-    el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
+    el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, surroundings: Surroundings, rank: Ints, plan: StepPlan,
     p: KernelParameters,
 ) -> StepContext:  # fmt: skip
     """Pack bonds and elements into tiles, and move the elements to the positions of the first sub-step."""
     tiles, fields, dt = work.tiles, work.fields, plan.dt / plan.substeps
-    floor_acts, floor_varies = begin_substeps(el, around, fields, sizes, dt, p)
+    floor_acts, floor_varies = begin_substeps(el, surroundings, fields, sizes, dt, p)
     near_pole = p.latlon and reaches_pole(el.place.lat)
     count = pack_bonds(tiles, el, bonds, sizes, rank, p)
     pack_elements(tiles, el, fields)
@@ -129,7 +129,7 @@ def pack_elements(tiles: BondTiles, el: Elements, fields: SubstepFields) -> None
 
 @kernel
 def _pack_motion(tiles: BondTiles, shown: Shown, motion: Motion, kicks: Kicks) -> None:
-    """Place, motion and accelerations; elements that do not move keep what pair forces saw of them before."""
+    """Place, motion and accelerations; elements that do not move keep the values that pair forces saw before."""
     elem, ends = tiles.elem, tiles.ends
     pack(ends, tile.END_TILE, tile.X, shown.lon_pair)
     pack(ends, tile.END_TILE, tile.Y, shown.lat_pair)
@@ -148,7 +148,7 @@ def _pack_motion(tiles: BondTiles, shown: Shown, motion: Motion, kicks: Kicks) -
 
 @kernel
 def _pack_bodies(elem: Floats, body: Body, fields: SubstepFields) -> None:
-    """What elements are, in this long step, and what the floor does to them."""
+    """Properties of the elements in this long step, and the action of the floor on them."""
     pack(elem, tile.ELEMENT_TILE, tile.ACTIVE, fields.active)
     pack(elem, tile.ELEMENT_TILE, tile.PER_MASS, fields.per_mass)
     pack(elem, tile.ELEMENT_TILE, tile.PER_INERTIA, fields.per_inertia)
@@ -197,7 +197,7 @@ def _add_contact(
 
 @kernel
 def _unpack_pair_state(tiles: BondTiles, el: Elements) -> None:
-    """Write to the state what contact reads there: places, velocities, and those that pair forces see."""
+    """Write to the state the places and velocities that contact reads, and the ones that pair forces see."""
     shown, motion, elem, ends = el.shown, el.motion, tiles.elem, tiles.ends
     unpack(shown.lon_pair, ends, tile.END_TILE, tile.X)
     unpack(shown.lat_pair, ends, tile.END_TILE, tile.Y)
@@ -322,7 +322,7 @@ def _drift(tiles: BondTiles, b: int, dt: float, near_pole: bool, p: KernelParame
 
 @stage
 def _end(
-    el: Elements, work: Workspace, around: Surroundings, plan: StepPlan, context: StepContext, p: KernelParameters
+    el: Elements, work: Workspace, surroundings: Surroundings, plan: StepPlan, context: StepContext, p: KernelParameters
 ) -> None:
     """Unpack the elements into the state after the sub-steps."""
     tiles, fields, place, motion, kicks = work.tiles, work.fields, el.place, el.motion, el.kicks
@@ -340,5 +340,5 @@ def _end(
     if p.iterate:
         store_inner(el)
     if context.floor_acts:
-        end_substeps(around, fields, plan.substeps)
+        end_substeps(surroundings, fields, plan.substeps)
     publish_all_velocities(el, motion.u, motion.v)

@@ -10,7 +10,7 @@ from riftberg.compiled.kernels import kernel, stage
 from riftberg.engines.common.forces.pair_law import COLLISION, SAME_BERG_CONTACT, PairLaw, pair_terms
 from riftberg.engines.common.forces.sizes import Sizes
 from riftberg.engines.explicit import tiles as tile
-from riftberg.engines.explicit.tiles import EMPTY, BondTiles, lane_of
+from riftberg.engines.explicit.tiles import EMPTY, BondTiles, bond_lane
 from riftberg.physics.bonds import exceeds, normal_force
 from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Bonds, Elements, Floats, Ints, zeros
@@ -113,7 +113,7 @@ def record_breaks(
     """Mark bonds that broke at ``time``, take them from the counts of their ends, list them as contact pairs, layer by layer."""
     for layer in range(tiles.layers):
         for i in range(bond_count.size):
-            b = tiles.bond_ids[lane_of(layer, i, tiles.layers)]
+            b = tiles.bond_ids[bond_lane(layer, i, tiles.layers)]
             if b == EMPTY or bonds.break_time[b] != time:
                 continue
             bonds.status[b] = 1

@@ -72,7 +72,7 @@ class Batch:
             self.elements, self.bonds, self._bond_rows = cut_out(run.elements, run.bonds, self.rows, self._block)
 
     def surroundings(self, of_all: Surroundings) -> Surroundings:
-        """Return what acts on its elements."""
+        """Return the forces on its elements."""
         if self.rows is None:
             return of_all
         rows = self.rows if self._block is None else self._block
@@ -80,12 +80,12 @@ class Batch:
             **{name: values if name == "acts" else values[rows] for name, values in of_all._asdict().items()}
         )
 
-    def scatter(self, run: RunState, around: Surroundings, of_all: Surroundings) -> None:
+    def scatter(self, run: RunState, surroundings: Surroundings, all_surroundings: Surroundings) -> None:
         """Copy its elements and bonds, and the forces that were applied, back to the run."""
         if self.rows is not None:
             put_back(run.elements, run.bonds, self.rows, self._bond_rows, self.elements, self.bonds, self._block)
             if self._block is None:
-                of_all.applied[self.rows] = around.applied
+                all_surroundings.applied[self.rows] = surroundings.applied
 
     def add_candidates(self, first: Ints, second: Ints) -> None:
         """List the pairs of different bergs that may come into contact, behind those inside bergs."""
@@ -93,10 +93,10 @@ class Batch:
         used = int(pairs.used[0])
         self._inside = used
         if self.rows is not None:
-            place = np.full(int(max(self.rows.max(), first.max(initial=0), second.max(initial=0))) + 1, -1, np.int64)
-            place[self.rows] = np.arange(self.rows.size)
-            inside = place[first] >= 0
-            first, second = place[first[inside]], place[second[inside]]
+            position = np.full(int(max(self.rows.max(), first.max(initial=0), second.max(initial=0))) + 1, -1, np.int64)
+            position[self.rows] = np.arange(self.rows.size)
+            inside = position[first] >= 0
+            first, second = position[first[inside]], position[second[inside]]
         if first.size == 0:
             return
         # Bonds that break in the sub-steps are listed behind them.
@@ -202,13 +202,13 @@ class MultipleStepper(Stateless):
         broken = report.broken
         for batch, partners in zip(batches, inner, strict=True):
             batch.gather(run)  # anew, since the kicks have changed the state
-            some, around = batch.elements, batch.surroundings(self._around)
+            members, surroundings = batch.elements, batch.surroundings(self._around)
             inner_only = plan._replace(substeps=int(batch.of_all(substeps)[0]), apply_outer=False)
             report = take_long_step(
-                some, batch.bonds, batch.work, partners, partners, interaction_sizes(some, c), around, batch.of_all(rank),
-                inner_only, c,
+                members, batch.bonds, batch.work, partners, partners, interaction_sizes(members, c), surroundings,
+                batch.of_all(rank), inner_only, c,
             )  # fmt: skip
-            batch.scatter(run, around, self._around)
+            batch.scatter(run, surroundings, self._around)
             self._check_converged(report, run)
             broken += report.broken
         return broken
@@ -230,11 +230,11 @@ class MultipleStepper(Stateless):
         c = run.constants
         el = run.elements.copy()
         sizes = interaction_sizes(el, c)
-        outer, around = self._collisions(run, sizes), allocate_surroundings(el.size)
+        outer, surroundings = self._collisions(run, sizes), allocate_surroundings(el.size)
         # The kernel of the step, so that none is compiled for this alone; no sub-steps are taken that would need a workspace.
         work = self._batches[0].work if self._batches else allocate_workspace(el, run.bonds, c)
         plan = self._plan(run)._replace(starting=False, skip_outer=False, apply_inner=False, sync_only=True)
-        report = take_long_step(el, run.bonds, work, outer, outer, sizes, around, np.arange(el.size), plan, c)
+        report = take_long_step(el, run.bonds, work, outer, outer, sizes, surroundings, np.arange(el.size), plan, c)
         return (el.u_sync, el.v_sync) if report.iterations >= 0 else (run.elements.u_sync, run.elements.v_sync)
 
     @property
@@ -249,14 +249,14 @@ class MultipleStepper(Stateless):
 
     def _collisions(self, run: RunState, sizes: Sizes) -> NeighbourLists:
         """Return the partners of the outer kicks: elements of other bergs."""
-        near, c = self._near, run.constants
+        search, c = self._near, run.constants
         none = no_pairs(run.elements.size)
         if c.contact_on_substeps:
             return NeighbourLists(none, none, none, np.zeros(0), np.zeros(0, np.int64))
-        near_by = near.collisions(run.elements, sizes, c, self._cells)
+        collisions = search.collisions(run.elements, sizes, c, self._cells)
         one_group = run.parameters.quirks.bergs_coupled
-        group = np.zeros(0, np.int64) if one_group else contact_groups(run.elements, near_by, sizes.radius, c)
-        return NeighbourLists(none, none, near_by, np.zeros(0), group)
+        group = np.zeros(0, np.int64) if one_group else contact_groups(run.elements, collisions, sizes.radius, c)
+        return NeighbourLists(none, none, collisions, np.zeros(0), group)
 
     def _split_into_batches(self, run: RunState, substeps: Ints) -> list[Batch]:
         """Split the elements by number of sub-steps, and those near the pole from the others."""
@@ -264,17 +264,17 @@ class MultipleStepper(Stateless):
         if run.constants.latlon and run.elements.lat.max(initial=0.0) > POLAR_LATITUDE:
             # Number of sub-steps and nearness in one whole number: even away from the pole, odd near it. A batch near the pole
             # drifts on the tangent plane, element by element; the others shall not lose their vector instructions for it.
-            key = 2 * key + _has_berg_north_of(run.elements, POLAR_LATITUDE)
-        together = bool((key == key[0]).all()) or run.parameters.quirks.bergs_coupled
+            key = 2 * key + _mark_northern_bergs(run.elements, POLAR_LATITUDE)
+        one_batch = bool((key == key[0]).all()) or run.parameters.quirks.bergs_coupled
         # As long as no row comes or goes and the keys stay, so do the batches, with their workspaces and their lists.
-        batch_key = run.population.version, b"" if together else key.tobytes()
+        batch_key = run.population.version, b"" if one_batch else key.tobytes()
         if self._batch_key == batch_key:
             for batch in self._batches:
                 batch.gather(run)
             return self._batches
         self._batch_key = batch_key
         self._batches = (
-            [Batch(run, None)] if together else [Batch(run, np.flatnonzero(key == k)) for k in np.unique(key)]
+            [Batch(run, None)] if one_batch else [Batch(run, np.flatnonzero(key == k)) for k in np.unique(key)]
         )
         return self._batches
 
@@ -297,15 +297,15 @@ class MultipleStepper(Stateless):
 
     def _inner_partners(self, batch: Batch, group: Ints, run: RunState) -> NeighbourLists:
         """With spring bonds, bonded pairs and contacts inside the berg, which the sub-steps use."""
-        el, near, c = batch.elements, batch.near, run.constants
+        el, search, c = batch.elements, batch.near, run.constants
         none = no_pairs(el.size)
         # Groups of a batch may leave out numbers; that costs nothing.
         if c.dem or not c.bonds_on:
             return NeighbourLists(none, none, none, np.zeros(0), group)
-        bonded, rest = near.springs(el, batch.bonds, c)
+        bonded, rest = search.springs(el, batch.bonds, c)
         reach = _inner_reach(el, interaction_sizes(el, c), run.parameters.stepping.time_step)
         cells = None if self._cells is None else self._cells.within(1 if c.explicit_substeps else 2)
-        touching = near.same_berg(el, batch.bonds, reach, c, cells)
+        touching = search.same_berg(el, batch.bonds, reach, c, cells)
         if c.explicit_substeps:
             touching = with_partners(touching, el.bond_count < c.max_bonds)
         return NeighbourLists(bonded, touching, none, rest, group)
@@ -354,7 +354,7 @@ def _uniform(run: RunState) -> bool:
     return all(bool(np.ptp(a) <= 1e-12 * abs(a[0])) for a in (el.length, el.width, el.thickness))
 
 
-def _has_berg_north_of(el: Elements, latitude: float) -> Ints:
+def _mark_northern_bergs(el: Elements, latitude: float) -> Ints:
     """1 for the elements of bergs that reach beyond a latitude, else 0."""
     return np.isin(el.berg, el.berg[el.lat > latitude]).astype(np.int64)
 
@@ -379,7 +379,7 @@ class StepReport(NamedTuple):
 
 def take_long_step(
     el: Elements, bonds: Bonds, work: Workspace, outer: NeighbourLists, inner: NeighbourLists, sizes: Sizes,
-    around: Surroundings, rank: Ints, plan: StepPlan, p: KernelParameters,
+    surroundings: Surroundings, rank: Ints, plan: StepPlan, p: KernelParameters,
 ) -> StepReport:  # fmt: skip
     """Apply the outer forces and take the sub-steps of a long step; cells, environment and fragments are the caller's.
 
@@ -390,15 +390,15 @@ def take_long_step(
     outer_work = allocate_outer_workspace(el.size, outer)
     if not p.dem:
         within, without = Solved(inner, allocate_outer_workspace(el.size, inner)), Solved(outer, outer_work)
-        report = _step_of_springs(el, bonds, work, without, within, sizes, around, plan, p)
+        report = _take_spring_step(el, bonds, work, without, within, sizes, surroundings, plan, p)
         return StepReport(*report)
-    return StepReport(*_step_of_beams(el, bonds, work, outer, outer_work, sizes, around, rank, plan, p))
+    return StepReport(*_take_beam_step(el, bonds, work, outer, outer_work, sizes, surroundings, rank, plan, p))
 
 
 @borrower
-def _step_of_beams(
+def _take_beam_step(
     el: Elements, bonds: Bonds, work: Workspace, outer: NeighbourLists, outer_work: OuterWorkspace, sizes: Sizes,
-    around: Surroundings, rank: Ints, plan: StepPlan, p: KernelParameters,
+    surroundings: Surroundings, rank: Ints, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """Return the numbers of `StepReport`.
 
@@ -406,9 +406,9 @@ def _step_of_beams(
     """
     broken, iterations = 0, 1
     if plan.apply_outer:
-        broken, iterations = _outer_kick(el, bonds, outer, outer_work, sizes, around, plan, p)
+        broken, iterations = _outer_kick(el, bonds, outer, outer_work, sizes, surroundings, plan, p)
     if plan.apply_inner and iterations >= 0:
-        broken += take_substeps_of_beams(el, bonds, work, sizes, around, rank, plan, p)
+        broken += take_substeps_of_beams(el, bonds, work, sizes, surroundings, rank, plan, p)
         iterations = 1
     return broken, iterations
 
@@ -421,33 +421,33 @@ class Solved(NamedTuple):
 
 
 @borrower
-def _step_of_springs(
-    el: Elements, bonds: Bonds, work: Workspace, outer: Solved, inner: Solved, sizes: Sizes, around: Surroundings,
+def _take_spring_step(
+    el: Elements, bonds: Bonds, work: Workspace, outer: Solved, inner: Solved, sizes: Sizes, surroundings: Surroundings,
     plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
-    """As `_step_of_beams`; ``inner`` are the partners in the sub-steps."""
+    """As `_take_beam_step`; ``inner`` are the partners in the sub-steps."""
     broken, iterations = 0, 1
     if plan.apply_outer:
-        broken, iterations = _outer_kick(el, bonds, outer.partners, outer.work, sizes, around, plan, p)
+        broken, iterations = _outer_kick(el, bonds, outer.partners, outer.work, sizes, surroundings, plan, p)
     if plan.apply_inner and iterations >= 0:
-        iterations = take_substeps_of_springs(el, bonds, work, inner.partners, inner.work, sizes, around, plan, p)
+        iterations = take_substeps_of_springs(el, bonds, work, inner.partners, inner.work, sizes, surroundings, plan, p)
     return broken, iterations
 
 
 @stage
 def _outer_kick(
-    el: Elements, bonds: Bonds, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes, around: Surroundings,
+    el: Elements, bonds: Bonds, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes, surroundings: Surroundings,
     plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """Complete the step before, break bonds after it, and begin this one; returns the numbers of `StepReport`."""
-    find_surroundings(el, sizes, around, p)
+    find_surroundings(el, sizes, surroundings, p)
     if plan.skip_outer:
         return 0, 1
-    iterations = second_half_kick(el, plan.dt, around, partners, work, sizes, pair_law(p), plan.starting, p)
+    iterations = second_half_kick(el, plan.dt, surroundings, partners, work, sizes, pair_law(p), plan.starting, p)
     if iterations < 0 or plan.sync_only:
         return 0, iterations
     broken = 0
     if plan.break_after:
         broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
-    first_half_kick(el, plan.dt, around.media, p)
+    first_half_kick(el, plan.dt, surroundings.media, p)
     return broken, iterations

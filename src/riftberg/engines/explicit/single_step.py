@@ -54,24 +54,24 @@ class SingleStepper(Stateless):
         """Do nothing: these schemes sample within the step."""
 
     def _partners(self, run: RunState, sizes: Sizes) -> NeighbourLists:
-        el, bonds, c, near = run.elements, run.bonds, run.constants, self._near
+        el, bonds, c, search = run.elements, run.bonds, run.constants, self._near
         none, group = no_pairs(el.size), np.zeros(0, np.int64)  # nothing is repeated until it converges
         if not c.interactions:
             return NeighbourLists(none, none, none, np.zeros(0), group)
         bonded, rest = none, np.zeros(0)
         # Rows have come or gone: lists of the search name rows of before.
         if self._version != run.population.version:
-            near, self._version = NeighbourSearch(), run.population.version
-            self._near = near
+            search, self._version = NeighbourSearch(), run.population.version
+            self._near = search
         if c.bonds_on:
-            bonded, rest = near.springs(el, bonds, c)
+            bonded, rest = search.springs(el, bonds, c)
         reach, cells = 2.0 * float(sizes.radius.max()), self._cells
         if c.plain_kid_branch:
-            around = None if cells is None else cells.within(1)
-            return NeighbourLists(bonded, none, near.find(el, reach, ANY, c, around), rest, group)
+            neighbour_cells = None if cells is None else cells.within(1)
+            return NeighbourLists(bonded, none, search.find(el, reach, ANY, c, neighbour_cells), rest, group)
         inside = None if cells is None else cells.within(2)
-        touching = near.same_berg(el, bonds, reach, c, inside) if c.bonds_on else none
-        collisions = near.collisions(el, sizes, c, cells)
+        touching = search.same_berg(el, bonds, reach, c, inside) if c.bonds_on else none
+        collisions = search.collisions(el, sizes, c, cells)
         self._touched = contact_rows(el, collisions, sizes, c)
         return NeighbourLists(bonded, touching, collisions, rest, group)
 
@@ -101,15 +101,15 @@ class VerletStepper(SingleStepper):
         self._update_velocities(run, el, allocate_surroundings(el.size))
         return el.u, el.v
 
-    def _update_velocities(self, run: RunState, el: Elements, around: Surroundings) -> None:
+    def _update_velocities(self, run: RunState, el: Elements, surroundings: Surroundings) -> None:
         """Update the velocities of ``el``, or impose those that are given: then no force has acted."""
         c, dt = run.constants, run.parameters.stepping.time_step
         sizes = interaction_sizes(el, c)
-        update_velocities(el, self._partners(run, sizes), sizes, around, dt, c)
+        update_velocities(el, self._partners(run, sizes), sizes, surroundings, dt, c)
         imposed = run.parameters.stepping.fixed_velocity
         if imposed is not None:
             impose_velocity(el, *imposed)
-            around.applied[:] = 0.0
+            surroundings.applied[:] = 0.0
 
 
 class RungeKuttaStepper(SingleStepper):
@@ -196,7 +196,7 @@ class RungeKuttaStepper(SingleStepper):
 
 @borrower
 def update_velocities(
-    el: Elements, partners: NeighbourLists, sizes: Sizes, around: Surroundings, dt: float, p: KernelParameters
+    el: Elements, partners: NeighbourLists, sizes: Sizes, surroundings: Surroundings, dt: float, p: KernelParameters
 ) -> None:
     """Update velocities and accelerations at the current positions; the others are seen as they were before.
 
@@ -205,7 +205,7 @@ def update_velocities(
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     view, law = pair_view(el, sizes), pair_law(p)
     how = Solve(VERLET, INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS, dt)
-    find_surroundings(el, sizes, around, p)
+    find_surroundings(el, sizes, surroundings, p)
     for e in range(motion.u.size):
         if body.static[e] >= 0.5:
             continue
@@ -213,7 +213,7 @@ def update_velocities(
         motion.u_sync[e], motion.v_sync[e] = u - 0.5 * dt * kicks.bx[e], v - 0.5 * dt * kicks.by[e]
         us, vs = u + 0.5 * dt * kicks.ax[e], v + 0.5 * dt * kicks.ay[e]
         w = ElementState(place.lon[e], place.lat[e], us, vs, u, v, u, v)
-        s = solve_velocity(e, w, around, how, partners, p.plain_kid_branch, False, view, law)
+        s = solve_velocity(e, w, surroundings, how, partners, p.plain_kid_branch, False, view, law)
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax[e], kicks.ay[e], kicks.bx[e], kicks.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
 
@@ -284,14 +284,14 @@ def begin_stages(el: Elements, stages: Stages) -> None:
 @borrower
 def evaluate_stage(
     el: Elements, stages: Stages, stage: int, fraction: float, partners: NeighbourLists, sizes: Sizes,
-    around: Surroundings, dt: float, mean_speeds: bool, p: KernelParameters,
+    surroundings: Surroundings, dt: float, mean_speeds: bool, p: KernelParameters,
 ) -> None:  # fmt: skip
     """Find the accelerations of a stage; ``el.lon``, ``el.lat`` hold its positions, ``stages.u[stage]`` its velocity."""
     place, shown, kicks, body = el.place, el.shown, el.kicks, el.body
     view, law = pair_view(el, sizes), pair_law(p)
     mode, span = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS, fraction * dt
     how = Solve(runge_kutta_scheme(mean_speeds, p.stages_from_start), mode, span)
-    find_surroundings(el, sizes, around, p)
+    find_surroundings(el, sizes, surroundings, p)
     for e in range(el.motion.u.size):
         if body.static[e] >= 0.5:
             continue
@@ -299,7 +299,7 @@ def evaluate_stage(
         us, vs = stages.u[stage, e], stages.v[stage, e]
         half_u, half_v = u0 + 0.5 * span * kicks.ax[e], v0 + 0.5 * span * kicks.ay[e]
         w = ElementState(shown.lon_pair[e], shown.lat_pair[e], half_u, half_v, u0, v0, us, vs)
-        s = solve_velocity(e, w, around, how, partners, p.plain_kid_branch, False, view, law)
+        s = solve_velocity(e, w, surroundings, how, partners, p.plain_kid_branch, False, view, law)
         stages.total_x[stage, e], stages.total_y[stage, e] = s.total_x, s.total_y
         stages.a_x[stage, e], stages.a_y[stage, e] = s.a_x, s.a_y
         mx, my = metres_per_unit(place.lat[e], p.latlon, p.earth_radius)
@@ -313,13 +313,13 @@ def clear_accelerations(stages: Stages, stage: int) -> None:
 
 
 @borrower
-def go_to_stage(el: Elements, stages: Stages, stage: int, part: float, dt: float, p: KernelParameters) -> None:
-    """Place the elements at stage 1, 2 or 3: ``part`` of a step from the start with the slopes of the stage before."""
+def go_to_stage(el: Elements, stages: Stages, stage: int, fraction: float, dt: float, p: KernelParameters) -> None:
+    """Place the elements at stage 1, 2 or 3: ``fraction`` of a step from the start with the slopes of the stage before."""
     place, body = el.place, el.body
     for e in range(el.motion.u.size):
         if body.static[e] >= 0.5:
             continue
-        span = part * dt
+        span = fraction * dt
         if p.latlon and stages.y0[e] > 89.0:
             place.lon[e], place.lat[e] = move(
                 stages.x0[e], stages.y0[e], stages.u[stage - 1, e], stages.v[stage - 1, e], span, True, p.earth_radius

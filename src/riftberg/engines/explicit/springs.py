@@ -35,11 +35,11 @@ from riftberg.engines.explicit.substeps import (
     StepPlan,
     SubstepFields,
     Workspace,
-    any_of,
     begin_substeps,
     drifted,
     end_substeps,
-    floor_rate_at,
+    floor_drag_rate,
+    is_any_set,
     kicked,
     mark_converged,
     mid_step_velocity,
@@ -56,11 +56,11 @@ from riftberg.state import Bonds, Elements, Floats, Ints
 @stage
 def take_substeps_of_springs(
     el: Elements, bonds: Bonds, work: Workspace, inner: NeighbourLists, inner_work: OuterWorkspace, sizes: Sizes,
-    around: Surroundings, plan: StepPlan, p: KernelParameters,
+    surroundings: Surroundings, plan: StepPlan, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Take the sub-steps; returns the iterations of the last implicit one (-1: it did not converge), or 1."""
     pairs, fields, law, explicit = work.pairs, work.fields, pair_law(p), p.explicit_substeps
-    floor_acts, floor_varies = begin_substeps(el, around, fields, sizes, plan.dt / plan.substeps, p)
+    floor_acts, floor_varies = begin_substeps(el, surroundings, fields, sizes, plan.dt / plan.substeps, p)
     near_pole = p.latlon and reaches_pole(el.place.lat)
     q1 = p.swapped_implicit_velocity and not explicit
     iterations = 1
@@ -91,7 +91,7 @@ def take_substeps_of_springs(
             if floor_acts and p.ground_implicit:
                 _accumulate_floor_impulse(el, fields)
         else:
-            iterations = _implicit_kick(el, dt, around, inner, inner_work, sizes, law, fields, p)
+            iterations = _implicit_kick(el, dt, surroundings, inner, inner_work, sizes, law, fields, p)
             if iterations < 0:
                 return iterations
         publish_velocities(el, fields.active)
@@ -100,7 +100,7 @@ def take_substeps_of_springs(
     if p.iterate:
         store_inner(el)
     if floor_acts:
-        end_substeps(around, fields, plan.substeps)
+        end_substeps(surroundings, fields, plan.substeps)
     publish_all_velocities(el, el.motion.u, el.motion.v)
     return iterations
 
@@ -170,7 +170,7 @@ def _floor_rates(el: Elements, fields: SubstepFields, dt: float) -> None:
     """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
     motion = el.motion
     for e in range(el.place.lon.size):
-        rate = floor_rate_at(fields.floor_linear[e], fields.floor_quadratic[e], motion.u[e], motion.v[e])
+        rate = floor_drag_rate(fields.floor_linear[e], fields.floor_quadratic[e], motion.u[e], motion.v[e])
         fields.floor_rate[e], fields.floor_decay[e] = rate, 1.0 / (1.0 + rate * dt)
 
 
@@ -178,7 +178,7 @@ def _floor_rates(el: Elements, fields: SubstepFields, dt: float) -> None:
 def _start(el: Elements, fields: SubstepFields, implicit_floor: bool) -> None:
     """Take the accelerations just found as those before the first sub-step, so that it has its first half kick.
 
-    What the sea floor does in that half kick is added to what it does in the sub-steps.
+    The impulse of the sea floor in that half kick is added to its impulse in the sub-steps.
     """
     motion, kicks = el.motion, el.kicks
     for e in range(motion.u.size):
@@ -220,7 +220,7 @@ def _kick(el: Elements, fields: SubstepFields, dt: float, implicit_floor: bool) 
 
 @stage
 def _implicit_kick(
-    el: Elements, dt: float, around: Surroundings, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes,
+    el: Elements, dt: float, surroundings: Surroundings, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes,
     law: PairLaw, fields: SubstepFields, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Kick the velocities implicitly, repeating until they settle if ``p.iterate``; returns the iterations, or -1.
@@ -228,27 +228,27 @@ def _implicit_kick(
     ``ax`` ... ``by`` hold the inner accelerations of the sub-step before (`store_inner`).
     """
     view = pair_view(el, sizes)
-    unconverged, before, change, norm = work.unconverged, work.norm_before, work.change, work.norm
+    unconverged, first_norm, change, norm = work.unconverged, work.norm_before, work.change, work.norm
     unconverged[:] = True
-    _solve_all(el, dt, around, partners, unconverged, view, law, fields, p)
+    _solve_all(el, dt, surroundings, partners, unconverged, view, law, fields, p)
     if not p.iterate:
         return 1
-    _norms(el, partners.group, change, before, fields)
+    _norms(el, partners.group, change, first_norm, fields)
     iterations = 1
-    while any_of(unconverged):
+    while is_any_set(unconverged):
         if iterations >= p.max_iterations:
             return -1
         _rewind(el, dt, partners.group, unconverged, fields)
-        _solve_all(el, dt, around, partners, unconverged, view, law, fields, p)
+        _solve_all(el, dt, surroundings, partners, unconverged, view, law, fields, p)
         iterations += 1
         _norms(el, partners.group, change, norm, fields)
-        mark_converged(unconverged, change, norm, before, p.tolerance)
+        mark_converged(unconverged, change, norm, first_norm, p.tolerance)
     return iterations
 
 
 @borrower
 def _solve_all(
-    el: Elements, dt: float, around: Surroundings, partners: NeighbourLists, unconverged: NDArray[np.bool_],
+    el: Elements, dt: float, surroundings: Surroundings, partners: NeighbourLists, unconverged: NDArray[np.bool_],
     view: PairView, law: PairLaw, fields: SubstepFields, p: KernelParameters,
 ) -> None:  # fmt: skip
     """Kick all moving elements of unconverged groups once, with the velocities of the others as they were."""
@@ -262,7 +262,7 @@ def _solve_all(
         # The first half of the kick is that of the sub-step before; the new forces are solved for its second half.
         us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
         w = ElementState(place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0)
-        s = solve_velocity(e, w, around, how, partners, False, p.constant_size, view, law)
+        s = solve_velocity(e, w, surroundings, how, partners, False, p.constant_size, view, law)
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax_fast[e], kicks.ay_fast[e], kicks.bx_fast[e], kicks.by_fast[e] = s.a_x, s.a_y, s.b_x, s.b_y
 

@@ -131,13 +131,13 @@ def _spring_stiffness(p: Parameters, rest: Floats) -> Floats:
 
 def _spring_damping(p: Parameters, stiffness: Floats) -> tuple[Floats, Floats]:
     """Radial and tangential damping (s-1) of spring bonds; 0 where it is quadratic and has no linear part (equations 5.2)."""
-    c, one = p.contact, np.ones_like(stiffness)
+    c, ones = p.contact, np.ones_like(stiffness)
     if p.quirks.damping_by_speed:
-        return 0.0 * one, 0.0 * one
+        return 0.0 * ones, 0.0 * ones
     if not c.critical_damping:
-        return c.radial_damping * one, c.tangential_damping * one
+        return c.radial_damping * ones, c.tangential_damping * ones
     full = 2.0 * stiffness**0.5
-    return full, full / 4.0 if c.tangential_critical_damping else c.tangential_damping * one
+    return full, full / 4.0 if c.tangential_critical_damping else c.tangential_damping * ones
 
 
 class SubstepMatrix:
@@ -189,8 +189,10 @@ class SubstepMatrix:
         across = slip + c_tangent * tangent
         forces = out[3 * i.size :].reshape(3, -1)
         fx, fy = nx * along + ny * across, ny * along - nx * across
-        for row, one, other in zip(forces, (fx, fy, r1 * slip + turning), (-fx, -fy, r2 * slip - turning), strict=True):
-            row[:] = np.bincount(i, one, self._count) + np.bincount(j, other, self._count)
+        for row, on_first, on_second in zip(
+            forces, (fx, fy, r1 * slip + turning), (-fx, -fy, r2 * slip - turning), strict=True
+        ):
+            row[:] = np.bincount(i, on_first, self._count) + np.bincount(j, on_second, self._count)
         forces *= 0.5 * self._weight
         return out
 
@@ -203,14 +205,14 @@ def largest_eigenvalue(matrix: SubstepMatrix) -> float:
     """
     vector = np.random.default_rng(1).standard_normal(matrix.size)  # fixed: the same lattice, the same sub-step
     vector /= np.linalg.norm(vector)
-    before, beta, value, residual = vector, 0.0, 0.0, 0.0
+    previous, beta, value, residual = vector, 0.0, 0.0, 0.0
     diagonal: list[float] = []
     beside: list[float] = []
     with np.errstate(over="ignore", invalid="ignore"):
         for n in range(1, MAX_LANCZOS_STEPS + 1):
             new = matrix @ vector
             diagonal.append(float(new @ vector))
-            new -= diagonal[-1] * vector + beta * before
+            new -= diagonal[-1] * vector + beta * previous
             beta = float(np.linalg.norm(new))
             if not np.isfinite(beta):
                 return np.nan
@@ -221,7 +223,7 @@ def largest_eigenvalue(matrix: SubstepMatrix) -> float:
             if ended or (n % 5 == 0 and residual <= ACCURACY * value):
                 break
             beside.append(beta)
-            before, vector = vector, new / beta
+            previous, vector = vector, new / beta
     return value + residual
 
 
@@ -231,14 +233,14 @@ def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Size
     if fixed is not None and (p.quirks.zero_start or not p.stepping.explicit_substeps):
         return fixed
     dt, stable = p.stepping.time_step, critical_time_step(p, elements, bonds, sizes)
-    wanted = dt / (p.stepping.safety * stable) if stable > 0.0 else math.inf
-    if not wanted < MAX_SUBSTEPS:
+    required = dt / (p.stepping.safety * stable) if stable > 0.0 else math.inf
+    if not required < MAX_SUBSTEPS:
         raise InputError(
             f"no sub-step of these bonds is stable (the longest is {stable:.3g} s)",
             where="stepping.substeps",
             remedy="Look at thickness, radius, ice.density and bonds.youngs_modulus: one of them is far out of range",
         )
-    least = max(1, math.ceil(wanted - 1e-9)) if math.isfinite(stable) else 1
+    least = max(1, math.ceil(required - 1e-9)) if math.isfinite(stable) else 1
     if fixed is None:
         return least
     if dt / fixed > stable:
@@ -286,10 +288,10 @@ def check_long_step(run: RunState) -> None:
 def _spring_frequency(run: RunState) -> float:
     """Bound of the largest squared frequency (s-2) of KID's spring bonds: twice the stiffest sum over one element."""
     el, bonds, c = run.elements, run.bonds, run.constants
-    held = np.flatnonzero(bonds.status == 0)
-    if held.size == 0:
+    intact = np.flatnonzero(bonds.status == 0)
+    if intact.size == 0:
         return 0.0
-    i, j = bonds.first[held], bonds.second[held]
+    i, j = bonds.first[intact], bonds.second[intact]
     mass = el.body.mass
     metric = Metric(c.latlon, c.earth_radius, c.period)
     x, y = separations(metric, el.place.lon[i], el.place.lat[i], el.place.lon[j], el.place.lat[j])
@@ -338,21 +340,21 @@ def assign_substeps(run: RunState, chosen: NDArray[np.bool_]) -> None:
     if p.stepping.scheme != "mts":
         elements.body.substeps[:] = 1
         return
-    part = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
-    if p.quirks.bergs_coupled or not part.any():
+    component = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
+    if p.quirks.bergs_coupled or not component.any():
         sizes = interaction_sizes(elements, run.constants)
         elements.body.substeps[:] = choose_substeps(p, elements, bonds, sizes)
         return
     # All of a berg of which an element was chosen: its lattice vibrates as a whole.
-    touched = np.isin(part, part[chosen])
+    touched = np.isin(component, component[chosen])
     fixed = p.stepping.substeps
     elements.body.substeps[touched] = 1 if fixed is None else fixed
-    bonded = np.bincount(part)[part] > 1
-    for k in np.unique(part[touched & bonded]):
-        rows = np.flatnonzero(part == k)
-        some, between, _ = cut_out(elements, bonds, rows)
-        sizes = interaction_sizes(some, run.constants)
-        elements.body.substeps[rows] = choose_substeps(p, some, between, sizes)
+    bonded = np.bincount(component)[component] > 1
+    for k in np.unique(component[touched & bonded]):
+        rows = np.flatnonzero(component == k)
+        members, between, _ = cut_out(elements, bonds, rows)
+        sizes = interaction_sizes(members, run.constants)
+        elements.body.substeps[rows] = choose_substeps(p, members, between, sizes)
 
 
 def bending_period(elements: Elements, parameters: Parameters) -> float:
@@ -363,11 +365,11 @@ def bending_period(elements: Elements, parameters: Parameters) -> float:
     """
     p, place = parameters, elements.place
     numbers, counts = np.unique(elements.berg, return_counts=True)
-    own = elements.berg == numbers[counts.argmax()]
-    lon, lat = place.lon[own], place.lat[own]
+    members = elements.berg == numbers[counts.argmax()]
+    lon, lat = place.lon[members], place.lat[members]
     metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)
     x, y = separations(metric, lon, lat, np.full_like(lon, lon[0]), np.full_like(lat, lat[0]))
-    across, along = spread(x, y, elements.body.length[own] * elements.body.width[own])
+    across, along = spread(x, y, elements.body.length[members] * elements.body.width[members])
     speed = math.sqrt(p.bonds.youngs_modulus / p.ice.density)
     return 2.0 * math.pi / FIRST_MODE * 12.0 * along**2 / (speed * across) if speed > 0.0 else math.inf
 

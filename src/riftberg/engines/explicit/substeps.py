@@ -139,26 +139,26 @@ def kicked(
 
 
 @kernel
-def floor_rate_at(linear: float, quadratic: float, u: float, v: float) -> float:
+def floor_drag_rate(linear: float, quadratic: float, u: float, v: float) -> float:
     """Rate (s-1) of the drag of the sea floor at a velocity."""
     return linear + quadratic * math.sqrt(u * u + v * v)
 
 
 @stage
 def begin_substeps(
-    el: Elements, around: Surroundings, fields: SubstepFields, sizes: Sizes, dt: float, p: KernelParameters
+    el: Elements, surroundings: Surroundings, fields: SubstepFields, sizes: Sizes, dt: float, p: KernelParameters
 ) -> tuple[bool, bool]:
     """Find what moves, what is aground and how the floor stops it in sub-steps of ``dt`` seconds (equations 6.4, 3b and 3c).
 
     Depth holds for the long step. Returns whether the sea floor acts in the sub-steps, and whether it grows with the speed.
     """
     static, thickness, depth = el.body.static, el.body.thickness, el.environment.depth
-    radius, mass, media = sizes.bond_radius, sizes.bond_mass, around.media
+    radius, mass, media = sizes.bond_radius, sizes.bond_mass, surroundings.media
     active, aground, rate = fields.active, fields.aground, fields.floor_rate
     linear, quadratic = fields.floor_linear, fields.floor_quadratic
     decay, spin_decay = fields.floor_decay, fields.floor_spin_decay
     # A floor that acts in the outer kicks must not act here again.
-    in_substeps = not around.acts[SEA_FLOOR]
+    in_substeps = not surroundings.acts[SEA_FLOOR]
     acts = varies = False
     fields.floor_impulse_x[:] = 0.0
     fields.floor_impulse_y[:] = 0.0
@@ -178,9 +178,9 @@ def begin_substeps(
 
 
 @stage
-def end_substeps(around: Surroundings, fields: SubstepFields, substeps: int) -> None:
+def end_substeps(surroundings: Surroundings, fields: SubstepFields, substeps: int) -> None:
     """Record the mean acceleration by which the sea floor stopped the elements in the sub-steps."""
-    applied, floor_impulse_x, floor_impulse_y = around.applied, fields.floor_impulse_x, fields.floor_impulse_y
+    applied, floor_impulse_x, floor_impulse_y = surroundings.applied, fields.floor_impulse_x, fields.floor_impulse_y
     for e in range(floor_impulse_x.size):
         applied[e, SEA_FLOOR, 0] = floor_impulse_x[e] / substeps
         applied[e, SEA_FLOOR, 1] = floor_impulse_y[e] / substeps
@@ -189,15 +189,15 @@ def end_substeps(around: Surroundings, fields: SubstepFields, substeps: int) -> 
 @kernel
 def reaches_pole(lat: Floats) -> bool:
     """Whether an element stands so far north that it may come near the pole within a long step."""
-    near = False
+    near_pole = False
     for at in lat:
-        near = near or at > POLAR_LATITUDE
-    return near
+        near_pole = near_pole or at > POLAR_LATITUDE
+    return near_pole
 
 
 @stage
 def store_inner(el: Elements) -> None:
-    """Copy the inner accelerations of this sub-step to those of the outer kick, where the reference keeps them."""
+    """Copy the inner accelerations of this sub-step to the arrays of the outer kick, where the reference keeps them."""
     ax, ay, bx, by = el.kicks.ax, el.kicks.ay, el.kicks.bx, el.kicks.by
     ax_fast, ay_fast, bx_fast, by_fast = el.kicks.ax_fast, el.kicks.ay_fast, el.kicks.bx_fast, el.kicks.by_fast
     for e in range(ax.size):
@@ -246,7 +246,7 @@ def allocate_outer_workspace(count: int, partners: NeighbourLists) -> OuterWorks
 
 @stage
 def second_half_kick(
-    el: Elements, dt: float, around: Surroundings, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes,
+    el: Elements, dt: float, surroundings: Surroundings, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes,
     law: PairLaw, starting: bool, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Complete the outer half kick of the step before, of ``dt`` seconds; the synchronised velocity is in ``u_sync`` (part 1).
@@ -265,7 +265,7 @@ def second_half_kick(
     iterations, sums = 0, norm_before
     while True:
         first = iterations == 0  # not the words True and False, each of which would be compiled for itself
-        _solve_pass(el, dt, around, work, group, sums, law.by_speed, kick, first, p)
+        _solve_pass(el, dt, surroundings, work, group, sums, law.by_speed, kick, first, p)
         iterations += 1
         if not p.iterate:
             for e in range(u.size):
@@ -275,7 +275,7 @@ def second_half_kick(
         if not first:
             _check_convergence(el, group, unconverged, work.change, work.norm, norm_before, p.tolerance)
         publish_all_velocities(el, u_sync, v_sync)
-        if not any_of(unconverged):
+        if not is_any_set(unconverged):
             return iterations
         if iterations >= p.max_iterations:
             return -1
@@ -284,7 +284,7 @@ def second_half_kick(
 
 @borrower
 def _solve_pass(
-    el: Elements, dt: float, around: Surroundings, work: OuterWorkspace, group: Ints, norm: Floats, by_speed: bool,
+    el: Elements, dt: float, surroundings: Surroundings, work: OuterWorkspace, group: Ints, norm: Floats, by_speed: bool,
     kick: float, first: bool, p: KernelParameters,
 ) -> None:  # fmt: skip
     """Solve for the outer accelerations of all moving elements, or in later passes of those in contact.
@@ -307,7 +307,7 @@ def _solve_pass(
         if static[e] >= 0.5 or not (first or (in_contact[e] != 0.0 and unconverged[g])):
             continue
         w = ElementState(lon[e], lat[e], u[e], v[e], u[e], v[e], u[e], v[e])
-        s = solve_in_contact(e, w, around, how, table, u_shown, v_shown, by_speed)
+        s = solve_in_contact(e, w, surroundings, how, table, u_shown, v_shown, by_speed)
         ax[e], ay[e], bx[e], by[e] = s.a_x, s.a_y, s.b_x, s.b_y
         # An isolated element cannot collide; without that test, a velocity that is not a number would count as contact.
         if first and not isolated[e] and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):
@@ -349,12 +349,12 @@ def mark_converged(
 
 
 @kernel
-def any_of(marks: NDArray[np.bool_]) -> bool:
+def is_any_set(marks: NDArray[np.bool_]) -> bool:
     """Whether one of them is set; a loop, since NumPy's function takes seconds to compile."""
-    found = False
+    any_set = False
     for mark in marks:
-        found = found or mark
-    return found
+        any_set = any_set or mark
+    return any_set
 
 
 @stage

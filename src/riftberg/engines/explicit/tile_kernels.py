@@ -18,7 +18,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
 from riftberg.engines.explicit import tiles as tile
-from riftberg.engines.explicit.substeps import drifted, floor_rate_at, kicked, mid_step_velocity
+from riftberg.engines.explicit.substeps import drifted, floor_drag_rate, kicked, mid_step_velocity
 from riftberg.engines.explicit.tiles import Indices
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import (
@@ -40,7 +40,7 @@ from riftberg.state import Floats
 
 @kernel
 def gather_second_ends(scratch: Floats, second: Indices, ends: Floats) -> None:
-    """Copy what the law needs of the second ends into the scratch tile, one by one; all loads stand before all stores."""
+    """Copy the inputs of the law at the second ends into the scratch tile, one by one; all loads stand before all stores."""
     for k in range(tile.LANES):
         at = second[k]
         x, y, u, v = ends[at + tile.X], ends[at + tile.Y], ends[at + tile.U], ends[at + tile.V]
@@ -86,8 +86,8 @@ def find_sections(
         y1, y2, r1, r2 = (ends[tile.Y + k], scratch[tile.Y + k], shape[tile.RADIUS1 + k], shape[tile.RADIUS2 + k])
         dx, sine = ends[tile.X + k] - scratch[tile.X + k], bond[tile.METRES_SIN + k]
         # Metres of a degree from those at a latitude near by: a few multiplications, where a cosine would be a call.
-        away = to_radians * (0.5 * (y1 + y2) - bond[tile.Y_REFERENCE + k])
-        rx, ry = dx * cos_near(bond[tile.METRES_COS + k], sine, away), (y1 - y2) * per_unit
+        from_reference = to_radians * (0.5 * (y1 + y2) - bond[tile.Y_REFERENCE + k])
+        rx, ry = dx * cos_near(bond[tile.METRES_COS + k], sine, from_reference), (y1 - y2) * per_unit
         # One division serves direction, width and thickness: divisions are the slowest of these instructions.
         length = math.sqrt(rx * rx + ry * ry)
         inverse = 1.0 / length
@@ -256,7 +256,7 @@ def floor_rates(elem: Floats, dt: float) -> None:
     """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
     for k in range(tile.LANES):
         u, v = elem[tile.VELOCITY_X + k], elem[tile.VELOCITY_Y + k]
-        rate = floor_rate_at(elem[tile.FLOOR_LINEAR + k], elem[tile.FLOOR_QUADRATIC + k], u, v)
+        rate = floor_drag_rate(elem[tile.FLOOR_LINEAR + k], elem[tile.FLOOR_QUADRATIC + k], u, v)
         elem[tile.FLOOR_RATE + k], elem[tile.DECAY + k] = rate, 1.0 / (1.0 + rate * dt)
 
 

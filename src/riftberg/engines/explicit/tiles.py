@@ -110,14 +110,14 @@ def bond_offset(lane: int) -> int:
 
 
 @kernel
-def lane_of(layer: int, element: int, layers: int) -> int:
+def bond_lane(layer: int, element: int, layers: int) -> int:
     """Lane of the bond of a layer that begins at an element."""
     return ((element // LANES) * layers + layer) * LANES + element % LANES
 
 
 @kernel
 def end_offset(element: int) -> int:
-    """Where what bonds see of an element begins in ``ends``."""
+    """Offset in ``ends`` of the values of an element that bonds see."""
     return (element // LANES) * END_TILE + element % LANES
 
 
@@ -207,7 +207,7 @@ def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
             if j != i + 1:
                 layer = counter[i]
                 counter[i] += 1
-            r = lane_of(layer, i, tiles.layers)
+            r = bond_lane(layer, i, tiles.layers)
             bond_ids[r], second[r] = b, end_offset(j)
 
 
@@ -246,7 +246,7 @@ def _fill_slots(tiles: BondTiles, second: Ints) -> None:
     slots[:, :] = tiles.bond.size - BOND_TILE
     for layer in range(layers if bond_ids.size else 0):
         for i in range(counter.size):
-            r = lane_of(layer, i, layers)
+            r = bond_lane(layer, i, layers)
             if bond_ids[r] != EMPTY:
                 j = second[bond_ids[r]]
                 slots[j, counter[j]] = bond_offset(r)
@@ -322,7 +322,7 @@ def _fill_place(
 def pack_bonds(
     tiles: BondTiles, elements: Elements, bonds: Bonds, sizes: Sizes, rank: Ints, p: KernelParameters
 ) -> int:
-    """Copy the intact bonds into the tiles and find those of each element; returns the number of tiles with bonds."""
+    """Copy the intact bonds into the tiles and list the bonds of each element; returns the number of tiles with bonds."""
     _assign_lanes(tiles, bonds)
     count = _list_tiles(tiles)
     _fill_slots(tiles, bonds.second)
@@ -345,7 +345,7 @@ def _fill_shapes(
     """Find the shapes of tile ``b`` of bonds, those before it are known; returns from where on ``shape`` is free."""
     rest, layers, shape = bonds.rest_length, tiles.layers, tiles.shape[free : free + SHAPE_TILE]
     # Of the same layer, at the elements before.
-    before = tiles.shape_of[max(b - layers, 0)]
+    previous = tiles.shape_of[max(b - layers, 0)]
     filled = -1
     for k in range(LANES):
         bond = tiles.bond_ids[b * LANES + k]
@@ -358,8 +358,8 @@ def _fill_shapes(
         # Lanes without a bond have the shape of one that is there: where a row ends is no reason for a tile of its own.
         if filled >= 0 and tiles.bond_ids[b * LANES + n % LANES] == EMPTY:
             shape[n] = shape[n // LANES * LANES + filled]
-        alike = alike and (filled < 0 or shape[n] == tiles.shape[before + n])
-    tiles.shape_of[b] = before if alike else free
+        alike = alike and (filled < 0 or shape[n] == tiles.shape[previous + n])
+    tiles.shape_of[b] = previous if alike else free
     return free if alike else free + SHAPE_TILE
 
 
@@ -384,7 +384,7 @@ def pack(tiles: Floats, size: int, quantity: int, source: Floats) -> None:
 
 @kernel
 def unpack(target: Floats, tiles: Floats, size: int, quantity: int) -> None:
-    """Copy back what `pack` has copied."""
+    """Copy back the values that `pack` has copied."""
     for b in range(tile_count(target.size)):
         values = target[b * LANES : min((b + 1) * LANES, target.size)]
         lanes = tiles[b * size + quantity : b * size + quantity + LANES]

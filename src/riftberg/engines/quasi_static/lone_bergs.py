@@ -20,7 +20,7 @@ from riftberg.compiled.kernels import kernel
 from riftberg.engines.common.broad_phase import candidate_pairs
 from riftberg.engines.common.forces.media import CORIOLIS, LIMIT, MEDIA, QUADRATIC, SEA_ICE, ForcedElements
 from riftberg.engines.common.forces.pack import corner_slope, next_direction
-from riftberg.engines.common.forces.sizes import Sizes, sizes_in
+from riftberg.engines.common.forces.sizes import Sizes, slice_sizes
 from riftberg.engines.common.land import land_corrections
 from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import (
@@ -169,7 +169,7 @@ class _Block:
     def __init__(
         self, model: RunState, block: slice, lone: Ints, bodies: Bodies, sizes: Sizes, applied: Floats
     ) -> None:  # fmt: skip
-        self.el, self.sizes, self.first = model.elements.shown_in(block), sizes_in(sizes, block), block.start
+        self.el, self.sizes, self.first = model.elements.view_rows(block), slice_sizes(sizes, block), block.start
         self.model, self.c, self.stepping = model, model.constants, model.parameters.stepping
         self.lone, self.bodies, self.applied = lone, bodies, applied[block]
         # Arrays that a step overwrites for all elements of the block, lone or not.

@@ -51,7 +51,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import invert
 from riftberg.physics.sea_ice import LOCKED
 from riftberg.state import Bonds, Elements, Floats, Ints, Motion, Shown
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 EVERY_MEDIUM, NOTHING = np.ones(len(MEDIA), np.bool_), np.empty((1, 0, 0))
 """Arguments of `evaluate_forcing` in place of the results of a velocity solve."""
@@ -235,7 +235,7 @@ def sync_bodies(
     """
     body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
     count = int(body.max()) + 1
-    row, existed = rows_of(snapshot.id, el.body.id)
+    row, existed = find_rows(snapshot.id, el.body.id)
     current = _collect_arrays(el)
     differs = {name: a != b[row] for name, a, b in zip(StepSnapshot._fields, current, snapshot, strict=True)}
     moved = ~existed | differs["lon"] | differs["lat"]

@@ -208,7 +208,7 @@ def solve_once(
 
 @stage
 def solve_velocity(
-    e: int, w: ElementState, around: Surroundings, how: Solve, partners: NeighbourLists, plain: bool, bond_size: bool,
+    e: int, w: ElementState, surroundings: Surroundings, how: Solve, partners: NeighbourLists, plain: bool, bond_size: bool,
     view: PairView, law: PairLaw,
 ) -> Solution:  # fmt: skip
     """Solve for the acceleration of element ``e``."""
@@ -220,46 +220,46 @@ def solve_velocity(
         t = interaction_terms(e, Mover(w.x, w.y, w.u0, w.v0, ud, vd), partners, plain, bond_size, view, law)
     # Runge-Kutta evaluates the explicit Coriolis force at the stage, Verlet at the half-kicked velocity.
     cu, cv = (w.u_star, w.v_star) if scheme.explicit_weight < 1.0 else (w.us, w.vs)
-    f = around.coriolis[e]
-    media_x, media_y = pushes(e, around.media, around.acts)
+    f = surroundings.coriolis[e]
+    media_x, media_y = pushes(e, surroundings.media, surroundings.acts)
     x = ExplicitTerms(media_x, media_y, media_x + t.ix + f * cv, media_y + t.iy - f * cu, cu, cv, f)
     ud, vd = (w.u0, w.v0) if scheme.from_start and scheme.mean_speeds else (w.us, w.vs)
-    ax, ay = solve_once(e, w, x, t, ud, vd, around.media, around.rate, around.acts, how)
+    ax, ay = solve_once(e, w, x, t, ud, vd, surroundings.media, surroundings.rate, surroundings.acts, how)
     if not isolated:
         ud, vd = w.u_star + dt * ax, w.v_star + dt * ay
         if scheme.from_start and not scheme.mean_speeds:
             ud, vd = 0.5 * (ud + w.us), 0.5 * (vd + w.vs)
         t = interaction_terms(e, Mover(w.x, w.y, w.u0, w.v0, ud, vd), partners, plain, bond_size, view, law)
-    return _second_solve(e, w, x, t, ax, ay, around, how)
+    return _second_solve(e, w, x, t, ax, ay, surroundings, how)
 
 
 @stage
 def solve_in_contact(
-    e: int, w: ElementState, around: Surroundings, how: Solve, table: ContactTable, u_shown: Floats, v_shown: Floats,
+    e: int, w: ElementState, surroundings: Surroundings, how: Solve, table: ContactTable, u_shown: Floats, v_shown: Floats,
     by_speed: bool,
 ) -> Solution:  # fmt: skip
     """Solve as `solve_velocity` for an outer half kick, with contacts whose geometry has been found (`ContactTable`)."""
     u, v = w.u_star, w.v_star
     t = contact_terms(e, u, v, u, v, table, u_shown, v_shown, by_speed)
-    f = around.coriolis[e]
-    media_x, media_y = pushes(e, around.media, around.acts)
+    f = surroundings.coriolis[e]
+    media_x, media_y = pushes(e, surroundings.media, surroundings.acts)
     x = ExplicitTerms(media_x, media_y, media_x + t.ix + f * v, media_y + t.iy - f * u, u, v, f)
-    ax, ay = solve_once(e, w, x, t, u, v, around.media, around.rate, around.acts, how)
+    ax, ay = solve_once(e, w, x, t, u, v, surroundings.media, surroundings.rate, surroundings.acts, how)
     t = contact_terms(e, u, v, u + how.dt * ax, v + how.dt * ay, table, u_shown, v_shown, by_speed)
-    return _second_solve(e, w, x, t, ax, ay, around, how)
+    return _second_solve(e, w, x, t, ax, ay, surroundings, how)
 
 
 @stage
 def _second_solve(
-    e: int, w: ElementState, x: ExplicitTerms, t: Terms, ax: float, ay: float, around: Surroundings, how: Solve
+    e: int, w: ElementState, x: ExplicitTerms, t: Terms, ax: float, ay: float, surroundings: Surroundings, how: Solve
 ) -> Solution:
-    """Solve with what acts at the velocity that the first solution gives, and split the acceleration."""
+    """Solve with the forces at the velocity of the first solution, and split the acceleration."""
     scheme, dt = how.scheme, how.dt
     u1, v1 = w.u_star + dt * ax, w.v_star + dt * ay
     du, dv = (u1, v1) if scheme.centred else (w.u0, w.v0)
     # Springs stay those of the first solution: only the damping of the partners is taken at the new velocity.
-    there = ElementState(w.x, w.y, w.u_star, w.v_star, du, dv, w.us, w.vs)
-    ax, ay = solve_once(e, there, x, t, u1, v1, around.media, around.rate, around.acts, how)
+    at_first = ElementState(w.x, w.y, w.u_star, w.v_star, du, dv, w.us, w.vs)
+    ax, ay = solve_once(e, at_first, x, t, u1, v1, surroundings.media, surroundings.rate, surroundings.acts, how)
     u1, v1 = w.u_star + dt * ax, w.v_star + dt * ay
     if how.mode == INTERACTIONS_ONLY:
         a_x, a_y = t.ix, t.iy
@@ -271,17 +271,28 @@ def _second_solve(
         # The velocity at which the Coriolis force acted, explicit and implicit part together.
         ahead = 2.0 * scheme.theta * scheme.coriolis_implicitness * dt
         turning_u, turning_v = x.cu + ahead * ax, x.cv + ahead * ay
-        record_applied(e, u1, v1, turning_u, turning_v, around.media, around.rate, around.acts, x.f, around.applied)
+        record_applied(
+            e,
+            u1,
+            v1,
+            turning_u,
+            turning_v,
+            surroundings.media,
+            surroundings.rate,
+            surroundings.acts,
+            x.f,
+            surroundings.applied,
+        )
     b_x, b_y = (ax - 0.5 * a_x) / scheme.theta, (ay - 0.5 * a_y) / scheme.theta
     damping_x, damping_y = t.px - t.p11 * u1 - t.p12 * v1, t.py - t.p12 * u1 - t.p22 * v1
     return Solution(ax, ay, a_x, a_y, b_x, b_y, damping_x, damping_y)
 
 
 @kernel
-def apply_at_velocities(el: Elements, around: Surroundings) -> None:
+def record_current_forces(el: Elements, surroundings: Surroundings) -> None:
     """Record the forces of a moment: those that act at the velocities of the elements, without a step."""
-    place, motion, media, rates, acts = el.place, el.motion, around.media, around.rate, around.acts
-    applied, coriolis = around.applied, around.coriolis
+    place, motion, media, rates, acts = el.place, el.motion, surroundings.media, surroundings.rate, surroundings.acts
+    applied, coriolis = surroundings.applied, surroundings.coriolis
     for e in range(motion.u.size):
         u, v = motion.u[e], motion.v[e]
         drags(e, ElementState(place.lon[e], place.lat[e], u, v, u, v, u, v), u, v, media, rates, acts, True)

@@ -12,8 +12,8 @@ so that a law is a number or two in the row of its medium, its torque with it. F
 schemes, the sub-step, the applied forces that a run keeps, and the budgets of ``riftberg why``: none of them knows a law by
 name.
 
-A new law of a medium is a term in its row in `media_of`. A new medium is a field of `Media` and its row there. A quantity of the
-element that a law needs is a field of `ElementView`, filled in `find_surroundings`.
+A new law of a medium is a term in its row in `gather_media`. A new medium is a field of `Media` and its row there. A quantity of
+the element that a law needs is a field of `ElementView`, filled in `find_surroundings`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.engines.common.forces.sizes import Sizes, disc_inertia, rectangle_inertia, sides_of
+from riftberg.engines.common.forces.sizes import Sizes, count_sides, disc_inertia, rectangle_inertia
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import (
     Waves,
@@ -245,7 +245,7 @@ def ice_depth(thickness: float, fraction: float, draft: float, p: KernelParamete
 
 
 @kernel
-def media_of(el: ElementView, p: KernelParameters) -> Media:
+def gather_media(el: ElementView, p: KernelParameters) -> Media:
     """Find the rows of one element (equations 4.1)."""
     draft = draft_of(el.thickness, p.rho_ice)
     freeboard = el.thickness - draft
@@ -314,7 +314,9 @@ class ForcedElements(NamedTuple):
 
 
 @kernel
-def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surroundings, p: KernelParameters) -> None:
+def find_surroundings(
+    el: Elements | ForcedElements, sizes: Sizes, surroundings: Surroundings, p: KernelParameters
+) -> None:
     """Fill the rows of all elements from the environment that they carry; nothing has been applied yet."""
     # Arrays are taken out of the state before the loop: numba counts references at each access to a field of a named tuple,
     # which would cost more than the forces.
@@ -328,7 +330,7 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
     own_x, own_y, own_rate = env.own_x, env.own_y, env.own_rate
     own_water, own_air, own_ice = env.own_water_drag, env.own_air_drag, env.own_ice_drag
     bond_radius, bond_area, bond_mass = sizes.bond_radius, sizes.bond_area, sizes.bond_mass
-    media, coriolis = around.media, around.coriolis
+    media, coriolis = surroundings.media, surroundings.coriolis
     for e in range(mass.size):
         # In the sub-steps the sea floor sees the sizes that bonds see.
         area, m = (bond_area[e], bond_mass[e]) if p.ground_on_substeps else (width[e] * length[e], mass[e])
@@ -336,13 +338,13 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
         if p.rigid_bodies:
             inertia = rectangle_inertia(mass[e], length[e], width[e])
         view = ElementView(
-            mass[e], length[e], width[e], thickness[e], sides_of(sides[e], p), bonds[e], bond_radius[e], bond_mass[e],
+            mass[e], length[e], width[e], thickness[e], count_sides(sides[e], p), bonds[e], bond_radius[e], bond_mass[e],
             inertia, area, m, depth[e], ice[e], min(fraction[e], 1.0), uo[e], vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e],
             vorticity[e],
             Waves(height[e], period[e], wave_x[e], wave_y[e]), side_share[e], berg_length[e], berg_width[e],
             own_x[e], own_y[e], own_rate[e], own_water[e], own_air[e], own_ice[e],
         )  # fmt: skip
-        rows = media_of(view, p)
+        rows = gather_media(view, p)
         put_row(media, e, 0, rows.water)
         put_row(media, e, 1, rows.slope)
         put_row(media, e, 2, rows.air)
@@ -351,8 +353,8 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
         put_row(media, e, 5, rows.sea_floor)
         put_row(media, e, 6, rows.own)
         coriolis[e] = coriolis_parameter(lat[e], p.latlon, p.f_plane, p.reference_latitude)
-    around.acts[SEA_FLOOR] = not p.ground_on_substeps
-    around.applied[:] = 0.0
+    surroundings.acts[SEA_FLOOR] = not p.ground_on_substeps
+    surroundings.applied[:] = 0.0
 
 
 @kernel
@@ -387,7 +389,7 @@ def on_the_floor(
 ) -> NDArray[np.bool_]:
     """Which elements the sea floor acts on, by either law: a bed carries the deepest point of a keel in water deeper elsewhere.
 
-    ``floor_load``: what a bed of sediment carries, N; 0 where there is none.
+    ``floor_load``: the load that a bed of sediment carries, N; 0 where there is none.
     """
     if p.only_interactions:
         # A lattice without its surroundings, such as a beam: the drag of the floor only brings it to rest.

@@ -46,8 +46,8 @@ def find_fragments_in_pack(body: Ints, media: Floats, in_pack: NDArray[np.bool_]
 def is_any(chosen: NDArray[np.bool_]) -> bool:
     """Whether any is chosen."""
     count = 0
-    for one in chosen:
-        count += int(one)
+    for mark in chosen:
+        count += int(mark)
     return count > 0
 
 
@@ -77,7 +77,7 @@ def next_direction(
 
 
 def hold_by_pack(rows: Floats, u: Floats, v: Floats) -> Floats:
-    """Return the acceleration (m s-2, east and north) of elements by what a pack bears; ``rows``: theirs of sea ice."""
+    """Return the acceleration (m s-2, east and north) of elements by the load of a pack; ``rows``: theirs of sea ice."""
     through = np.column_stack([u - rows[:, U], v - rows[:, V]])
     rate = rows[:, LIMIT] / np.maximum(np.hypot(through[:, 0], through[:, 1]), YIELD_SPEED)
     return np.asarray(-rate[:, None] * through)

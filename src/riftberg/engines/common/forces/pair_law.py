@@ -80,7 +80,7 @@ class Terms(NamedTuple):
 
 
 class ContactTable(NamedTuple):
-    """Pairs of different bergs in reach of contact, with what does not change as long as they do not move."""
+    """Pairs of different bergs in reach of contact, with the terms that stay as long as they do not move."""
 
     start: Ints  # Those of element e are from ``start[e]`` to before ``start[e + 1]``
     partner: Ints
@@ -156,7 +156,7 @@ def pair_terms(
 
 
 @kernel
-def _sum_over(
+def _sum_pairs(
     e: int, at: Mover, kind: int, pairs: PairList, rest: Floats, own_size: bool, view: PairView, law: PairLaw
 ) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
     """Sum the terms of one kind of pair; also P u of the partners.
@@ -196,10 +196,10 @@ def interaction_terms(
 ) -> Terms:
     """Sum over all partners of element ``e``: I, P and P u of the partners (equations 5.1)."""
     bond, rest, present = PLAIN_BOND if plain else BONDED, partners.rest, partners.rest[:0]
-    b = _sum_over(e, at, bond, partners.bonded, rest, not bond_size, view, law)
-    s = _sum_over(e, at, SAME_BERG_CONTACT, partners.same_berg, present, True, view, law)
-    apart = PLAIN_CONTACT if plain else COLLISION
-    c = _sum_over(e, at, apart, partners.collision, present, True, view, law)
+    b = _sum_pairs(e, at, bond, partners.bonded, rest, not bond_size, view, law)
+    s = _sum_pairs(e, at, SAME_BERG_CONTACT, partners.same_berg, present, True, view, law)
+    collision_kind = PLAIN_CONTACT if plain else COLLISION
+    c = _sum_pairs(e, at, collision_kind, partners.collision, present, True, view, law)
     return Terms(
         b[0] + s[0] + c[0], b[1] + s[1] + c[1], b[2] + s[2] + c[2], b[3] + s[3] + c[3], b[4] + s[4] + c[4],
         b[5] + s[5] + c[5], b[6] + s[6] + c[6],
@@ -208,7 +208,7 @@ def interaction_terms(
 
 @kernel
 def pair_view(el: Elements, sizes: Sizes) -> PairView:
-    """Gather what pair forces see of the elements."""
+    """Gather the positions, velocities and sizes that pair forces read."""
     shown = el.shown
     return PairView(
         shown.lon_pair,
@@ -257,20 +257,20 @@ def fill_contact_table(el: Elements, pairs: PairList, sizes: Sizes, law: PairLaw
     others_x, others_y, begin, listed = el.shown.lon_pair, el.shown.lat_pair, pairs.start, pairs.partner
     start, partner, spring_x, spring_y = table.start, table.partner, table.spring_x, table.spring_y
     nx, ny, radial, tangential = table.nx, table.ny, table.radial, table.tangential
-    start[0] = found = 0
+    start[0] = entry = 0
     for e in range(x.size):
         sum_x = sum_y = 0.0
         for k in range(begin[e], begin[e + 1]):
             c = listed[k]
             rx, ry = separation(x[e], y[e], others_x[c], others_y[c], law.latlon, law.earth_radius, law.period)
-            ix, iy, nx[found], ny[found], radial[found], tangential[found], touches = pair_geometry(
+            ix, iy, nx[entry], ny[entry], radial[entry], tangential[entry], touches = pair_geometry(
                 COLLISION, rx, ry, radius[e] + radius[c], min(mass[e], mass[c]) / mass[e], law
             )
-            partner[found] = c
+            partner[entry] = c
             sum_x += ix
             sum_y += iy
-            found += 1 if touches else 0
-        spring_x[e], spring_y[e], start[e + 1] = sum_x, sum_y, found
+            entry += 1 if touches else 0
+        spring_x[e], spring_y[e], start[e + 1] = sum_x, sum_y, entry
 
 
 @kernel

@@ -22,13 +22,13 @@ class Sizes(NamedTuple):
     bond_area: Floats
 
 
-def sizes_in(sizes: Sizes, rows: slice) -> Sizes:
-    """Return those of some rows that follow one another, in the same memory."""
+def slice_sizes(sizes: Sizes, rows: slice) -> Sizes:
+    """Return the sizes of a block of rows, in the same memory."""
     return Sizes(*(array[rows] for array in sizes))
 
 
 @kernel
-def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
+def interaction_radius(area: float, hexagonal: bool, bonded: bool) -> float:
     """Radius (m) of an element: inscribed circle of a hexagon or square, or the disc of an unbonded one."""
     if hexagonal:
         return math.sqrt(area / (2.0 * math.sqrt(3.0)))
@@ -45,13 +45,13 @@ def rectangle_inertia(mass: float, length: float, width: float) -> float:
 
 @kernel
 def disc_inertia(mass: float, radius: float) -> float:
-    """The same of an element that sub-steps turn: that of the reference."""
+    """Moment of inertia (kg m2) of an element that sub-steps turn: the disc of the reference."""
     return 0.5 * mass * radius * radius
 
 
 @kernel
-def sides_of(sides: int, p: KernelParameters) -> int:
-    """Sides of an element; where it does not say, those of the packing that the parameters name."""
+def count_sides(sides: int, p: KernelParameters) -> int:
+    """Number of sides of an element; where it states none, the number of the packing in the parameters."""
     return sides if sides > 0 else p.max_sides
 
 
@@ -81,7 +81,7 @@ def _interaction_sizes(
     for e in range(count):
         area = length[e] * width[e]
         hexagonal = (sides[e] if sides[e] > 0 else usual_sides) == 6
-        radius[e] = radius_of(area, hexagonal, bonds_on)
+        radius[e] = interaction_radius(area, hexagonal, bonds_on)
         # Not yet known where a state is looked at before a model has taken it.
         constant = known_area[e] if known_area[e] > 0.0 else constant_area
         if constant_size and constant > 0.0:
@@ -90,5 +90,5 @@ def _interaction_sizes(
         else:
             bond_area[e] = area
             bond_mass[e] = mass[e]
-        bond_radius[e] = radius_of(bond_area[e], hexagonal, True)
+        bond_radius[e] = interaction_radius(bond_area[e], hexagonal, True)
     return radius, bond_radius, bond_mass, bond_area

@@ -20,13 +20,13 @@ def connected_parts(count: int, first: Ints, second: Ints, status: Ints) -> Ints
     ``first``, ``second``, ``status``: ends of the bonds (shape (bonds,)).
     """
     start, partner, _ = partners_over_bonds(first, second, status, count)
-    part = np.full(count, -1, np.int64)
+    component = np.full(count, -1, np.int64)
     stack = np.empty(count, np.int64)
-    parts = 0
+    components = 0
     for seed in range(count):
-        if part[seed] >= 0:
+        if component[seed] >= 0:
             continue
-        part[seed] = parts
+        component[seed] = components
         # A stack of its own: recursion would go as deep as the berg has elements.
         stack[0] = seed
         depth = 1
@@ -35,19 +35,19 @@ def connected_parts(count: int, first: Ints, second: Ints, status: Ints) -> Ints
             e = stack[depth]
             for k in range(start[e], start[e + 1]):
                 c = partner[k]
-                if part[c] < 0:
-                    part[c] = parts
+                if component[c] < 0:
+                    component[c] = components
                     stack[depth] = c
                     depth += 1
-        parts += 1
-    return part
+        components += 1
+    return component
 
 
 @kernel
-def drop_parted_bonds(bonds: Bonds, part: Ints) -> None:
+def drop_parted_bonds(bonds: Bonds, component: Ints) -> None:
     """Retire broken bonds whose ends now belong to different parts (status 2): contact between fragments takes over."""
     for b in range(bonds.first.size):
-        if bonds.status[b] == 1 and part[bonds.first[b]] != part[bonds.second[b]]:
+        if bonds.status[b] == 1 and component[bonds.first[b]] != component[bonds.second[b]]:
             bonds.status[b] = 2
 
 
@@ -150,34 +150,34 @@ def _find_bridges(first: Ints, second: Ints, intact: Ints, count: int) -> tuple[
 
 @kernel
 def bridge_moments(
-    found: Bridges, first: Ints, second: Ints, intact: Ints, xy: Floats, load: Floats, held: NDArray[np.bool_]
+    bridges: Bridges, first: Ints, second: Ints, intact: Ints, xy: Floats, load: Floats, supported: NDArray[np.bool_]
 ) -> Floats:
     """Find the moment (N m) that each bridge alone bears about its middle; 0 between two parts with supports.
 
     From the balance of the part on one side of the bond. Loads of free fragments are in balance, so either side will do; a
-    part with supports (``held``: of the elements) bears unknown forces, and the other one counts.
+    part with supports (``supported``: of the elements) bears unknown forces, and the other one counts.
     """
-    order, above, count = found.order, found.above, xy.shape[0]
+    order, above, count = bridges.order, bridges.above, xy.shape[0]
     # Sums over what was reached from each element: force (2), moment about the origin, and whether it has supports.
-    sums, moment = np.zeros((count, 4)), np.zeros(found.bond.size)
+    sums, moment = np.zeros((count, 4)), np.zeros(bridges.bond.size)
     for n in range(count - 1, -1, -1):
         e = order[n]
         sums[e, 0] += load[e, 0]
         sums[e, 1] += load[e, 1]
         sums[e, 2] += load[e, 2] + xy[e, 0] * load[e, 1] - xy[e, 1] * load[e, 0]
-        sums[e, 3] += 1.0 if held[e] else 0.0
+        sums[e, 3] += 1.0 if supported[e] else 0.0
         if above[e] >= 0:
             for i in range(4):
                 sums[above[e], i] += sums[e, i]
-    for n in range(found.bond.size):
-        e = found.below[n]
+    for n in range(bridges.bond.size):
+        e = bridges.below[n]
         fx, fy, turning = sums[e, 0], sums[e, 1], sums[e, 2]
         if sums[e, 3] > 0.0:
-            r = found.root[e]
+            r = bridges.root[e]
             if sums[r, 3] - sums[e, 3] > 0.0:
                 continue
             fx, fy, turning = sums[r, 0] - fx, sums[r, 1] - fy, sums[r, 2] - turning
-        b = intact[found.bond[n]]
+        b = intact[bridges.bond[n]]
         x, y = 0.5 * (xy[first[b], 0] + xy[second[b], 0]), 0.5 * (xy[first[b], 1] + xy[second[b], 1])
         moment[n] = turning - (x * fy - y * fx)
     return moment

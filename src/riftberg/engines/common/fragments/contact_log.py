@@ -75,7 +75,7 @@ class ContactLog:
 
     def update(
         self,
-        before: Elements,
+        previous: Elements,
         pairs: tuple[Ints, Ints],
         began: float,
         ended: float,
@@ -86,35 +86,35 @@ class ContactLog:
         first, second = pairs
         if first.size == 0:
             return
-        berg = before.body.berg
-        one, other = np.minimum(berg[first], berg[second]), np.maximum(berg[first], berg[second])
-        apart = np.flatnonzero(one != other)
+        berg = previous.body.berg
+        lower, higher = np.minimum(berg[first], berg[second]), np.maximum(berg[first], berg[second])
+        different = np.flatnonzero(lower != higher)
         # One row of each pair of bergs, the first in the order of the elements: it gives place and speed of the
         # event.
-        both, each = np.unique((one[apart] << _HALF) | other[apart], return_index=True)
-        contact = self._extended(both, began, ended)
+        keys, each = np.unique((lower[different] << _HALF) | higher[different], return_index=True)
+        contact = self._extended(keys, began, ended)
         for n in np.flatnonzero(contact < 0).tolist():
-            key, k = (int(both[n]) >> _HALF, int(both[n]) & _OTHER), int(apart[each[n]])
-            known = self._goes_on(key, began, tree)
-            if known < 0:
-                known = self._latest[key] = self._new()
-                self._of_row.append(known)
-                self._rows.append(_event_at(before, key, int(first[k]), int(second[k]), began, ended, p))
-            contact[n], self._last[known] = known, ended
-        self._touching = both, contact
+            key, k = (int(keys[n]) >> _HALF, int(keys[n]) & _OTHER), int(different[each[n]])
+            event = self._continued_contact(key, began, tree)
+            if event < 0:
+                event = self._latest[key] = self._new()
+                self._of_row.append(event)
+                self._rows.append(_describe_contact(previous, key, int(first[k]), int(second[k]), began, ended, p))
+            contact[n], self._last[event] = event, ended
+        self._touching = keys, contact
 
-    def _extended(self, both: Ints, began: float, ended: float) -> Ints:
+    def _extended(self, keys: Ints, began: float, ended: float) -> Ints:
         """Extend the contacts of pairs that touched when last any did; the number of each contact, or -1."""
-        before, contact = self._touching
-        if before.size == 0:
-            return np.full(both.size, -1)
+        previous_keys, contact = self._touching
+        if previous_keys.size == 0:
+            return np.full(keys.size, -1)
         # Most pairs are those of the step before, which stand in the same order.
-        at = np.minimum(np.searchsorted(before, both), before.size - 1)
-        goes_on = (before[at] == both) & (began - self._last[contact[at]] < SEPARATION_TIME)
-        self._last[contact[at[goes_on]]] = ended
-        return np.where(goes_on, contact[at], -1)
+        position = np.minimum(np.searchsorted(previous_keys, keys), previous_keys.size - 1)
+        continues = (previous_keys[position] == keys) & (began - self._last[contact[position]] < SEPARATION_TIME)
+        self._last[contact[position[continues]]] = ended
+        return np.where(continues, contact[position], -1)
 
-    def _goes_on(self, key: tuple[int, int], began: float, tree: FragmentTree) -> int:
+    def _continued_contact(self, key: tuple[int, int], began: float, tree: FragmentTree) -> int:
         """Return the contact of a pair that touched not long ago, or is suppressed; -1 for a new event."""
         k = self._latest.get(key, -1)
         if k >= 0 and began - self._last[k] < SEPARATION_TIME:
@@ -136,10 +136,10 @@ class ContactLog:
         return self._count - 1
 
     def _by_birth(self, key: tuple[int, int], began: float, tree: FragmentTree) -> bool:
-        """Whether a pair touches because one of it has just broken off: from the other, or from what touched that."""
+        """Whether a pair touches because one of it has just broken off: from the other, or from a piece that touched that one."""
         # Either of the two may be the newborn piece.
-        for own, other in (key, key[::-1]):
-            row = tree.rows[own - 1] if 0 < own <= len(tree.rows) else None
+        for newborn, other in (key, key[::-1]):
+            row = tree.rows[newborn - 1] if 0 < newborn <= len(tree.rows) else None
             if row is None or row.parent <= 0 or began - row.birth_time >= SEPARATION_TIME:
                 continue
             family = (min(row.parent, other), max(row.parent, other))
@@ -154,7 +154,7 @@ class ContactLog:
         return any(k >= 0 and began - self._last[k] < SEPARATION_TIME for k in contacts)
 
 
-def _event_at(
+def _describe_contact(
     el: Elements, key: tuple[int, int], i: int, j: int, began: float, ended: float, p: KernelParameters
 ) -> ContactEvent:
     """Return the event of two bergs that touch at the elements in rows i and j."""

@@ -71,12 +71,12 @@ class GroundingLog:
         return GroundingLog(self.rows, self.clearance)
 
     def update(
-        self, before: Elements, el: Elements, step: tuple[float, float], tree: FragmentTree, p: KernelParameters,
+        self, previous: Elements, el: Elements, step: tuple[float, float], tree: FragmentTree, p: KernelParameters,
         forces: Callable[[], Floats], clearance: float,
     ) -> None:  # fmt: skip
-        """Record what the floor carries after a long ``step`` from one time to another, s.
+        """Record the load on the floor after a long ``step`` from one time to another, s.
 
-        ``before``, ``el``: the elements at its start and at its end; ``forces``: gives the mean forces (N) of the step, shape
+        ``previous``, ``el``: the elements at its start and at its end; ``forces``: gives the mean forces (N) of the step, shape
         (elements, forces, 2); ``clearance``: least water under a keel as the bed has it (m), NaN where the depth under the middle
         of elements counts.
         """
@@ -87,7 +87,7 @@ class GroundingLog:
         if not touching.any():
             return
         numbers = np.unique(el.body.berg[touching])
-        for row in _measured(numbers, touching, before, el, step, p, forces()):
+        for row in _measured(numbers, touching, previous, el, step, p, forces()):
             berg = tree.origin(row.number)
             if not 0 < berg <= len(tree.rows) or row.area >= LEAST_SHARE * tree.rows[berg - 1].area:
                 self._add(row.event, step[0])
@@ -95,19 +95,19 @@ class GroundingLog:
     def _add(self, row: GroundingEvent, began: float) -> None:
         """Extend the last event of a fragment by a step, or begin a new one."""
         k = self._latest.get(row.number, -1)
-        known = self.rows[k] if k >= 0 else None
-        if known is None or began - known.end >= AFLOAT_TIME:
+        event = self.rows[k] if k >= 0 else None
+        if event is None or began - event.end >= AFLOAT_TIME:
             self._latest[row.number] = len(self.rows)
             self.rows.append(row)
             return
-        way = known.way + row.way
-        stopped = known.stopped if known.stopped >= 0.0 or row.stopped < 0.0 else way
-        held = row.held if row.held < 0.0 or known.held < 0.0 else known.held
+        way = event.way + row.way
+        stopped = event.stopped if event.stopped >= 0.0 or row.stopped < 0.0 else way
+        held = row.held if row.held < 0.0 or event.held < 0.0 else event.held
         # Field by field: a copy that names what changes takes most of the time of a field of bergs aground.
         self.rows[k] = GroundingEvent(
-            row.number, known.time, row.end, known.lon, known.lat, known.towards, known.elements,
-            known.times + (known.end < began), known.seconds + row.seconds, row.carried, row.load, row.capacity, row.pressing,
-            max(known.lift, row.lift), max(known.stress, row.stress), max(known.gouge, row.gouge), way, stopped,
+            row.number, event.time, row.end, event.lon, event.lat, event.towards, event.elements,
+            event.times + (event.end < began), event.seconds + row.seconds, row.carried, row.load, row.capacity, row.pressing,
+            max(event.lift, row.lift), max(event.stress, row.stress), max(event.gouge, row.gouge), way, stopped,
             held,
         )  # fmt: skip
 
@@ -134,10 +134,10 @@ class _Measured(NamedTuple):
 
 
 def _measured(
-    numbers: Ints, touching: NDArray[np.bool_], before: Elements, el: Elements, step: tuple[float, float],
+    numbers: Ints, touching: NDArray[np.bool_], previous: Elements, el: Elements, step: tuple[float, float],
     p: KernelParameters, forces: Floats,
 ) -> list[_Measured]:  # fmt: skip
-    """Return what a step alone shows of each fragment on the floor."""
+    """Return the measures of one step for each fragment on the floor."""
     at = np.minimum(np.searchsorted(numbers, el.body.berg), numbers.size - 1)
     rows = np.flatnonzero(numbers[at] == el.body.berg)
     fragment, first = at[rows], np.empty(numbers.size, np.int64)
@@ -148,7 +148,7 @@ def _measured(
     start = np.zeros(el.size, np.int64)
     start[rows] = first[fragment]
     x, y = _nearest(place.lon - place.lon[start], p), place.lat - place.lat[start]
-    gone_x, gone_y = _nearest(place.lon - before.place.lon, p), place.lat - before.place.lat
+    gone_x, gone_y = _nearest(place.lon - previous.place.lon, p), place.lat - previous.place.lat
     load = GRAVITY * mass_on_floor(el, p)
     # Drag may act on a keel that has not come to the floor yet: where nothing is carried, all elements aground count alike.
     weight = np.where(touching, np.maximum(load, 1.0), 0.0)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.engines.common.forces.media import on_the_floor
-from riftberg.engines.common.forces.sizes import sides_of
+from riftberg.engines.common.forces.sizes import count_sides
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import exposed_sides
@@ -72,26 +72,26 @@ class FragmentTree:
         """
         if elements.size == 0:
             return 0
-        part = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
-        count = int(part.max()) + 1
-        mass: Floats = np.bincount(part, weights=elements.mass, minlength=count).astype(np.float64)
-        number = self._inherited(part, mass, elements.berg)
+        component = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
+        count = int(component.max()) + 1
+        mass: Floats = np.bincount(component, weights=elements.mass, minlength=count).astype(np.float64)
+        number = self._inherited(component, mass, elements.berg)
         unnumbered = np.flatnonzero(number == 0)
-        cuts = _Cuts(part, elements, bonds)
+        cuts = _Cuts(component, elements, bonds)
         touching = on_the_floor(elements.body.thickness, elements.environment.depth, elements.keel.floor_load, p)
         # All rows of a part in turn, in their order.
-        order = np.argsort(part, kind="stable")
-        ends = np.cumsum(np.bincount(part))
-        known = len(self.rows)
+        order = np.argsort(component, kind="stable")
+        ends = np.cumsum(np.bincount(component))
+        recorded = len(self.rows)
         names = _Names(self.rows) if unnumbered.size else None
         first = order[np.append(0, ends)[unnumbered]]
-        parents, bergs = elements.body.berg[first].tolist(), self._bergs_at_start(first) if known == 0 else []
-        ids, single = elements.body.id[first].tolist(), _measures_of_single(first, elements)
-        on_ground = np.bincount(part[touching], minlength=count) + cuts.grounded > 0
+        parents, bergs = elements.body.berg[first].tolist(), self._name_initial_bergs(first) if recorded == 0 else []
+        ids, single = elements.body.id[first].tolist(), _measure_singles(first, elements)
+        on_ground = np.bincount(component[touching], minlength=count) + cuts.grounded > 0
         # A population begins with tens of thousands of bergs: what they are is found for all at once.
         for n, k in enumerate(unnumbered.tolist()):
             rows = order[ends[k - 1] if k else 0 : ends[k]]
-            parent = parents[n] if 0 < parents[n] <= known else 0
+            parent = parents[n] if 0 < parents[n] <= recorded else 0
             assert names is not None
             name = names.free(self.rows[self.origin(parent) - 1].name if parent else bergs[n] if bergs else "")
             row = Fragment(
@@ -101,7 +101,7 @@ class FragmentTree:
             number[k] = row.number
             self.rows.append(row)
         self.calved_from.clear()
-        elements.berg[:] = number[part]
+        elements.berg[:] = number[component]
         measure_outlines(elements, p)
         return count
 
@@ -111,7 +111,7 @@ class FragmentTree:
             number = self.rows[number - 1].parent
         return number
 
-    def _bergs_at_start(self, rows: Ints) -> list[str]:
+    def _name_initial_bergs(self, rows: Ints) -> list[str]:
         """Return the names of the bergs of the start to which elements belong; none where they are not known."""
         if not self.bergs:
             return []
@@ -119,17 +119,17 @@ class FragmentTree:
         berg = np.minimum(np.searchsorted(last, rows, side="right"), last.size - 1)
         return [self.bergs[k][0] for k in berg.tolist()]
 
-    def _inherited(self, part: Ints, mass: Floats, berg: Ints) -> Ints:
+    def _inherited(self, component: Ints, mass: Floats, berg: Ints) -> Ints:
         """Give the heaviest part of each known fragment its number; 0 for all other parts."""
         number = np.zeros(mass.size, np.int64)
         if not self.rows:
             return number
-        first = np.unique(part, return_index=True)[1]
+        first = np.unique(component, return_index=True)[1]
         old = berg[first]
-        some = np.flatnonzero(old > 0)
+        numbered = np.flatnonzero(old > 0)
         # By number, then from the heaviest to the lightest; of equals the first goes first.
-        some = some[np.lexsort((-mass[some], old[some]))]
-        keeping = some[np.unique(old[some], return_index=True)[1]]
+        numbered = numbered[np.lexsort((-mass[numbered], old[numbered]))]
+        keeping = numbered[np.unique(old[numbered], return_index=True)[1]]
         number[keeping] = old[keeping]
         return number
 
@@ -155,16 +155,16 @@ class _Names:
 class _Cuts:
     """Broken bonds that joined the parts to the rest of the fragment that they were one with, counted per part."""
 
-    def __init__(self, part: Ints, el: Elements, bonds: Bonds) -> None:
-        first, second = part[bonds.first], part[bonds.second]
+    def __init__(self, component: Ints, el: Elements, bonds: Bonds) -> None:
+        first, second = component[bonds.first], component[bonds.second]
         # Not those to pieces that had left the parent before: they set these free.
-        together = el.body.berg[bonds.first] == el.body.berg[bonds.second]
-        cut = (bonds.status != 0) & (first != second) & together
+        same_fragment = el.body.berg[bonds.first] == el.body.berg[bonds.second]
+        cut = (bonds.status != 0) & (first != second) & same_fragment
         # A cut counts for the parts on both of its sides.
         ends = np.concatenate([first[cut], second[cut]])
-        on_ground = np.tile(_of_grounded_cracks(el, bonds, (bonds.status != 0) & together)[cut], 2)
-        self.count = np.bincount(ends, minlength=part.max() + 1)
-        self.grounded = np.bincount(ends[on_ground], minlength=part.max() + 1)
+        on_ground = np.tile(_of_grounded_cracks(el, bonds, (bonds.status != 0) & same_fragment)[cut], 2)
+        self.count = np.bincount(ends, minlength=component.max() + 1)
+        self.grounded = np.bincount(ends[on_ground], minlength=component.max() + 1)
 
 
 def _of_grounded_cracks(el: Elements, bonds: Bonds, broken: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -188,15 +188,15 @@ def _measures(rows: Ints, el: Elements, period: float) -> tuple[float, float, in
     return lon, lat, rows.size, float((body.length * body.width)[rows].sum()), float(mass.sum())
 
 
-def _measures_of_single(rows: Ints, el: Elements) -> list[tuple[float, float, int, float, float]]:
-    """Return the same for each of some elements by itself."""
+def _measure_singles(rows: Ints, el: Elements) -> list[tuple[float, float, int, float, float]]:
+    """Return the same for bergs of one element each."""
     body, place = el.body, el.place
     mass, area = body.mass[rows], body.length[rows] * body.width[rows]
     means = [
         np.where(mass > 0.0, x[rows] * mass / np.where(mass > 0.0, mass, 1.0), x[rows]) for x in (place.lon, place.lat)
     ]
-    one = [1] * rows.size
-    return list(zip(means[0].tolist(), means[1].tolist(), one, area.tolist(), mass.tolist(), strict=True))
+    ones = [1] * rows.size
+    return list(zip(means[0].tolist(), means[1].tolist(), ones, area.tolist(), mass.tolist(), strict=True))
 
 
 def centroid(lon: Floats, lat: Floats, weight: Floats, period: float = 360.0) -> tuple[float, float]:
@@ -216,19 +216,19 @@ def measure_outlines(elements: Elements, p: KernelParameters) -> None:
     if p.forces_by_element:  # nothing there reads them
         return
     place, body = elements.place, elements.body
-    numbers, part = np.unique(body.berg, return_inverse=True)
+    numbers, component = np.unique(body.berg, return_inverse=True)
     count = numbers.size
-    share_sides(body.length, body.width, body.sides, body.bond_count, part, count, p, body.side_share)
-    area = np.bincount(part, body.length * body.width, count)
+    share_sides(body.length, body.width, body.sides, body.bond_count, component, count, p, body.side_share)
+    area = np.bincount(component, body.length * body.width, count)
     stale = np.zeros(count, bool)
-    stale[part[np.abs(body.berg_length * body.berg_width - area[part]) > 1e-12 * area[part]]] = True
+    stale[component[np.abs(body.berg_length * body.berg_width - area[component]) > 1e-12 * area[component]]] = True
     if not stale.any():
         return
     length, width = equivalent_rectangles(
-        place.lon, place.lat, body.length, body.width, part, count, p.latlon, p.earth_radius, p.period
+        place.lon, place.lat, body.length, body.width, component, count, p.latlon, p.earth_radius, p.period
     )
-    rows = stale[part]
-    body.berg_length[rows], body.berg_width[rows] = length[part[rows]], width[part[rows]]
+    rows = stale[component]
+    body.berg_length[rows], body.berg_width[rows] = length[component[rows]], width[component[rows]]
 
 
 @kernel
@@ -242,7 +242,8 @@ def _on_sphere(lon: float, lat: float, start: float, latlon: bool, period: float
 
 @kernel
 def equivalent_rectangles(
-    lon: Floats, lat: Floats, length: Floats, width: Floats, part: Ints, count: int, latlon: bool, radius: float, period: float
+    lon: Floats, lat: Floats, length: Floats, width: Floats, component: Ints, count: int, latlon: bool, radius: float,
+    period: float,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Length and width (m) of the rectangle with the area of each berg and the ratio of its principal second moments.
 
@@ -255,7 +256,7 @@ def equivalent_rectangles(
         Positions, degrees (m if not ``latlon``).
     length, width : ndarray
         Sides of the elements, m.
-    part : ndarray of int
+    component : ndarray of int
         Berg of each element, from 0.
     count : int
         Number of bergs.
@@ -266,36 +267,36 @@ def equivalent_rectangles(
     """
     first, number, area = np.full(count, -1, np.int64), np.zeros(count), np.zeros(count)
     ixx, iyy, ixy = np.zeros((3, count))
-    for e in range(part.size):
-        k = part[e]
+    for e in range(component.size):
+        k = component[e]
         if first[k] < 0:
             first[k] = e
         number[k] += 1.0
         area[k] += length[e] * width[e]
     # Centres on the sphere itself, and distances on the plane that touches it there: degrees of longitude are none at a pole.
     centre = np.zeros((count, 3))
-    for e in range(part.size):
-        k, a = part[e], length[e] * width[e]
+    for e in range(component.size):
+        k, a = component[e], length[e] * width[e]
         if number[k] > 1.0:
             x, y, z = _on_sphere(lon[e], lat[e], lon[first[k]], latlon, period)
             centre[k, 0] += a * x
             centre[k, 1] += a * y
             centre[k, 2] += a * z
-    for e in range(part.size):
-        k, a = part[e], length[e] * width[e]
+    for e in range(component.size):
+        k, a = component[e], length[e] * width[e]
         if number[k] > 1.0:
             x, y, z = _on_sphere(lon[e], lat[e], lon[first[k]], latlon, period)
             if latlon:
                 cx, cy, cz = centre[k]
-                along, whole = math.hypot(cx, cy), math.sqrt(cx * cx + cy * cy + cz * cz)
+                along, distance = math.hypot(cx, cy), math.sqrt(cx * cx + cy * cy + cz * cz)
                 c, s = (cx / along, cy / along) if along > 0.0 else (1.0, 0.0)
-                x, y = radius * (c * y - s * x), radius * (along * z - cz * (c * x + s * y)) / whole
+                x, y = radius * (c * y - s * x), radius * (along * z - cz * (c * x + s * y)) / distance
             else:
                 x, y = x - centre[k, 0] / area[k], y - centre[k, 1] / area[k]
             # An element of many may lie any way round: the mean of its own two moments counts along both axes.
-            own = (length[e] * length[e] + width[e] * width[e]) / 24.0
-            ixx[k] += a * (x * x + own)
-            iyy[k] += a * (y * y + own)
+            moment = (length[e] * length[e] + width[e] * width[e]) / 24.0
+            ixx[k] += a * (x * x + moment)
+            iyy[k] += a * (y * y + moment)
             ixy[k] += a * x * y
     long, short = np.empty(count), np.empty(count)
     for k in range(count):
@@ -304,21 +305,21 @@ def equivalent_rectangles(
             mean = 0.5 * (ixx[k] + iyy[k])
             ratio = math.sqrt((mean + half) / (mean - half))
         else:
-            one = first[k]
-            ratio = max(length[one], width[one]) / min(length[one], width[one])
+            single = first[k]
+            ratio = max(length[single], width[single]) / min(length[single], width[single])
         long[k], short[k] = math.sqrt(area[k] * ratio), math.sqrt(area[k] / ratio)
     return long, short
 
 
 @kernel
 def share_sides(
-    length: Floats, width: Floats, sides: Ints, bonds: Ints, part: Ints, count: int, p: KernelParameters, share: Floats
+    length: Floats, width: Floats, sides: Ints, bonds: Ints, component: Ints, count: int, p: KernelParameters, share: Floats
 ) -> None:  # fmt: skip
     """Write to ``share`` the part of the sides of its berg that each element bears: by the sides that no bond covers."""
     total = np.zeros(count)
-    for e in range(part.size):
-        share[e] = exposed_sides(bonds[e], sides_of(sides[e], p), p.bonds_on) * math.sqrt(length[e] * width[e])
-        total[part[e]] += share[e]
-    for e in range(part.size):
-        if total[part[e]] > 0.0:
-            share[e] /= total[part[e]]
+    for e in range(component.size):
+        share[e] = exposed_sides(bonds[e], count_sides(sides[e], p), p.bonds_on) * math.sqrt(length[e] * width[e])
+        total[component[e]] += share[e]
+    for e in range(component.size):
+        if total[component[e]] > 0.0:
+            share[e] /= total[component[e]]

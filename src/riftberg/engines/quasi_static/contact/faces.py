@@ -11,7 +11,7 @@ import numpy as np
 from riftberg.bergs.bonding import separations
 from riftberg.engines.common.broad_phase import NO_PAIRS, SEARCH_MARGIN, candidate_pairs
 from riftberg.engines.common.forces.sizes import Sizes
-from riftberg.engines.common.land import NearPairs, metric_of, movable
+from riftberg.engines.common.land import NearPairs, kernel_metric, movable
 from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, tangent_coordinates
@@ -38,7 +38,7 @@ from riftberg.engines.quasi_static.contact.islands import (
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, Footprints, body_footprint
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import near_pairs
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 DRIVEN: Final = 2e-4
 """Acceleration (m s-2) at which media drive two bergs together at most: twice the Coriolis acceleration at 0.7 m/s."""
@@ -111,7 +111,7 @@ class FaceContact:
             farthest, offset = np.zeros(footprints.element.size), footprints.corner - footprints.centre[polygon_element]
             np.maximum.at(farthest, polygon_element, np.hypot(offset[:, 0], offset[:, 1]))
             self._reach = footprints, farthest
-        rows = rows_of(footprints.element, body.id)[0]
+        rows = find_rows(footprints.element, body.id)[0]
         return np.asarray(self._reach[1][rows] * np.sqrt(body.length * body.width / footprints.size[rows]))
 
     def force(self, model: RunState) -> Floats:
@@ -120,7 +120,7 @@ class FaceContact:
         lasting = s[:, SINCE] >= LASTING
         if not lasting.any():
             return force
-        rows, is_present = rows_of(model.elements.body.id, self.pairs.pair.ravel())
+        rows, is_present = find_rows(model.elements.body.id, self.pairs.pair.ravel())
         rows, selected = rows.reshape(-1, 2), is_present.reshape(-1, 2).all(axis=1) & lasting
         for side, sign, torque in ((0, -1.0, TORQUE_1), (1, 1.0, TORQUE_2)):
             push = np.column_stack([sign * s[:, PUSH_X], sign * s[:, PUSH_Y], s[:, torque]])
@@ -179,7 +179,7 @@ class FaceContact:
                 lon[free], lat[free], bodies.body[free], SEARCH_MARGIN * reach, c.latlon, c.earth_radius, c.period
             )
         first, second = free[first], free[second]
-        separation = np.column_stack(separations(metric_of(c), lon[first], lat[first], lon[second], lat[second]))
+        separation = np.column_stack(separations(kernel_metric(c), lon[first], lat[first], lon[second], lat[second]))
         gaps = face_gaps(first, second, separation, self._orient_polygons(polygons, el, levers))
         selected = gaps[:, 0] <= within
         return NearPairs(first[selected], second[selected], gaps[selected, 0], gaps[selected, 1:])

@@ -25,7 +25,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.crack_tip import hoop_intensity
 from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 if TYPE_CHECKING:  # the lattice loads scipy.spatial, half a second that runs by explicit schemes do not wait for
     from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
@@ -145,7 +145,7 @@ class CrackPaths:
         """Return the tips in the frames of their fragments, without those whose elements have parted or melted away."""
         if self._standing[0] is self.tips:
             return self._standing[1]
-        rows, is_present = rows_of(self._ids, self.tips.beside.ravel())
+        rows, is_present = find_rows(self._ids, self.tips.beside.ravel())
         a, b = rows.reshape(-1, 2).T
         here = is_present.reshape(-1, 2).all(axis=1)
         tips = []

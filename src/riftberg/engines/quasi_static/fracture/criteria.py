@@ -22,7 +22,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.config.parameter_groups import Fracture
-from riftberg.engines.common.laws import Ratios, name_of, to_read
+from riftberg.engines.common.laws import Ratios, law_name, to_read
 from riftberg.engines.common.reserves import bond_strengths
 from riftberg.engines.quasi_static.fracture.crack_paths import CrackPaths, TipIntensity
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness, CellStresses
@@ -247,7 +247,7 @@ class OwnRatios:
 
     def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
-        where = f"Laws, fracture: {name_of(self._ratios)}"
+        where = f"Laws, fracture: {law_name(self._ratios)}"
         seen = [moment.stress, moment.deformation, moment.displacement, moment.load, moment.intact]
         seen += [moment.tensor, moment.triangle_stress]
         with to_read((seen, moment.lattice, strengths), "equilibrium", where):

@@ -39,7 +39,7 @@ from riftberg.ocean.forcing import Forcing
 from riftberg.physics.floating import draft_of
 from riftberg.physics.seabed import POISSON, UNBENT_MODULUS, bending_stress
 from riftberg.state import Floats, Ints
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 from riftberg.state.variables import LARGEST, Keel
 
 FARTHEST: Final = 512.0
@@ -201,7 +201,7 @@ class Seabed:
         xy, body = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius), index[bodies.body[rows]]
         prints = self._footprints.follow(model)
         footprint = body_footprint(prints, el, rows, xy, body, shrinks=False)
-        size = prints.size[rows_of(prints.element, el.body.id[rows])[0]]
+        size = prints.size[find_rows(prints.element, el.body.id[rows])[0]]
         pads = cut_into_pads(footprint, body, numbers.size, xy[rows], side)
         shoal.keels = Keels(numbers, side, pads, size, shoal.survey, bodies.pose[numbers])
         return shoal.keels

@@ -34,7 +34,7 @@ from riftberg.engines.quasi_static.lattice.triangles import (
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import principal
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 NEGLIGIBLE = 1e-12
 """Eigenvalues of the loss of stiffness by a break, in parts of the stiffness before, that count as round-off."""
@@ -56,7 +56,7 @@ class CellTopology:
     def __init__(self, cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints) -> None:
         self._made_for = self._key(cells, el, bonds, body)
         mesh, self.elements = cells.mesh, el.size
-        self.row, self.living = row, living = rows_of(el.body.id, cells.element)
+        self.row, self.living = row, living = find_rows(el.body.id, cells.element)
         on_outline = mesh.owner.size - mesh.cells
         number = np.arange(el.size - mesh.cells, el.size + on_outline)
         number[: mesh.cells] = row
@@ -66,7 +66,7 @@ class CellTopology:
         self.static[number] = living[mesh.owner] & (el.static[row[mesh.owner]] >= 0.5)
 
         # A bond that is gone is broken, and edges at ice that has melted away are free.
-        self.bond_number = rows_of(cells.bond, bonds.id)[0]
+        self.bond_number = find_rows(cells.bond, bonds.id)[0]
         self.broken = np.ones(mesh.bonds, bool)
         self.broken[self.bond_number[bonds.status == 0]] = False
         lost = ~living[mesh.owner[mesh.triangle]]

@@ -40,7 +40,7 @@ from riftberg.engines.common.lattices import ice_on_plane, laid_flat, lattices
 from riftberg.errors import BergError, RunError
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 Booleans = NDArray[np.bool_]
 
@@ -388,7 +388,7 @@ def add_new_cells(
     ``outlines``: polygons (shapely) in the coordinates of positions, each of which its elements fill. Ice without one ends
     where its elements do.
     """
-    has_cell = np.zeros(el.size, bool) if cells is None else rows_of(cells.element, el.body.id)[1]
+    has_cell = np.zeros(el.size, bool) if cells is None else find_rows(cells.element, el.body.id)[1]
     if cells is not None and has_cell.all():
         return cells
     if (has_cell[bonds.first] != has_cell[bonds.second]).any():

@@ -20,12 +20,12 @@ import numpy as np
 import shapely
 from shapely.ops import split
 
-from riftberg.engines.common.forces.sizes import interaction_sizes, sides_of
-from riftberg.engines.common.lattices import laid_flat, lattices, outline_of_cells
+from riftberg.engines.common.forces.sizes import count_sides, interaction_sizes
+from riftberg.engines.common.lattices import laid_flat, lattices, outline_cells
 from riftberg.engines.common.run_state import RunState
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.population import rows_of
+from riftberg.state.population import find_rows
 
 
 class Footprints(NamedTuple):
@@ -64,7 +64,7 @@ def add_new_footprints(
     ``outlines``: polygons (shapely) in the coordinates of positions, each of which its elements fill. Ice without one ends
     where its elements do.
     """
-    has_footprint = np.zeros(el.size, bool) if footprints is None else rows_of(footprints.element, el.body.id)[1]
+    has_footprint = np.zeros(el.size, bool) if footprints is None else find_rows(footprints.element, el.body.id)[1]
     if footprints is not None and has_footprint.all():
         return footprints
     radius = interaction_sizes(el, p).radius
@@ -85,7 +85,7 @@ def add_new_footprints(
 def _make_lone_footprints(el: Elements, rows: Ints, radius: Floats, p: KernelParameters) -> Footprints:
     """Footprints of bergs of one element, all at once: squares or hexagons about circles of ``radius`` (m)."""
     kinds, kind = np.unique(el.body.sides[rows], return_inverse=True)
-    sides = np.array([6 if sides_of(int(number), p) == 6 else 4 for number in kinds])[kind]
+    sides = np.array([6 if count_sides(int(number), p) == 6 else 4 for number in kinds])[kind]
     owner = np.repeat(np.arange(rows.size), sides)
     start = np.concatenate([[0], np.cumsum(sides)]).astype(np.int64)
     angle = (np.arange(owner.size) - start[owner] + 0.5) * (2.0 * np.pi / sides[owner])
@@ -105,9 +105,9 @@ def _make_footprints(
         index[rows] = np.arange(rows.size)
         bonded = np.flatnonzero((index[bonds.first] >= 0) & (index[bonds.second] >= 0))
         along = xy[index[bonds.second[bonded[0]]]] - xy[index[bonds.first[bonded[0]]]] if bonded.size else (1.0, 0.0)
-        hexagonal = sides_of(int(el.body.sides[rows[0]]), p) == 6
+        hexagonal = count_sides(int(el.body.sides[rows[0]]), p) == 6
         packing = "hexagonal" if hexagonal else "square"
-        ice = outline_of_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
+        ice = outline_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
     size = el.body.length[rows] * el.body.width[rows]
@@ -185,14 +185,14 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
     for owner, ring in zip(footprints.owner, np.split(footprints.corner, footprints.start[1:-1]), strict=True):
         rings[owner].append(ring)
     berg = np.zeros(footprints.element.size, np.int64)  # 0: melted away
-    rows, is_present = rows_of(el.body.id, footprints.element)
+    rows, is_present = find_rows(el.body.id, footprints.element)
     berg[is_present] = el.berg[rows[is_present]]
     for crack in np.unique(bonds.crack[new]).tolist():
         rows = parted[bonds.crack[parted] == crack]
         rows = rows[np.argsort(bonds.crack_order[rows])]
         for run in np.split(rows, np.flatnonzero(np.diff(bonds.crack_order[rows]) != 1) + 1):
             if run.size > 1 and np.isin(run, new).any():  # a line of one crossing has no direction
-                i, j = (rows_of(footprints.element, el.body.id[ends[run]])[0] for ends in (bonds.first, bonds.second))
+                i, j = (find_rows(footprints.element, el.body.id[ends[run]])[0] for ends in (bonds.first, bonds.second))
                 _divide(rings, footprints, berg, i, j, bonds.crack_part[run])
     all_rings = [ring for element_rings in rings for ring in element_rings]
     return footprints._replace(
@@ -252,7 +252,7 @@ def body_footprint(
     ``body``: fragment of each of the elements ``rows``; one where none is given. ``shrinks``: whether they have melted from the
     sides since they were made.
     """
-    footprint_row, has_footprint = rows_of(footprints.element, el.body.id[rows])
+    footprint_row, has_footprint = find_rows(footprints.element, el.body.id[rows])
     assert has_footprint.all()
     body = np.zeros(rows.size, np.int64) if body is None else body
     count, number = int(body.max(initial=0)) + 1, np.bincount(body)
