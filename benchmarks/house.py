@@ -183,6 +183,35 @@ def without_reason(folder: Path) -> list[str]:
     return found
 
 
+EMPTY_WORDS = frozenset({
+    "said", "told", "asked", "own", "noted", "held", "given", "taken", "there", "near", "away", "found", "now",
+    "before", "whole", "theirs", "made", "shown", "kept", "wanted", "one", "both", "some", "several", "this", "that",
+    "what", "named", "known", "begun", "done", "meant", "called", "place", "places", "way", "ways", "part", "parts",
+    "apart", "together", "around", "still",
+})  # fmt: skip
+"""Names that say nothing of what a value is."""
+
+PREPOSITIONS = frozenset({"of", "as", "from", "with", "in", "at", "to", "by", "on", "for", "into", "over", "under"})
+
+
+def empty_names(trees: dict[str, ast.Module]) -> tuple[Counter[str], int]:
+    """Return how often names are bound that are one of `EMPTY_WORDS`, and how often any name is."""
+    nodes = [node for tree in trees.values() for node in ast.walk(tree)]
+    bound = [n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)]
+    bound += [n.arg for n in nodes if isinstance(n, ast.arg)]
+    return Counter(name for name in bound if name in EMPTY_WORDS), len(bound)
+
+
+def named_by_preposition(trees: dict[str, ast.Module]) -> list[str]:
+    """Return the functions whose name ends in a preposition, or has one after a noun (``field_of_x``); constructors apart."""
+    found = []
+    for name, node, _ in functions(trees):
+        words = node.name.strip("_").split("_")
+        if len(words) > 1 and (words[-1] in PREPOSITIONS or words[1] in ("of", "at")):
+            found.append(f"{name}.{node.name}")
+    return found
+
+
 def twice_named(trees: dict[str, ast.Module]) -> dict[str, list[str]]:
     """Return the names of classes and of functions of modules that are defined in more than one module."""
     homes: dict[str, list[str]] = defaultdict(list)
