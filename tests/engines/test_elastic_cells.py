@@ -491,7 +491,7 @@ def test_a_bond_that_fails_near_a_tip_is_the_tips_and_farther_off_begins_a_crack
     tip = Tip(0, 0, np.array([50.0 + 100.0 * away, 0.0]), np.array([0.0, 1.0]), 100.0)
     told: list[str] = []
     paths.standing = lambda: [tip]
-    paths.ahead = lambda tip, stress, intensity: Crossing(2, 0.5, tip)
+    paths.find_crossing = lambda tip, stress, intensity: Crossing(2, 0.5, tip)
     paths._step, paths._drop = (lambda *_: told.append("on")), lambda ended: None
     paths._start = lambda *_: told.append("new")
     bond = paths.next_bond(0, False, np.zeros(3), unused, np.full(4, 2.0), np.ones(4))

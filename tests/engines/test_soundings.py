@@ -121,13 +121,13 @@ def test_a_floor_is_sounded_once_on_the_way_over_it() -> None:
 def landing_loads(monkeypatch: pytest.MonkeyPatch, sea: Any, *, every: bool) -> np.ndarray:
     """Loads of the floor by step; ``every``: all pads are looked at in every step, whatever is known of the floor."""
     if every:
-        around = Soundings.around
+        around = Soundings.find_tiles
 
         def steep(self: Any, *args: Any) -> Any:
             floor = around(self, *args)
             return floor._replace(least=np.full(floor.least.shape, -1e4), slope=np.full(floor.slope.shape, 1e3))
 
-        monkeypatch.setattr(Soundings, "around", steep)
+        monkeypatch.setattr(Soundings, "find_tiles", steep)
     berg = Iceberg.rectangle(9e3, 6e3, thickness=250.0, placement=(0.0, -60.0), velocity=(0.5, 0.1), radius=750.0)
     model = Model(berg, sea, Parameters(fracture={"enabled": False}))
     loads = []
