@@ -339,12 +339,19 @@ def value_shown(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:60]} ... {text[-15:]}"
 
 
+PACKAGE = Path(__file__).parents[1]
+"""Folder of our own code."""
+
+
 def because(error: BaseException) -> str:
     """Return in brackets why the machine or our own code refused something, and in which line; nothing of a library's text."""
     if isinstance(error, OSError) and error.strerror and (error.errno or 0) > 0:
         return f" ({shown(refusal(error))})"
     frames = traceback.extract_tb(error.__traceback__)
-    ours = not frames or ("riftberg" in Path(frames[-1].filename).parts and str(frames[-1].line).startswith("raise"))
+    # The environment of a clone lies in a folder of the same name, and with it every library.
+    ours = not frames or (
+        Path(frames[-1].filename).is_relative_to(PACKAGE) and str(frames[-1].line).startswith("raise")
+    )
     if ours and (lines := [line.strip() for line in str(error).splitlines() if line.strip()]):
         return f" ({shortened(shown(lines[0]), 160).rstrip('.')})"
     line = getattr(error, "lineno", None)
