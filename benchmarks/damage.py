@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from story import SMALL, put, table
+from story import SMALL, print_tables, table
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics.summary import breakups
@@ -91,12 +91,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--write", action="store_true", help="put them into the documentation")
     write = parser.parse_args().write
-    page = PAGE.read_text("utf-8")
-    for name, text in (("damage", table(("strength", *TIMES), rows())), ("borne", borne())):
-        print(text, end="\n\n")
-        page = put(page, name, text)
-    if write:
-        PAGE.write_text(page, "utf-8")
+    print_tables(PAGE, {"damage": table(("strength", *TIMES), rows()), "borne": borne()}, write=write)
     return 0
 
 

@@ -363,7 +363,7 @@ def row(name: str, case: Callable[[float], Any], coarse: float, fine: float) -> 
 
 def main() -> None:
     """Work all cases, print the tables, write them where that is asked for."""
-    from story import put, table  # here, for the plate itself takes nothing of the package
+    from story import print_tables, table  # here, for the plate itself takes nothing of the package
 
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--write", action="store_true", help=f"put the tables into {PAGE.name}")
@@ -375,12 +375,7 @@ def main() -> None:
         "plate theory": table(("load", "plate", "theory"), list(theory())),
         "plate on a bed": table(("case", "way", "way in still water", "load", "coarser mesh"), rows),
     }
-    page = PAGE.read_text("utf-8")
-    for name, text in tables.items():
-        print(text)
-        page = put(page, name, text)
-    if write:
-        PAGE.write_text(page, "utf-8")
+    print_tables(PAGE, tables, write=write)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from story import put, table
+from story import print_tables, table
 
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.constants import GRAVITY, SECONDS_PER_DAY
@@ -121,10 +121,7 @@ def main() -> int:
         for scale, rms, tips in CASES:
             rows.append(lived(giant, scale, rms, tips))
             print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
-    text = table(HEAD, rows)
-    print(text)
-    if asked.write:
-        PAGE.write_text(put(PAGE.read_text("utf-8"), "quiet years", text), "utf-8")
+    print_tables(PAGE, {"quiet years": table(HEAD, rows)}, write=asked.write)
     return 0
 
 

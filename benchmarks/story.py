@@ -11,7 +11,7 @@ import argparse
 import math
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -318,6 +318,16 @@ def put(page: str, name: str, text: str) -> str:
     return f"{before}{begin}\n\n{text}\n\n{end}{rest.partition(end)[2]}"
 
 
+def print_tables(page: Path, tables: Mapping[str, str], *, write: bool) -> None:
+    """Print tables by their marks, and put them into a page where that is asked for."""
+    text = page.read_text("utf-8")
+    for name, made in tables.items():
+        print(made, end="\n\n")
+        text = put(text, name, made)
+    if write:
+        page.write_text(text, "utf-8")
+
+
 def told_rows(runs: Iterable[Run]) -> Iterator[tuple[str, ...]]:
     """Run all rows, and say which is done."""
     for run in runs:
@@ -335,12 +345,7 @@ def main() -> int:
     tables = {"explicit": table(HEAD, told_rows(EXPLICIT))}
     if not asked.explicit:
         tables |= {"storyline": table(ASKED, storyline()), "story": table(HEAD, told_rows(RUNS))}
-    page = PAGE.read_text("utf-8")
-    for name, text in tables.items():
-        print(text, end="\n\n")
-        page = put(page, name, text)
-    if asked.write:
-        PAGE.write_text(page, "utf-8")
+    print_tables(PAGE, tables, write=asked.write)
     return 0
 
 

@@ -12,12 +12,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from story import put, table
+from story import print_tables, table
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.physics.calving import INSTANT_MODULUS, foot_length, piece_width, relaxed_modulus
 from riftberg.physics.crevasses import prestress, reserve, tension_at_depth
-from riftberg.physics.edge_bending import bending_stress, flexural_length, foot_moment, front_moment
+from riftberg.physics.edge_bending import flexural_length, foot_moment, front_moment, surface_stress
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "strength.md"
 
@@ -98,7 +98,7 @@ def fronts() -> str:
     """Return the bending of fronts."""
     density = dict(ICE)
     rows = [
-        (f"{h} m, {density[h]} kg m⁻³", f"{asked}", f"{1e-3 * bending_stress(front_moment(h, density[h]), h):.0f}")
+        (f"{h} m, {density[h]} kg m⁻³", f"{asked}", f"{1e-3 * surface_stress(front_moment(h, density[h]), h):.0f}")
         for h, asked in FRONTS.items()
     ]
     return table(("front", "asked, kPa", "reached, kPa"), rows)
@@ -123,7 +123,7 @@ def feet() -> str:
         least, most, length = 0.0, 200.0, flexural_length(youngs, 200.0)
         for _ in range(50):
             middle = 0.5 * (least + most)
-            bent = bending_stress(foot_moment(middle, 200.0, 850.0, length)[0], 200.0)
+            bent = surface_stress(foot_moment(middle, 200.0, 850.0, length)[0], 200.0)
             least, most = (middle, most) if bent < 250e3 else (least, middle)
         there = foot_moment(least, 200.0, 850.0, length)[1]
         law = f"{foot_length(200.0, youngs, 250e3, 850.0):.0f} m, {piece_width(200.0, youngs):.0f} m"
@@ -163,13 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--write", action="store_true", help=f"put the tables into {PAGE.name}")
     asked = parser.parse_args(arguments)
-    page = PAGE.read_text("utf-8")
-    for name, make in TABLES.items():
-        text = make()
-        print(text, end="\n\n")
-        page = put(page, name, text)
-    if asked.write:
-        PAGE.write_text(page, "utf-8")
+    print_tables(PAGE, {name: make() for name, make in TABLES.items()}, write=asked.write)
     return 0
 
 

@@ -10,7 +10,7 @@ import pytest
 from riftberg import constants
 
 SOURCES = Path(constants.__file__).parent
-LAWS = [p for room in ("physics", "engines/common") for p in sorted((SOURCES / room).glob("*.py"))]
+LAWS = [p for room in ("physics", "engines", "engines/common") for p in sorted((SOURCES / room).glob("*.py"))]
 ALL = [p for p in sorted(SOURCES.rglob("*.py")) if p.name != "constants.py"]
 VALUES = {name: value for name, value in vars(constants).items() if name.isupper() and isinstance(value, float)}
 ORDINARY = {
@@ -26,15 +26,9 @@ ORDINARY = {
 
 
 def numbers(path: Path) -> set[float]:
-    """Every number written in a file but in tables, and the values of ``math.pi / 180``."""
+    """Every number written in a file, and the values of ``math.pi / 180``."""
     tree = ast.parse(path.read_text())
-    rows = (n for n in ast.walk(tree) if isinstance(n, ast.Tuple) and len(n.elts) >= 4)  # of a table, not a constant
-    tabled = {id(n) for row in rows for n in row.elts}
-    found = {
-        float(n.value)
-        for n in ast.walk(tree)
-        if isinstance(n, ast.Constant) and type(n.value) in (int, float) and id(n) not in tabled
-    }
+    found = {float(n.value) for n in ast.walk(tree) if isinstance(n, ast.Constant) and type(n.value) in (int, float)}
     quotients = (n for n in ast.walk(tree) if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Div))
     degrees = (n for n in quotients if ast.unparse(n) == "math.pi / 180.0")
     return found | {constants.DEGREE for _ in degrees}

@@ -22,11 +22,11 @@ from riftberg.physics.crevasses import prestress
 from riftberg.physics.edge_bending import (
     FOOT_AT_CORNER,
     FRONT_AT_CORNER,
-    at_corner,
-    bending_stress,
+    corner_factor,
     flexural_length,
     foot_moment,
     front_moment,
+    surface_stress,
 )
 from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
@@ -106,19 +106,19 @@ def edge_bending(ice: EdgeIce, parameters: Parameters, feet: Feet | None = None)
     width = float(np.hypot(*sides.T).min())
     bends = flexural_length(feet.youngs if feet else INSTANT_MODULUS, float(thickness.max()))
     step, side = (min(STEP * spacing, NARROW * width), max(bends, LONG_SIDES * spacing)) if x.size > 1 else (0.0, bends)
-    found = _corners(outline, step, side)
+    corners = _find_corners(outline, step, side)
     thickest = int(thickness.argmax())
     edges: list[tuple[float, Floats, float | None]] = [(float(thickness[thickest]), at[thickest], None)]
-    edges += [(float(thickness[np.hypot(*(at - p).T).argmin()]), p, angle) for p, angle in found]
+    edges += [(float(thickness[np.hypot(*(at - p).T).argmin()]), p, angle) for p, angle in corners]
 
     def largest(stresses: list[tuple[float, float]]) -> BentEdge:
         k = int(np.argmax([stress for stress, _ in stresses]))
-        _, place, angle = edges[k]
-        lon, lat = plane.inverse(*place)
+        _, position, angle = edges[k]
+        lon, lat = plane.inverse(*position)
         return BentEdge(*stresses[k], float(lon), float(lat), angle)
 
     front = largest([
-        (bending_stress(front_moment(h, density), h) * (at_corner(FRONT_AT_CORNER, angle) if angle else 1.0), 0.0)
+        (surface_stress(front_moment(h, density), h) * (corner_factor(FRONT_AT_CORNER, angle) if angle else 1.0), 0.0)
         for h, _, angle in edges
     ])  # fmt: skip
     if feet is None or feet.length <= 0.0:
@@ -129,8 +129,8 @@ def edge_bending(ice: EdgeIce, parameters: Parameters, feet: Feet | None = None)
         strip, inland = foot_moment(feet.length, h, density, length, width)
         wide, _ = foot_moment(feet.length, h, density, length)
         # A narrow berg bends as a strip, corners and all; a wide one most at its sharpest corner.
-        at_most = max(strip, wide * at_corner(FOOT_AT_CORNER, angle)) if angle else strip
-        stresses.append((bending_stress(at_most, h), inland))
+        at_most = max(strip, wide * corner_factor(FOOT_AT_CORNER, angle)) if angle else strip
+        stresses.append((surface_stress(at_most, h), inland))
     return EdgeBending(front, largest(stresses))
 
 
@@ -144,13 +144,13 @@ def _spacing(centres: Floats, area: Floats) -> float:
     return max(side, float(np.median(KDTree(centres).query(centres, 2)[0][:, 1])))
 
 
-def _corners(outline: Any, step: float, side: float) -> list[tuple[Floats, float]]:
+def _find_corners(outline: Any, step: float, side: float) -> list[tuple[Floats, float]]:
     """Return corners of an outline without its steps, and the angles of the ice there (degrees), between sides as long."""
     ring = np.asarray(orient(shapely.simplify(outline, step)).exterior.coords)[:-1]
-    before, after = np.roll(ring, 1, axis=0) - ring, np.roll(ring, -1, axis=0) - ring
-    turn = np.arctan2(*before.T[::-1]) - np.arctan2(*after.T[::-1])
+    to_previous, to_next = np.roll(ring, 1, axis=0) - ring, np.roll(ring, -1, axis=0) - ring
+    turn = np.arctan2(*to_previous.T[::-1]) - np.arctan2(*to_next.T[::-1])
     angle = np.degrees(turn) % 360.0
-    long = np.minimum(np.hypot(*before.T), np.hypot(*after.T)) >= side
+    long = np.minimum(np.hypot(*to_previous.T), np.hypot(*to_next.T)) >= side
     return [(ring[k], float(angle[k])) for k in np.flatnonzero(long)]
 
 
@@ -171,20 +171,20 @@ def berg_edges(el: Elements, rows: NDArray[np.bool_], parameters: Parameters, yo
 
 def edge_lines(scene: Scene) -> list[str]:
     """Return in a sentence how much the fronts of the largest berg of a run bend at its start, beside the pre-stress."""
-    there = scene.there[0]
-    numbers, areas = scene.berg[0][there], scene.area[there]
+    present = scene.there[0]
+    numbers, areas = scene.berg[0][present], scene.area[present]
     if not numbers.size:
         return []
-    largest = there.copy()
-    largest[there] = numbers == np.bincount(numbers, areas).argmax()
+    largest = present.copy()
+    largest[present] = numbers == np.bincount(numbers, areas).argmax()
     side = np.sqrt(scene.area[largest])
     ice = EdgeIce(scene.x[0][largest], scene.y[0][largest], side, side, scene.thickness(0)[largest])
     parameters = scene.parameters
     front = edge_bending(ice, parameters).front
     where = place_text(front.lon, front.lat, latlon=parameters.earth.latlon, digits=2)
     corner = f", a corner of {front.corner:.0f} degrees" if front.corner else ""
-    own = prestress(float(np.average(ice.thickness, weights=ice.area)), parameters.ice.density)
+    at_rest = prestress(float(np.average(ice.thickness, weights=ice.area)), parameters.ice.density)
     return [
         f"The water bends the fronts by up to {front.stress / 1e3:.0f} kPa of tension at the top (at {where}{corner}), beside a "
-        f"pre-stress of {own / 1e3:.0f} kPa: fronts carry crevasses, and this breaks none."
+        f"pre-stress of {at_rest / 1e3:.0f} kPa: fronts carry crevasses, and this breaks none."
     ]

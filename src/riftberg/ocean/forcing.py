@@ -138,9 +138,12 @@ class Forcing:
 
 
 class WrappedForcing(Forcing):
-    """Changes the values of another forcing at the elements; all else comes from the other one."""
+    """Changes the values of another forcing at the elements; all else comes from the other one.
 
-    def __init__(self, forcing: Forcing) -> None:
+    An object of another class that samples may be inside too: its own attributes answer, and the defaults where it has none.
+    """
+
+    def __init__(self, forcing: Any) -> None:
         self.forcing = forcing
 
     def __getattr__(self, name: str) -> Any:
@@ -150,39 +153,27 @@ class WrappedForcing(Forcing):
         return getattr(self.forcing, name)
 
 
-def _of_wrapped(name: str) -> property:
-    return property(lambda self: getattr(self.forcing, name))
+def _delegate(name: str) -> property:
+    """Return a property that answers by the forcing inside."""
 
-
-_ANSWERS = tuple(name for name in vars(Forcing) if not name.startswith("_"))
-# What the base class declares would be found there, never at the forcing inside.
-for _name in _ANSWERS:
-    setattr(WrappedForcing, _name, _of_wrapped(_name))
-
-
-class OutsideForcing(WrappedForcing):
-    """An object of another class that samples: it answers with its own attributes, and by default for the rest."""
-
-    def __init__(self, forcing: Any) -> None:
-        super().__init__(forcing)
-
-
-def _of_outside(name: str) -> property:
-    def answer(self: OutsideForcing) -> Any:
-        return getattr(self.forcing if hasattr(self.forcing, name) else super(WrappedForcing, self), name)
+    def answer(self: WrappedForcing) -> Any:
+        inside = self.forcing
+        answers = isinstance(inside, Forcing) or hasattr(inside, name)
+        return getattr(inside if answers else super(WrappedForcing, self), name)
 
     return property(answer)
 
 
-for _name in _ANSWERS:
-    setattr(OutsideForcing, _name, _of_outside(_name))
+# Attributes that the base class declares would be read from it, never from the forcing inside.
+for _name in [name for name in vars(Forcing) if not name.startswith("_")]:
+    setattr(WrappedForcing, _name, _delegate(_name))
 
 
 def as_forcing(candidate: Any) -> Any:
     """Return a forcing; an object of another class that has ``sample`` is wrapped, anything else comes back unchanged."""
     if isinstance(candidate, Forcing | type) or not callable(getattr(candidate, "sample", None)):
         return candidate
-    return OutsideForcing(candidate)
+    return WrappedForcing(candidate)
 
 
 class SharedLock:

@@ -22,14 +22,14 @@ from typing import Final
 import numpy as np
 
 from riftberg.constants import GRAVITY, RHO_SEAWATER
-from riftberg.physics.calving import buoyancy_length
+from riftberg.physics.seabed import POISSON, bending_length
 
 CORNERS: Final = (30.0, 45.0, 60.0, 90.0, 180.0, 270.0)
 """Angles of the ice at a corner, degrees."""
 
-FRONT_AT_CORNER: Final = (1.0, 1.0, 1.10, 1.05, 1.0, 1.0)
-FOOT_AT_CORNER: Final = (2.2, 1.6, 1.4, 1.15, 1.0, 1.06)
-"""Largest moment at corners over that of a straight edge."""
+FRONT_AT_CORNER: Final = (0.0, 0.0, 10.0, 5.0, 0.0, 0.0)
+FOOT_AT_CORNER: Final = (120.0, 60.0, 40.0, 15.0, 0.0, 6.0)
+"""Percent by which the largest moment at a corner exceeds the moment of a straight edge."""
 
 WIDE: Final = 12.0
 """Width of a strip in lambda from which on its edges do not feel each other."""
@@ -37,7 +37,7 @@ WIDE: Final = 12.0
 
 def flexural_length(youngs: float, thickness: float) -> float:
     """Return lambda (m) of ice with a Young's modulus (Pa) and a thickness (m): 1273 m for 9 GPa and 200 m."""
-    return math.sqrt(2.0) * buoyancy_length(thickness, youngs)
+    return math.sqrt(2.0) * bending_length(youngs, POISSON, thickness)
 
 
 def front_moment(thickness: float, rho_ice: float) -> float:
@@ -76,11 +76,11 @@ def foot_moment(
     return float(moment[largest]), float((half - y[largest]) * length)
 
 
-def at_corner(factors: tuple[float, ...], angle: float) -> float:
-    """Return the factor of a corner by the angle of its ice, degrees."""
-    return float(np.interp(angle, CORNERS, factors))
+def corner_factor(excess: tuple[float, ...], angle: float) -> float:
+    """Return the moment at a corner over the moment of a straight edge; ``angle`` of the ice, degrees."""
+    return 1.0 + float(np.interp(angle, CORNERS, excess)) / 100.0
 
 
-def bending_stress(moment: float, thickness: float) -> float:
+def surface_stress(moment: float, thickness: float) -> float:
     """Return the tension (Pa) that a moment (N) makes at a surface: ``6 M / H^2``."""
     return 6.0 * moment / thickness**2

@@ -220,15 +220,15 @@ def _starts(path: Path) -> Iterator[Start]:
                 remedy="Leave the row out",
             )  # fmt: skip
         date, before = parse_date(texts["date"], where=where)[0], {}
-        place = values.get("lon_before", np.nan), values.get("lat_before", np.nan)
-        if texts.get("date_before") and (np.isnan(place).any() or is_seen(*place)):
+        previous = values.get("lon_before", np.nan), values.get("lat_before", np.nan)
+        if texts.get("date_before") and (np.isnan(previous).any() or is_seen(*previous)):
             earlier = parse_date(texts["date_before"], where=where)[0]
-            if not earlier < date or np.isnan(place).any():
+            if not earlier < date or np.isnan(previous).any():
                 raise InputError(
-                    f"{earlier} and {place} are no earlier date and position", where=where,
+                    f"{earlier} and {previous} are no earlier date and position", where=where,
                     remedy="Give date_before, lon_before and lat_before, or leave all three empty",
                 )  # fmt: skip
-            before[earlier] = place
+            before[earlier] = previous
         start = Start(texts["berg"], date, values["lon"], values["lat"], before, columns=values)
         if lines.setdefault(start.key, line) != line:
             raise InputError(
