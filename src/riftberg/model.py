@@ -31,6 +31,7 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.common.slenderness import narrow_warning
 from riftberg.engines.common.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
 from riftberg.engines.common.stepper import Stepper, complete_state, sample_new_elements
+from riftberg.engines.common.time_step import LONG_STEP, choose_time_step
 from riftberg.engines.schemes import assign_substeps, check_long_step, make_stepper, resonance_warning, size_bins
 from riftberg.errors import InputError
 from riftberg.life.coming import COMING, bear, coming, coming_text, parted_by_date
@@ -113,6 +114,8 @@ class BareModel(RunState):
     """
 
     remembered: dict[str, Floats]
+    _chooses_time_step = False  # Whether another one may yet be taken: a run that goes on keeps its own
+    _why_time_step = ""  # Why it is that one, where it was not given
 
     def __init__(
         self,
@@ -141,6 +144,9 @@ class BareModel(RunState):
         present, present_bergs, later = (
             parted_by_date(elements, berg.dates, began, berg.bergs) if berg.dates else (elements, berg.bergs, {})
         )
+        if packed.stepping.time_step is None:
+            step, self._why_time_step = choose_time_step(elements, bonds, forcing, packed)
+            self._chooses_time_step, packed = True, packed.changed(stepping={"time_step": step})
         sized = _with_constant_size(packed, present, bonds)
         self._begin(
             Population(present, bonds), forcing, sized, began, bergs=present_bergs, outlines=berg.outlines, laws=laws
@@ -224,6 +230,29 @@ class BareModel(RunState):
                 self._stepper.sample_forcing(self)
                 for array, values in zip(by_user, values_by_user, strict=True):
                     array[:] = values
+
+    def fit_time_step(self, interval: float) -> None:
+        """Let the time step divide an interval (s) of records, or a step of an ocean, unless it was given or taken before.
+
+        It does nothing once the run has begun.
+        """
+        if self._chooses_time_step and not self._visited:
+            self.take_time_step(
+                *choose_time_step(self.elements, self.bonds, self.forcing, self.parameters, interval=interval)
+            )
+
+    def take_time_step(self, step: float, reason: str = "") -> None:
+        """Take a time step (s) that was chosen for this run and others, unless one was given or the run has begun."""
+        if not self._chooses_time_step or self._visited:
+            return
+        self._chooses_time_step, self._why_time_step = False, reason or self._why_time_step
+        if step == self.parameters.time_step:
+            return
+        self.parameters = self.parameters.changed(stepping={"time_step": step})
+        self.constants = self.parameters.kernel_values()._replace(ice_drift_known=self.constants.ice_drift_known)
+        self.life = LifeProcess(self.parameters, self.laws.melt) if lives(self.parameters) else None
+        self.motion = MotionLedger(self.parameters, self.laws.several())
+        self._stepper = make_stepper(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state of a copy: not the stepper, whose tables point into the arrays of this model."""
@@ -396,7 +425,7 @@ class BareModel(RunState):
                 )  # fmt: skip
                 self._drop_lost()
             else:
-                self.time += self.parameters.stepping.time_step
+                self.time += self.parameters.time_step
             self.step_number += 1
             if self.life is not None:
                 # Melt and calving act on what the step has moved, and the processes of the user on what they left.
@@ -526,7 +555,7 @@ class BareModel(RunState):
         """Raise `ForcingError` unless the forcing covers the berg for some steps from now."""
         if self.forcing.grid is not None and self.step_number == 0:
             self.forcing.grid.locate(self.elements)
-        end = self.time + steps * self.parameters.stepping.time_step
+        end = self.time + steps * self.parameters.time_step
         self.forcing.check(self.elements, self.time, end)
         times, later = coming(self.remembered)
         if (born := times <= end).any():
@@ -572,6 +601,8 @@ class BareModel(RunState):
         one long step or several, as an exchange with an ocean does.
         """
         check_recorders(recorders)
+        if days is not None:
+            self.fit_time_step(min(LONG_STEP, 86400.0 * number(days, "day", where="days")))
         count = self.check(days, steps=steps)
         if days is not None:
             for text in of_length(number(days, "day", where="days"), self.parameters):
@@ -597,6 +628,8 @@ class BareModel(RunState):
         failed: BaseException | None = None
         logged = len(self.fragments.rows)
         _LOG.info("%d steps from %s, %d sub-steps in each", count, f"{self.date:%Y-%m-%d %H:%M}", self.substeps)
+        if self._why_time_step:
+            _LOG.info("time step of %g s: %s", self.parameters.time_step, self._why_time_step)
         try:
             for recorder in recorders:
                 recorder.start(self)
@@ -639,10 +672,10 @@ class BareModel(RunState):
         if not math.isfinite(days) or days <= 0.0:
             raise InputError(f"{days:g} days", where="Model.run", remedy="Give a finite number above 0")
         # To the nearest step: 0.1 days are no exact multiple of any.
-        count = round(days * 86400.0 / self.parameters.stepping.time_step)
+        count = round(days * 86400.0 / self.parameters.time_step)
         if count < 1:
             raise InputError(
-                f"{days:g} days are less than one long step of {self.parameters.stepping.time_step:g} s",
+                f"{days:g} days are less than one long step of {self.parameters.time_step:g} s",
                 where="Model.run",
                 remedy="Run longer",
             )
@@ -659,7 +692,8 @@ class BareModel(RunState):
             names = {int(e.berg[k]): name for k, (name, _) in zip(begins, self.fragments.bergs, strict=False)}
         bears = reserve_lines(e.berg, e.thickness, e.length * e.width, names, self.parameters)
         ice = [f"  ice: {text}" for text in bears]
-        return "\n".join([*self._heading(), *notices, forcing, *ice, self.parameters.describe()])
+        step = [f"  time step of {self.parameters.time_step:g} s: {self._why_time_step}"] if self._why_time_step else []
+        return "\n".join([*self._heading(), *step, *notices, forcing, *ice, self.parameters.describe()])
 
     @property
     def rift_tips(self) -> list[RiftTip]:
@@ -710,7 +744,7 @@ class BareModel(RunState):
     def _heading(self) -> list[str]:
         p = self.parameters
         return [
-            f"Model at {self.date:%Y-%m-%d %H:%M}, step {self.step_number} of {p.stepping.time_step:g} s "
+            f"Model at {self.date:%Y-%m-%d %H:%M}, step {self.step_number} of {p.time_step:g} s "
             f"({self.substeps} sub-steps, scheme {p.stepping.scheme})",
             f"  {self.elements.mass.size} elements, {self.bonds.first.size} bonds, {self.bonds_broken} broken",
             *([f"  {text}"] if (text := coming_text(self.remembered, self.start)) else []),

@@ -92,6 +92,9 @@ __all__ = [
 FROM_ELEMENTS: Final = -1.0
 """Stiffness of a pair law that follows from the two elements (`riftberg.physics.contact.pair_stiffness`)."""
 
+USUAL_STEP: Final = 1800.0
+"""Time step (s) for bergs of any size."""
+
 CONTACT_PHASE: Final = 0.5
 """Frequency of a contact times the long step, where contact acts in it and its stiffness follows from the elements."""
 
@@ -196,6 +199,11 @@ class Parameters(Group):
     def describe(self) -> str:
         """Return all groups, one line per parameter."""
         return "\n".join(getattr(self, name).describe() for name in type(self).model_fields)
+
+    @property
+    def time_step(self) -> float:
+        """Time step, s: the one that was given, or that a model has chosen; half an hour until it has."""
+        return USUAL_STEP if self.stepping.time_step is None else self.stepping.time_step
 
     def changed(self, /, **groups: Any) -> Parameters:
         """Return a copy with some values of some groups changed, and checked again.
@@ -364,7 +372,7 @@ class ExplicitParameters(Parameters):
             "ground_on_substeps": multiple and g.on_substeps and p.stepping.explicit_substeps,
             "contact_spring": FROM_ELEMENTS if p.contact.spring is None else p.contact.spring,
             # What a long step can resolve, where contact between bergs acts in it.
-            "contact_stiffest": math.inf if fast_contact else (CONTACT_PHASE / p.stepping.time_step) ** 2,
+            "contact_stiffest": math.inf if fast_contact else (CONTACT_PHASE / p.time_step) ** 2,
             "contact_on_substeps": fast_contact,
             "crevasse_strength": 0.0,
             "spring": FROM_ELEMENTS if p.bonds.spring is None else p.bonds.spring,
@@ -657,7 +665,6 @@ A68A_2022 = QuasiStaticParameters(
     sea_ice={"capture": "none"},
     bonds={"constant_size": True},
     fracture={"normal_strength": 11e3, "shear_strength": 100e3},
-    stepping={"time_step": 1800.0},
 )
 """Physics of the published A68a run (equations 10.5) with Riftberg's numerics; see `A68A_2022_KID` for the reference's.
 
@@ -673,7 +680,7 @@ PUBLISHED_SPRINGS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
 )
 """Contact and bonds of the published A68a run (equations 10.5)."""
 
-A68A_2022_MTS = A68A_2022.changed(**PUBLISHED_SPRINGS, stepping={"scheme": "mts", "substeps": 90})
+A68A_2022_MTS = A68A_2022.changed(**PUBLISHED_SPRINGS, stepping={"scheme": "mts", "time_step": 1800.0, "substeps": 90})
 """The same physics in the explicit engine, with the published springs (equations 10.5) and none of the reference's quirks."""
 
 A68A_2022_KID = A68A_2022_MTS.changed(

@@ -375,8 +375,9 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
     parts = next((entry.parts for entry in EXPERIMENTS if entry.name in words[2:3]), ())
     left_out = [value for word, value in pairwise(words) if word == "--without"]
     changes = {f"without {part}": ["--without", part] for part in parts if part not in left_out}
-    stepping = parameters_of(run).stepping
-    half: dict[str, object] = {"time_step": stepping.time_step / 2.0}
+    parameters = parameters_of(run)
+    stepping = parameters.stepping
+    half: dict[str, object] = {"time_step": parameters.time_step / 2.0}
     substeps = getattr(stepping, "substeps", None)
     if substeps is not None and stepping.scheme == "mts":  # the sub-step stays
         half["substeps"] = max(1, round(substeps / 2))

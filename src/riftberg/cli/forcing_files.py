@@ -131,6 +131,7 @@ def _tried(experiment: str, files: Sequence[str], choices: Mapping[str, Choice])
     options = Options(files=entries_of(files, choices))
     try:
         model, info = build(experiment, options)
+        model.fit_time_step(3600.0 * info.output_every_hours)
         check_start(model, info.days, info.output_every_hours)
     except RiftbergError as error:
         return str(error), [], ""

@@ -249,6 +249,7 @@ def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Pat
         chosen = replace(options, numerics=numerics)
         model, info = build(experiment, chosen)
         model = with_errors(model, wanted.errors)
+        model.fit_time_step(3600.0 * wanted.hours(info))
         info = wanted.added_to(info)
         if not folders:
             _print_notices(info, model, chosen, wanted)
@@ -299,7 +300,7 @@ def check_start(model: Model, days: float, every_hours: float) -> None:
     InputError
         Naming what is in the way.
     """
-    step = model.parameters.stepping.time_step / 3600.0
+    step = model.parameters.time_step / 3600.0
     if every_hours < step * (1.0 - 1e-9):
         raise InputError(
             f"a record every {every_hours:g} h, but the long step is {step:g} h", where="--every (output_every_hours)",
@@ -334,7 +335,9 @@ def built(experiment: str, options: Options, resume: Path | None, wanted: RunOpt
 
     if resume is None:
         model, info = build(experiment, options)
-        return with_errors(model, wanted.errors), info, model.parameters
+        model = with_errors(model, wanted.errors)
+        model.fit_time_step(3600.0 * wanted.hours(info))
+        return model, info, model.parameters
     if options.changes:
         raise InputError(
             "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
@@ -346,6 +349,7 @@ def built(experiment: str, options: Options, resume: Path | None, wanted: RunOpt
         check_file(resume, remedy="Name a restart file that Riftberg wrote (*.restart.nc), or the folder of a run")
     fresh, info = build(experiment, options)
     fresh = with_errors(fresh, wanted.errors)
+    fresh.fit_time_step(3600.0 * wanted.hours(info))
     if is_folder(resume):
         interval = 3600.0 * wanted.hours(info)
         resume = last_good(resume, interval, lambda state, path: check_same_run(state, fresh, path, named=experiment))

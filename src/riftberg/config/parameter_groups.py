@@ -229,9 +229,12 @@ class Stepping(Group):
         "quasi_static, mts, verlet or runge_kutta; mts where sub-steps or spring bonds are set and no scheme is named",
         "equations 6; quasi_static: Riftberg", trial="quasi_static",
     )  # fmt: skip
-    time_step: float = quantity(
-        1800.0, "s", "time step; with mts the long step, which a notice names where stress rings with it", "equations 10.5",
-        gt=0, usual=Usual(0.1, 7200.0, "steps of an hour resolve tides and inertial motion"), trial=250.0,
+    time_step: float | None = quantity(
+        None, "s",
+        "time step; with mts the long step, which a notice names where stress rings with it. By default half an hour, in "
+        "quasi_static one hour where every berg is 10 km long or more, or a share of it that divides the interval of the records",
+        "equations 10.5; its choice: Riftberg", gt=0,
+        usual=Usual(0.1, 7200.0, "steps of an hour resolve tides and inertial motion"), trial=250.0,
     )  # fmt: skip
     only_interactions: bool = quantity(
         False, "", "leave out all forces of ocean, air and floor", "equations 4.2", kernel="only_interactions"

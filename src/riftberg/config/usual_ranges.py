@@ -60,7 +60,7 @@ USUAL: Final[dict[str, Usual]] = {
     "TurningWind.turning": Usual(-60.0, 60.0, "fronts and lows turn it by some degrees in an hour", "degree h-1"),
 }
 
-STEPS_IN_A_TIDE: Final = 10.0
+STEPS_IN_A_TIDE: Final = 12.0
 """Long steps in the period of a tide below which its current is poorly followed."""
 
 
@@ -80,8 +80,8 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
             sentences[name] = (
                 f"{label} = {value:g}{unit} is unusual: from {low:g} to {high:g}{unit} would be usual ({usual.source})"
             )
-    step = parameters.stepping.time_step
-    for change, seconds, most in _changes(forcing):
+    step = parameters.time_step
+    for change, seconds, most in changes_in_time(forcing):
         if step > most:
             sentences[change] = (
                 f"the long step of {step / 3600.0:g} h is too long for {change} {seconds / 3600.0:.4g} h, which it passes over: "
@@ -108,11 +108,11 @@ def _lacks_concentration(forcing: Any) -> bool:
 
 def of_records(hours: float, days: float, parameters: Any) -> list[str]:
     """Return warnings about the interval between the records of a run of some days, a sentence each."""
-    steps = 3600.0 * hours / parameters.stepping.time_step
+    steps = 3600.0 * hours / parameters.time_step
     sentences = []
     if steps > 1.0 and abs(steps - round(steps)) > 1e-6 * steps:
         sentences.append(
-            f"records every {hours:g} h are no whole number of long steps ({parameters.stepping.time_step / 3600.0:g} h): each "
+            f"records every {hours:g} h are no whole number of long steps ({parameters.time_step / 3600.0:g} h): each "
             "comes with the first step that ends at its time or later"
         )
     if hours > 24.0 * days * (1.0 + 1e-9):
@@ -124,7 +124,7 @@ def of_records(hours: float, days: float, parameters: Any) -> list[str]:
 
 def of_length(days: float, parameters: Any) -> list[str]:
     """Return where a run of some days ends if these are no whole number of time steps, a sentence."""
-    step = parameters.stepping.time_step
+    step = parameters.time_step
     steps = 86400.0 * days / step
     count = round(steps)
     if count < 1 or abs(steps - count) <= 1e-6 * steps:
@@ -179,7 +179,7 @@ def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Usual, Any,
         yield f"berg.{key}", usual, value, usual.unit
 
 
-def _changes(forcing: Any) -> Iterator[tuple[str, float, float]]:
+def changes_in_time(forcing: Any) -> Iterator[tuple[str, float, float]]:
     """Give each change in a forcing, its period or interval (s), and the longest step that follows it."""
     for component in forcing.components():
         times = getattr(getattr(component, "records", component), "times", None)

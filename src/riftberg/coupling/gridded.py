@@ -163,7 +163,7 @@ class GridRecorder:
             self._look(model)
         assert self._seen is not None
         shares, stock = self._seen
-        dt, amounts = model.parameters.stepping.time_step, np.zeros((ROWS, stock.shape[1]))
+        dt, amounts = model.parameters.time_step, np.zeros((ROWS, stock.shape[1]))
         amounts[[MASS, AREA]] = stock * dt
         last = model.life.last if model.life is not None else None
         if last is not None:
@@ -172,7 +172,7 @@ class GridRecorder:
         cells, rows = shares.cells, _shared(shares, amounts)
         self._seen = None
         # A step counts to the month in which it began.
-        began = model.date - timedelta(seconds=model.parameters.stepping.time_step)
+        began = model.date - timedelta(seconds=model.parameters.time_step)
         if (began.year, began.month) != (self._month_began.year, self._month_began.month):
             self._end_month(began)
         self._month, self._passed = self._month.added(cells, rows), self._passed.added(cells, rows)

@@ -217,7 +217,7 @@ class ReferenceExchange:
         ``fields``: of this step; ``flux``, ``heat_flux``: ice (kg m-2 s-1) and heat (W m-2) that leave the land (shape
         (nj, ni)).
         """
-        dt = self.model.parameters.stepping.time_step
+        dt = self.model.parameters.time_step
         self._fields = self.forcing.put(fields) if isinstance(self.forcing, OceanForcing) else fields
         taken = self.calving.take(flux, heat_flux, dt)
         elements, ids = self.calving.bear(*born, dt)

@@ -126,7 +126,7 @@ def collision_of(scene: Scene, b: Breakup) -> Collision | None:
     if "contact_time" not in run or run.sizes.get("contact", 0) == 0:
         return None
     broke = np.datetime64(b.first_break)
-    step = np.timedelta64(round(1e3 * scene.parameters.stepping.time_step), "ms")
+    step = np.timedelta64(round(1e3 * scene.parameters.time_step), "ms")
     first, second = run["contact_first"].values, run["contact_second"].values
     began, ended = run["contact_time"].values, run["contact_end"].values
     during = (began <= broke) & (broke <= ended + step) & ((first == b.parent) | (second == b.parent))

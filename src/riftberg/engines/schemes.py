@@ -60,7 +60,7 @@ class FrozenStepper(Stateless):
     def step(self, run: RunState) -> None:
         """Advance by one long step."""
         self._move(run)
-        run.time += run.parameters.stepping.time_step
+        run.time += run.parameters.time_step
         self._applied = np.zeros((run.elements.size, len(FORCES), 2))
         self.sample_forcing(run)
 
@@ -99,8 +99,8 @@ class ImposedStepper(FrozenStepper):
             el.u[moving], el.v[moving] = imposed
         count = int(el.substeps.max(initial=1))
         for _ in range(count):
-            single_step.update_positions(el, p.stepping.time_step / count, run.constants)
-        el.rotation[moving] += p.stepping.time_step * el.spin[moving]
+            single_step.update_positions(el, p.time_step / count, run.constants)
+        el.rotation[moving] += p.time_step * el.spin[moving]
         for values, copies in ((el.u, (el.u_pair, el.u_sync)), (el.v, (el.v_pair, el.v_sync))):
             for copy in copies:
                 copy[moving] = values[moving]

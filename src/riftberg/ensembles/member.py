@@ -82,6 +82,7 @@ class Job:
     digest: str = ""  # Of the experiment file when the sweep began
     lag: float = 0.0  # How much earlier than the forecast the member starts, s
     most_seconds: float = math.inf  # Wall time of an attempt; the control of a forecast takes what it needs
+    time_step: float = 0.0  # That of the first member, s; 0 before it is known
 
     @property
     def cells_path(self) -> Path:
@@ -143,7 +144,15 @@ def digest_of(experiment: str | Maker) -> str:
 
 
 def build_member(job: Job) -> Model:
-    """Return the model of a member at its start."""
+    """Return the model of a member at its start, with the time step of the first one."""
+    model = _make_model(job)
+    if job.time_step:
+        model.take_time_step(job.time_step)
+    return model
+
+
+def _make_model(job: Job) -> Model:
+    """Return the model of an experiment with the values of a member."""
     if not isinstance(job.experiment, str):
         model = job.experiment(**{name: value for name, value in job.values.items() if not is_uncertain(name)})
         if not callable(getattr(model, "advance", None)):
@@ -177,7 +186,7 @@ def run_member(job: Job) -> Outcome:
             model, fresh = _begun(job)
             left = job.days - model.time / SECONDS_PER_DAY
             status, message = "done", ""
-            if left * SECONDS_PER_DAY > 0.5 * model.parameters.stepping.time_step:
+            if left * SECONDS_PER_DAY > 0.5 * model.parameters.time_step:
                 try:
                     _advance(model, left, track, job)
                 except TooLongError as error:  # what it came to until then is a result too
@@ -301,7 +310,7 @@ class MemberTracks:
         # Steps need not divide the interval: the step nearest to the time that is due is recorded.
         due = self.lag + self.every * round((model.time - self.lag) / self.every)
         last = self.rows[-1][0] if self.rows else -np.inf
-        if due <= last + _TOLERANCE or abs(model.time - due) > 0.5 * model.parameters.stepping.time_step + _TOLERANCE:
+        if due <= last + _TOLERANCE or abs(model.time - due) > 0.5 * model.parameters.time_step + _TOLERANCE:
             return
         e, earth = model.elements, model.parameters.earth
         numbers, place = np.unique(e.berg, return_inverse=True)

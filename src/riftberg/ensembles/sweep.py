@@ -285,7 +285,7 @@ class Plan:
         lag = self.lag(number)
         return Job(
             number, values, self.experiment, self.options, self.days + lag / SECONDS_PER_DAY, self.every, folder, save_seconds,
-            large_allowed(), self.cells, self.digest, lag, most_seconds,
+            large_allowed(), self.cells, self.digest, lag, most_seconds, self.first.parameters.time_step,
         )  # fmt: skip
 
 
@@ -343,6 +343,7 @@ def planned(
             f"a position every {every_hours:g} h in runs of {duration_text(length)}", where="every_hours",
             remedy="Give a number above 0, at most the length of the runs",
         )  # fmt: skip
+    first.fit_time_step(3600.0 * every_hours)
     return Plan(
         named,
         options,

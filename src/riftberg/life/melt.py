@@ -87,7 +87,7 @@ def life_values(p: Parameters) -> LifeValues:
     )
     return LifeValues(
         rho_ice=p.ice.density,
-        dt=p.stepping.time_step,
+        dt=p.time_step,
         mode=_MODES[melt.mode],
         turbulent=melt.base == "turbulent",
         exchange=exchange,

@@ -168,7 +168,7 @@ def _moving(el: Elements) -> _Moving:
 
 def stock(elements: Elements, p: Parameters) -> Floats:
     """Return momentum east and north (N s) and kinetic energy (J), each the sum over all bergs."""
-    motion, kicks, dt, out = elements.motion, elements.kicks, p.stepping.time_step, np.zeros(3)
+    motion, kicks, dt, out = elements.motion, elements.kicks, p.time_step, np.zeros(3)
     if p.stepping.scheme == "mts":
         fast = _Moving(motion.u, motion.v, kicks.ax_fast, kicks.ay_fast, motion.spin)
         implicit = kicks.bx_fast, kicks.by_fast, kicks.spin_rate
@@ -247,7 +247,7 @@ def _entries_in_substeps(
     kicks[SEA_FLOOR] = not run.constants.ground_on_substeps
     motion, old = now.motion, before.motion
     _add_given(
-        now.body.mass, now.life.mass_scaling, motion.u, motion.v, old.u, old.v, applied, kicks, p.stepping.time_step, given
+        now.body.mass, now.life.mass_scaling, motion.u, motion.v, old.u, old.v, applied, kicks, p.time_step, given
     )  # fmt: skip
     return stock(before, p), stock(now, p), given
 
@@ -255,7 +255,7 @@ def _entries_in_substeps(
 def _entries_in_steps(before: Elements, now: Elements, applied: Floats, run: RunState) -> tuple[Floats, Floats, Floats]:
     """Return the stock before and after a single step, and what each force gave, shape (forces, 3)."""
     entries, kicks = np.zeros((2 + applied.shape[1], 3)), np.zeros(applied.shape[1], np.bool_)
-    dt, room = run.parameters.stepping.time_step, np.empty((4, now.size))
+    dt, room = run.parameters.time_step, np.empty((4, now.size))
     _add_entries(_ice(now, run.parameters), _moving(before), _moving(now), applied, kicks, dt, room, entries)
     return entries[0], entries[1], entries[2:]
 
@@ -396,7 +396,7 @@ def _add_loads(given: Floats, before: Elements, now: Elements, run: RunState) ->
     c, x, y = run.constants, now.body.load_x, now.body.load_y
     if not (c.rigid_bodies or (c.multiple_steps and c.dem)):
         return
-    scaling, dt, place, was = now.life.mass_scaling, run.parameters.stepping.time_step, now.place, before.place
+    scaling, dt, place, was = now.life.mass_scaling, run.parameters.time_step, now.place, before.place
     east, north = separations(Metric(c.latlon, c.earth_radius, c.period), place.lon, place.lat, was.lon, was.lat)
     given[LOADS] += dt * (scaling * x).sum(), dt * (scaling * y).sum(), (scaling * (x * east + y * north)).sum()
 
@@ -418,7 +418,7 @@ def _tied(before: Elements, now: Elements, run: RunState) -> Ints:
         return np.arange(berg.size)
     speed = max(np.hypot(a.u, a.v).max() for a in (motion, now.motion))
     sizes = np.sqrt(2.0 * before.body.length * before.body.width)
-    reach = max(float(sizes.max()), p.contact_distance) + 2.0 * float(speed) * p.stepping.time_step
+    reach = max(float(sizes.max()), p.contact_distance) + 2.0 * float(speed) * p.time_step
     earth = p.earth
     near = find_pairs(place.lon, place.lat, berg, reach, ANY, earth.latlon, earth.radius, earth.period)
     row = np.arange(berg.size)
@@ -489,7 +489,7 @@ def _elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float:
         np.abs(thickness[i] - thickness[j]), 0.5 * (rest - length), 1.0 / length,
     )  # fmt: skip
     stiffness = p.bonds.youngs_modulus * height * width / rest
-    sub_step = p.stepping.time_step / np.maximum(elements.body.substeps, 1) if run.step_number else 0.0
+    sub_step = p.time_step / np.maximum(elements.body.substeps, 1) if run.step_number else 0.0
     # The angles of the state are one sub-step ahead of the positions.
     angle = elements.motion.rotation - sub_step * elements.motion.spin
     bent = angle[i] - angle[j]

@@ -367,7 +367,7 @@ class LifeProcess:
 def date_of_birth(model: LifeModel, *, coming: bool = False) -> tuple[int, float]:
     """Year, and days since its beginning, of the start of the step that has just ended, or of the coming one."""
     date = model.start.replace(tzinfo=None)
-    seconds = model.time - (0.0 if coming else model.parameters.stepping.time_step)
+    seconds = model.time - (0.0 if coming else model.parameters.time_step)
     days = (date - datetime(date.year, 1, 1)).total_seconds() / 86400.0 + seconds / 86400.0
     year = date.year
     while days >= (length := 366 if calendar.isleap(year) else 365):

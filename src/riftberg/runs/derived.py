@@ -208,7 +208,7 @@ class Means:
         """Add the long step that was just taken."""
         if not self.derived:
             return
-        dt = model.parameters.stepping.time_step
+        dt = model.parameters.time_step
         self._follow(model)
         self._sum = self._sum + dt * np.concatenate([np.asarray(entry.of(model)) for entry in self.derived]).T
         self._seconds += dt

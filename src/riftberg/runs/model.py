@@ -233,7 +233,9 @@ class Model(BareModel):
             required(output, (str, Path), "the path of a run file", where="Model.run, output")
         before = self.step_number
         hours = number(every_hours, "h", where="every_hours")
-        left = self._count_steps(days, steps) * self.parameters.stepping.time_step
+        if days is not None:
+            self.fit_time_step(min(3600.0 * hours, number(days, "day", where="days") * SECONDS_PER_DAY))
+        left = self._count_steps(days, steps) * self.parameters.time_step
         length, end = left / SECONDS_PER_DAY, self.time + left
         for text in of_records(hours, length, self.parameters):
             _LOG.warning(text)
@@ -272,7 +274,7 @@ class Model(BareModel):
         script = step is None and in_script()
         shown: list[Recorder] = []
         if progress or script:
-            left = self._count_steps(days, steps) * self.parameters.stepping.time_step
+            left = self._count_steps(days, steps) * self.parameters.time_step
             shown, end = self._progress(left / SECONDS_PER_DAY, progress), self.time + left
         with held():
             try:
@@ -298,7 +300,7 @@ class Model(BareModel):
             saved = self.save(path.with_name(f"{path.stem}{ending}{ENDING}"))
         except (OSError, RiftbergError) as error:  # it must not hide why the run ended
             return f"The state cannot be saved ({refusal(error)}); the model is left at it: model.save(path)"
-        left = round((end - self.time) / self.parameters.stepping.time_step)
+        left = round((end - self.time) / self.parameters.time_step)
         return f"Go on with Model.resume({str(saved)!r}, forcing).run(steps={left})"
 
     def save(self, path: str | Path) -> Path:

@@ -277,7 +277,7 @@ def _damaged(what: str, path: Path, place: str = "") -> InputError:
 
 def check_restart(state: RestartState, path: Path) -> None:
     """Refuse a restart that is no state of a run: times, steps, statuses, references and numbers that cannot be."""
-    dt = state.parameters.stepping.time_step
+    dt = state.parameters.time_step
     if not math.isfinite(state.time) or not 0.0 <= state.time <= 1e11:
         raise _damaged(f"time is {state.time:g} s", path, "variable time")
     if state.step_number < 0 or (state.step_number == 0) != (state.time == 0.0):

@@ -235,7 +235,7 @@ def contact_substeps(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> 
     """
     c, rest = run.constants, sizes.radius[first] + sizes.radius[second]
     stiffness = np.full(first.size, c.contact_spring) if c.contact_spring >= 0.0 else c.modulus / rest**2
-    needed = run.parameters.stepping.time_step * np.sqrt(stiffness) / CONTACT_STEP
+    needed = run.parameters.time_step * np.sqrt(stiffness) / CONTACT_STEP
     return np.asarray(2.0 ** np.ceil(np.log2(np.maximum(needed, 1.0)))).astype(np.int64)
 
 

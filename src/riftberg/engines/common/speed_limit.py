@@ -123,7 +123,7 @@ def _by_neighbours(run: RunState, previous: Elements, applied: Floats) -> np.nda
 
 def _by_partners(run: RunState, previous: Elements, applied: Floats) -> Floats:
     """Acceleration (m s-2) over the step that no force from outside explains: bonds, contact and loads."""
-    el, dt = run.elements, run.parameters.stepping.time_step
+    el, dt = run.elements, run.parameters.time_step
     change = np.column_stack([el.u - previous.u, el.v - previous.v]) / dt
     return np.asarray(change - applied.sum(axis=1))
 

@@ -99,7 +99,7 @@ class Stateless:
 def sample_between_steps(run: RunState, elements: Elements) -> None:
     """Sample the forcing at the positions and the time between two steps, or with the lag of Q5 that of the step just taken."""
     p = run.parameters
-    lag = p.stepping.time_step if p.quirks.forcing_lag else 0.0
+    lag = p.time_step if p.quirks.forcing_lag else 0.0
     run.forcing.sample(elements, run.time - lag)
 
 

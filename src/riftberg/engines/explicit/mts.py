@@ -144,7 +144,7 @@ class MultipleStepper(Stateless):
 
     def step(self, run: RunState) -> None:
         """Advance by one long step."""
-        el, bonds, c, dt = run.elements, run.bonds, run.constants, run.parameters.stepping.time_step
+        el, bonds, c, dt = run.elements, run.bonds, run.constants, run.parameters.time_step
         publish_positions(el)
         sizes = interaction_sizes(el, c)
         # Two quirks make the bonds of the reference depend on which end it processes first.
@@ -285,7 +285,7 @@ class MultipleStepper(Stateless):
         inline = p.fracture.on_substeps and (not unbreakable or quirks.inline_break_in_first_step)
         after = not p.fracture.on_substeps and not unbreakable
         return StepPlan(
-            dt=p.stepping.time_step,
+            dt=p.time_step,
             substeps=1,
             time=run.time,
             starting=first and not quirks.zero_start,
@@ -303,7 +303,7 @@ class MultipleStepper(Stateless):
         if c.dem or not c.bonds_on:
             return NeighbourLists(none, none, none, np.zeros(0), group)
         bonded, rest = search.springs(el, batch.bonds, c)
-        reach = _inner_reach(el, interaction_sizes(el, c), run.parameters.stepping.time_step)
+        reach = _inner_reach(el, interaction_sizes(el, c), run.parameters.time_step)
         cells = None if self._cells is None else self._cells.within(1 if c.explicit_substeps else 2)
         touching = search.same_berg(el, batch.bonds, reach, c, cells)
         if c.explicit_substeps:

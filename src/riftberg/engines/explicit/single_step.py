@@ -81,7 +81,7 @@ class VerletStepper(SingleStepper):
 
     def step(self, run: RunState) -> None:
         """Advance by one step."""
-        el, c, dt = run.elements, run.constants, run.parameters.stepping.time_step
+        el, c, dt = run.elements, run.constants, run.parameters.time_step
         publish_positions(el)
         if run.step_number == 0 and c.grid_position_round_trip and run.forcing.grid is not None:
             round_trip(el, run.forcing.grid.arrays)
@@ -103,7 +103,7 @@ class VerletStepper(SingleStepper):
 
     def _update_velocities(self, run: RunState, el: Elements, surroundings: Surroundings) -> None:
         """Update the velocities of ``el``, or impose those that are given: then no force has acted."""
-        c, dt = run.constants, run.parameters.stepping.time_step
+        c, dt = run.constants, run.parameters.time_step
         sizes = interaction_sizes(el, c)
         update_velocities(el, self._partners(run, sizes), sizes, surroundings, dt, c)
         imposed = run.parameters.stepping.fixed_velocity
@@ -135,7 +135,7 @@ class RungeKuttaStepper(SingleStepper):
         All elements go through a stage together, because the forcing is sampled at the positions of the stage; partners are
         seen where they were at the start of the step, so this changes nothing. Stages go from the cell at the start of the step.
         """
-        el, c, dt = run.elements, run.constants, run.parameters.stepping.time_step
+        el, c, dt = run.elements, run.constants, run.parameters.time_step
         publish_positions(el)
         mean_speeds = run.parameters.stepping.predictor_corrector
         sizes = interaction_sizes(el, c)

@@ -232,7 +232,7 @@ def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Size
     fixed: int | None = p.stepping.substeps
     if fixed is not None and (p.quirks.zero_start or not p.stepping.explicit_substeps):
         return fixed
-    dt, stable = p.stepping.time_step, critical_time_step(p, elements, bonds, sizes)
+    dt, stable = p.time_step, critical_time_step(p, elements, bonds, sizes)
     required = dt / (p.stepping.safety * stable) if stable > 0.0 else math.inf
     if not required < MAX_SUBSTEPS:
         raise InputError(
@@ -258,7 +258,7 @@ def check_long_step(run: RunState) -> None:
 
     Runs with the reference's quirks must run as they stand.
     """
-    p, dt = run.parameters, run.parameters.stepping.time_step
+    p, dt = run.parameters, run.parameters.time_step
     scheme = p.stepping.scheme
     moves = not p.stepping.frozen and p.stepping.fixed_velocity is None
     if p.quirks.zero_start or scheme == "quasi_static" or not moves:
@@ -382,11 +382,11 @@ def resonance_warning(elements: Elements, bonds: Bonds, parameters: Parameters) 
     """
     p = parameters
     period = bending_period(elements, p) if _may_resonate(bonds, p) else math.inf
-    if p.stepping.time_step * STEADY <= period:
+    if p.time_step * STEADY <= period:
         return ""
     breaks = ", so bonds may break that would hold" if p.fracture.enabled else ""
     return (
-        f"the stress in the bonds rings: water and air push in two kicks of each long step of {p.stepping.time_step:g} s, "
+        f"the stress in the bonds rings: water and air push in two kicks of each long step of {p.time_step:g} s, "
         f"which is long beside the {duration_text(period / SECONDS_PER_DAY)} of a swing of the berg{breaks}. "
         "stepping.scheme=quasi_static gives the stress that the ice has to bear"
     )

@@ -71,7 +71,7 @@ def find_lone_bergs(
     if model.constants.interactions:
         sizes = sizes._replace(radius=np.maximum(sizes.radius, faces.reach(model)))
     meets = np.zeros(bodies.pose.shape[0], np.bool_) if near_floor is None else near_floor.copy()
-    for rows in candidate_pairs(el, body, sizes, model.parameters.stepping.time_step, model.constants):
+    for rows in candidate_pairs(el, body, sizes, model.parameters.time_step, model.constants):
         meets[body[rows]] = True
     unreachable = ~meets[body]
     lone = np.flatnonzero(alone & unreachable)
@@ -137,7 +137,7 @@ def step_lone_bergs(
     ``unknown``: bodies that take the velocities of their elements; None where all are as the last step has left them.
     ``applied`` takes the mean accelerations of lone bergs to which nothing happens, shape (elements, forces, 2).
     """
-    el, dt, lone_body = model.elements, model.parameters.stepping.time_step, bodies.body[lone]
+    el, dt, lone_body = model.elements, model.parameters.time_step, bodies.body[lone]
     twist = bodies.twist[lone_body]
     if unknown is not None:
         twist[unknown[lone_body]] = np.column_stack([el.u, el.v, el.spin])[lone[unknown[lone_body]]]
@@ -183,12 +183,12 @@ class _Block:
         """Evaluate the forces at the start; returns the longest trial step that they allow, s."""
         self.forcing = allocate_forcing(self.el, self.c)
         self._evaluate()
-        return longest_trial_step(self.forcing, self.stepping.time_step)
+        return longest_trial_step(self.forcing, self.model.parameters.time_step)
 
     def predict(self, substeps: int) -> None:
         """Take the first half kick of one of some parts of the step, and drift to its end."""
         el, c, lone, (body, reference, pose, twist, displacement) = self.el, self.c, self.lone, self.bodies
-        h, new, grid = self.stepping.time_step / substeps, np.empty_like(pose), self.model.forcing.grid
+        h, new, grid = self.model.parameters.time_step / substeps, np.empty_like(pose), self.model.forcing.grid
         _kick(lone, twist, self.forcing, 0.5 * h, 0.5 / substeps, self.middle, self.applied)
         move_poses(pose, self.middle, h, c.latlon, c.earth_radius, new, np.empty((3, 3)))
         self.bodies = moved = Bodies(body, reference, new, twist, displacement)
@@ -204,7 +204,7 @@ class _Block:
     def correct(self, substeps: int) -> None:
         """Take the second half kick, with the forces at the new place and time."""
         self._evaluate()
-        half_dt, twist = 0.5 * self.stepping.time_step / substeps, self.bodies.twist
+        half_dt, twist = 0.5 * self.model.parameters.time_step / substeps, self.bodies.twist
         twist[:] = 2.0 * self.middle - twist  # first guess: the second half changes it as the first has done
         check_converged(
             _solve(self.lone, self.middle, twist, self.forcing, half_dt, 0.5 / substeps, self.spin_rate, self.applied)

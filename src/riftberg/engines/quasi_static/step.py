@@ -64,10 +64,10 @@ class TimeStep:
         self.model, self.el, self.bonds = model, model.elements, model.bonds
         self.laws = laws or LawsWithMemory()
         self.motion = FragmentMotion(model, self.laws, sizes or interaction_sizes(self.el, model.constants))
-        self.start, self.dt, self.cracked = model.time, model.parameters.stepping.time_step, False
+        self.start, self.dt, self.cracked = model.time, model.parameters.time_step, False
         self.applied = np.zeros((self.el.size, len(FORCES), 2))  # mean accelerations so far, by their part of the step
         self.touched: list[tuple[Ints, Ints]] = []  # elements of the pairs in contact so far
-        self._max_dt = self.dt  # longest trial step for the rest of the time step
+        self._max_dt = self._longest = self.dt  # Longest trial step to come next, and for the rest of the time step
         newly_made = bodies is None or unknown is not None
         if bodies is None:
             bodies = first_bodies(self.el, self.bonds, model.constants)
@@ -97,7 +97,7 @@ class TimeStep:
         may_break = self.model.parameters.fracture.enabled
         if may_break and self.model.step_number == 0:
             self._propagate_crack()
-        self._max_dt = longest_trial_step(self.state.operators.forcing, self.dt)
+        self._max_dt = self._longest = longest_trial_step(self.state.operators.forcing, self.dt)
         end, next_dt = self.start + self.dt, math.inf
         while (rest := end - self.state.time) > 1e-9 * self.dt:
             # The rest in equal parts, so that the last one is no shorter than it must be.
@@ -115,8 +115,8 @@ class TimeStep:
         The order in which events are looked for is the order in which one invalidates what the trial shows about the next:
 
         1. Fragments touch in a step of hours, or push one to where the sea floor holds it otherwise. All loads of the trial are
-           then wrong, so it is rejected whatever else is in it, and the rest of the time step is taken in shorter steps, in
-           which all events are looked for again.
+           then wrong, so it is rejected whatever else is in it, and shorter ones follow, in which all events are looked for
+           again; they grow again where nobody is pushed.
         2. Fracture by contact or the sea floor. Their loads peak within the step, so it comes before what the end of the step
            shows.
         3. Overload under the loads at the end, which grow evenly from the start of the step.
@@ -127,15 +127,14 @@ class TimeStep:
         tolerance = self.dt / MAX_CRACKS_PER_STEP * EVENT_TOLERANCE
         self._checkpoint()
         trial = self.motion.trial(self.state, h)
-        too_long = (
-            (LONGEST_CONTACT_STEP, trial.contact is not None and trial.contact.first.size > 0),
-            (LONGEST_PUSHED_STEP, trial.pushed),
-        )
-        for longest, happened in too_long:
-            if happened and h > longest * (1.0 + 1e-9):
-                self._rollback()
-                self._max_dt = min(self._max_dt, longest)
-                return math.inf
+        in_contact = trial.contact is not None and trial.contact.first.size > 0
+        if in_contact and h > LONGEST_CONTACT_STEP * (1.0 + 1e-9):
+            self._longest = LONGEST_CONTACT_STEP
+            return self._retry(LONGEST_CONTACT_STEP)
+        if trial.pushed and h > LONGEST_PUSHED_STEP * (1.0 + 1e-9):
+            return self._retry(max(LONGEST_PUSHED_STEP, h / 4.0))
+        if not trial.pushed:
+            self._max_dt = min(self._longest, 2.0 * self._max_dt)
 
         if not may_break:
             self._accept(trial)
@@ -182,6 +181,12 @@ class TimeStep:
         # In the located step the loads may fall short of those between its ends by a little: the bond that was found there
         # breaks in any case.
         self._propagate_crack(first_broken)
+        return math.inf
+
+    def _retry(self, longest: float) -> float:
+        """Reject a trial that was too long; the next ones take at most ``longest`` s."""
+        self._rollback()
+        self._max_dt = min(self._max_dt, longest)
         return math.inf
 
     def _locate_event(

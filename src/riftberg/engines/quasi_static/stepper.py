@@ -165,7 +165,7 @@ class QuasiStaticStepper:
         if step.cracked:
             self._topology = _topology_key(model)
         self._snapshot = take_snapshot(model.elements)
-        model.time = step.start + model.parameters.stepping.time_step
+        model.time = step.start + model.parameters.time_step
 
     def _step_population(self, model: RunState, unknown: NDArray[np.bool_] | None) -> bool:
         """Take a step in which most bergs are lone ones, which go by themselves; returns whether it is one."""
@@ -178,7 +178,7 @@ class QuasiStaticStepper:
         sizes = self._sizes or interaction_sizes(model.elements, c)
         near_floor = None
         if self._seabed is not None:
-            near_floor = self._seabed.find_near_floor(model, bodies, model.parameters.stepping.time_step)
+            near_floor = self._seabed.find_near_floor(model, bodies, model.parameters.time_step)
         lone_bergs = find_lone_bergs(model, bodies, sizes, self._faces, near_floor)
         if lone_bergs is None:
             return False
@@ -237,7 +237,7 @@ class QuasiStaticStepper:
         if cracked:
             self._topology = _topology_key(model)
         self._snapshot = take_snapshot(model.elements)
-        model.time += model.parameters.stepping.time_step
+        model.time += model.parameters.time_step
         return True
 
     def _sync(self, model: RunState) -> NDArray[np.bool_] | None:
