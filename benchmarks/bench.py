@@ -112,7 +112,7 @@ def substeps_per_day(model: Model) -> float:
     """Return how many sub-steps the model takes in a day; the quasi-static scheme has none."""
     if model.parameters.stepping.scheme == "quasi_static":
         return 0.0
-    return model.substeps * SECONDS_PER_DAY / model.parameters.stepping.time_step
+    return model.substeps * SECONDS_PER_DAY / model.parameters.time_step
 
 
 def yardstick_seconds_per_day(
@@ -155,7 +155,7 @@ def measure(model: Model, *, experiment: str = "", days: float = 1.0, seconds: f
 
     ``seconds``: stop after this wall time even if fewer days are done, s.
     """
-    dt = model.parameters.stepping.time_step
+    dt = model.parameters.time_step
     before = clock.perf_counter()
     model.advance(steps=1)
     first, steps = clock.perf_counter() - before, 0
@@ -223,8 +223,8 @@ def measure_whole(build: Callable[[], Model], days: float, every_hours: float) -
 
 def _processor_days(model: Model, days: float) -> list[float]:
     """Step a model through some days and return the processor time of each, s; the last may be a part of a day."""
-    steps = round(days * SECONDS_PER_DAY / model.parameters.stepping.time_step)
-    ends = np.arange(1, steps + 1) * model.parameters.stepping.time_step / SECONDS_PER_DAY
+    steps = round(days * SECONDS_PER_DAY / model.parameters.time_step)
+    ends = np.arange(1, steps + 1) * model.parameters.time_step / SECONDS_PER_DAY
     spent = [0.0] * (int(np.ceil(ends[-1] - 1e-9)) if steps else 1)
     with held():
         for end in ends:

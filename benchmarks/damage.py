@@ -69,7 +69,7 @@ def ratios(model: Model) -> Floats:
 
 def records(model: Model) -> Iterator[Floats]:
     """Run to the end and give the stress ratios after every long step."""
-    for _ in range(round(DAYS * SECONDS_PER_DAY / model.parameters.stepping.time_step)):
+    for _ in range(round(DAYS * SECONDS_PER_DAY / model.parameters.time_step)):
         model.step()
         yield ratios(model)
 

@@ -84,7 +84,7 @@ def outcome(normal: float, flexural: float, friction: float) -> Case:
     model, way, bending, tip, last, touched = before, 0.0, 0.0, None, None, math.inf
     with_step(model, SHORT)
     while model.time < DAYS * 86400.0:
-        if last is not None and model.parameters.stepping.time_step == SHORT and model.time > touched + WATCHED:
+        if last is not None and model.parameters.time_step == SHORT and model.time > touched + WATCHED:
             with_step(model, 1800.0)
         model.step()
         el = model.elements

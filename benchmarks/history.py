@@ -26,7 +26,7 @@ MEASURE = """
 import json, time
 from riftberg.experiments import Options, build
 def days(model, number):
-    steps = round(number * 86400.0 / model.parameters.stepping.time_step)
+    steps = round(number * 86400.0 / model.parameters.time_step)
     began = time.process_time()
     for _ in range(steps):
         model.step()

@@ -53,7 +53,7 @@ def lattice_riftberg(elements: int) -> tuple[Cost, int]:
     model = square_berg(elements, lambda p: p.changed(stepping={"scheme": "mts"}))
     model.advance(steps=2)
     steps = max(1, 10_000 // elements)
-    share = substeps_per_day(model) * steps * model.parameters.stepping.time_step / 86400.0 * len(model.bonds.first)
+    share = substeps_per_day(model) * steps * model.parameters.time_step / 86400.0 * len(model.bonds.first)
     return lambda: seconds(lambda: model.advance(steps=steps)) / share, len(model.bonds.first)
 
 

@@ -122,6 +122,9 @@ class FakeModel:
         self.bonds.normal_stress[:] = stress
         self.bonds.peak_stress[:] = stress + (500.0 if self.step_number % 2 else 30.0)
 
+    def fit_time_step(self, interval: float) -> None:
+        """Keep the time step."""
+
     @property
     def date(self) -> datetime:
         """Date of the state."""
@@ -150,7 +153,7 @@ class FakeModel:
         if self.time >= self.fail_at:
             raise self.failure
         self.step_number += 1
-        self.time = self.step_number * self.parameters.stepping.time_step
+        self.time = self.step_number * self.parameters.time_step
         if self.time >= self.break_time and len(self.fragments.rows) == 1:
             self._break()
         self._place()
@@ -172,7 +175,7 @@ class FakeModel:
 
     def advance(self, days: float | None = None, *, steps: int = 0, recorders: Any = (), step: Any = None) -> None:
         """Run as the real model does."""
-        end = self.time + (steps * self.parameters.stepping.time_step if days is None else days * 86_400.0)
+        end = self.time + (steps * self.parameters.time_step if days is None else days * 86_400.0)
         started = []
         try:
             for recorder in recorders:

@@ -61,7 +61,7 @@ def test_a_whole_run_is_timed_day_by_day_and_with_output(
 def test_days_of_a_whole_run_follow_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """A day that costs more stands first, with its own number, and the last may be a part of a day."""
     model, spent = FakeModel(), [0.0]
-    dt = model.parameters.stepping.time_step
+    dt = model.parameters.time_step
 
     def step() -> None:
         spent[0] += 5.0 if 86_400.0 <= model.time < 2 * 86_400.0 else 1.0

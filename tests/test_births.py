@@ -129,7 +129,7 @@ def test_the_newly_born_have_their_environment_and_a_number(scheme: str) -> None
     assert model.elements.berg[rows].tolist() == [2, 2]
     assert model.fragments.rows[-1].parent == 0
     assert model.elements.bond_count[rows].tolist() == [1, 1]
-    assert model.fragments.rows[-1].birth_time == model.parameters.stepping.time_step
+    assert model.fragments.rows[-1].birth_time == model.parameters.time_step
 
 
 def test_a_berg_that_loses_its_middle_becomes_two_fragments() -> None:

@@ -680,7 +680,7 @@ PUBLISHED_SPRINGS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
 )
 """Contact and bonds of the published A68a run (equations 10.5)."""
 
-A68A_2022_MTS = A68A_2022.changed(**PUBLISHED_SPRINGS, stepping={"scheme": "mts", "time_step": 1800.0, "substeps": 90})
+A68A_2022_MTS = A68A_2022.changed(**PUBLISHED_SPRINGS, stepping={"scheme": "mts", "substeps": 90})
 """The same physics in the explicit engine, with the published springs (equations 10.5) and none of the reference's quirks."""
 
 A68A_2022_KID = A68A_2022_MTS.changed(

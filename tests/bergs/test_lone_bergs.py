@@ -183,7 +183,7 @@ def test_lone_bergs_drift() -> None:
     model.advance(steps=24)
     way = (model.elements.lon - east) * 111.195e3 * np.cos(np.radians(56.0))
     assert np.ptp(way) < 50.0
-    assert 0.7 < float(way.mean()) / (0.2 * 24 * model.parameters.stepping.time_step) < 1.0
+    assert 0.7 < float(way.mean()) / (0.2 * 24 * model.parameters.time_step) < 1.0
 
 
 def test_lone_bergs_may_lie_on_each_other_where_that_is_asked() -> None:

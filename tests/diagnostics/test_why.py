@@ -413,10 +413,8 @@ def test_a_break_up_is_of_a_collision_while_it_lasts_and_one_step_longer(minutes
             "contact_first": ("contact", [first]), "contact_second": ("contact", [second]),
             "contact_speed": ("contact", [0.3]),
         })  # fmt: skip
-        stepping = SimpleNamespace(time_step=1800.0)
-        scene = SimpleNamespace(
-            run=run, parameters=SimpleNamespace(stepping=stepping), name=lambda number: f"berg {number}"
-        )
+        parameters = SimpleNamespace(time_step=1800.0)
+        scene = SimpleNamespace(run=run, parameters=parameters, name=lambda number: f"berg {number}")
         broken = SimpleNamespace(parent=1, first_break=str(moment + np.timedelta64(minutes, "m")))
         found = why.collision_of(scene, broken)
         assert (found is not None) == counts

@@ -33,7 +33,7 @@ def test_a_force_of_ones_own_is_in_outputs_ledger_and_why(tmp_path: Path) -> Non
     run = model.run(steps=6, every_hours=0.0, forces=True)
     own = run["force_own_x"].values[:, 1:]
     assert (own > 1.9e6).all()
-    dt, balance = model.parameters.stepping.time_step, model.motion.balance(model, model.remembered)
+    dt, balance = model.parameters.time_step, model.motion.balance(model, model.remembered)
     assert balance.impulse["own"][0] == pytest.approx(dt * own.sum(), rel=1e-6)
     assert balance.work["own"] > 0.0
     assert balance.momentum_error < 1e-9

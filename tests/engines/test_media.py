@@ -103,7 +103,7 @@ def test_applied_forces_are_what_changed_the_momentum(scheme, law):
         before = momentum(m)
         m.step()
         forces = m.applied_forces()
-        change = (momentum(m) - before) / m.parameters.stepping.time_step
+        change = (momentum(m) - before) / m.parameters.time_step
         np.testing.assert_allclose(forces.sum(axis=(0, 1)), change, rtol=0, atol=1e-9 * np.abs(forces).sum())
         for name in MEDIA:
             assert np.abs(forces[:, FORCES.index(name)]).min() > 0.0, name
@@ -119,7 +119,7 @@ def test_forces_of_the_first_step_are_what_changed_the_momentum_too(scheme):
     before = momentum(m)
     m.step()
     forces = m.applied_forces()
-    change = (momentum(m) - before) / m.parameters.stepping.time_step
+    change = (momentum(m) - before) / m.parameters.time_step
     np.testing.assert_allclose(forces.sum(axis=(0, 1)), change, rtol=0, atol=1e-9 * np.abs(forces).sum())
 
 
@@ -156,7 +156,7 @@ def test_the_mean_force_of_the_floor_over_the_sub_steps_is_that_of_its_law():
     m = model("mts", **changes)
     before = m.elements.mass * m.elements.u
     m.step()
-    lost = (m.elements.mass * m.elements.u - before) / m.parameters.stepping.time_step
+    lost = (m.elements.mass * m.elements.u - before) / m.parameters.time_step
     np.testing.assert_allclose(m.applied_forces()[:, SEA_FLOOR, 0], lost, rtol=1e-11)
 
 

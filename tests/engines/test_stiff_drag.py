@@ -44,7 +44,7 @@ def made(
 def way(model: Model, hours: float) -> np.ndarray:
     """Return how far a berg has come east and north (m) after each step."""
     places = []
-    for _ in range(round(3600.0 * hours / model.parameters.stepping.time_step)):
+    for _ in range(round(3600.0 * hours / model.parameters.time_step)):
         model.step()
         places.append([model.elements.lon.mean(), model.elements.lat.mean()])
     return np.array(places)

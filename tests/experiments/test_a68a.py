@@ -23,7 +23,7 @@ START = 9.0 + 13.0 / 24.0
 
 def run(model: Model, days: float) -> Model:
     """Step a model for some days."""
-    for _ in range(round(days * DAY / model.parameters.stepping.time_step)):
+    for _ in range(round(days * DAY / model.parameters.time_step)):
         model.step()
     return model
 
@@ -113,7 +113,7 @@ def test_the_story() -> None:
 def test_pieces_part_where_they_stand(scheme: str) -> None:
     """Bug: held by the last bonds of the crack, in equilibrium, the tip was 10 km off and turned by 30 degrees in its step."""
     model = run(build("a68a", Options({"stepping": {"scheme": scheme}}))[0], 7.0)
-    e, dt = model.elements, model.parameters.stepping.time_step
+    e, dt = model.elements, model.parameters.time_step
     while not breakups(model):
         at, turned = (e.lon.copy(), e.lat.copy()), e.rotation.copy()
         model.step()

@@ -141,7 +141,7 @@ def test_parameters_are_those_of_the_publication_to_the_digit() -> None:
         assert p.earth.period == 360.0
         assert p.drag.ocean_scale == 17.8
         assert p.drag.sides_by_bonds
-        assert (p.stepping.time_step, p.stepping.substeps) == (1800.0, 90)
+        assert (p.time_step, p.stepping.substeps) == (1800.0, 90)
         assert (p.bonds.law, p.bonds.packing, p.bonds.max_bonds or 4) == ("dem", "square", 4)
         assert (p.bonds.youngs_modulus, p.bonds.poisson, p.bonds.damping) == (5e6, 0.3, 1.0)
         assert p.bonds.spring == 0.00065359477124183

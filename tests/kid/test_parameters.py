@@ -35,7 +35,7 @@ def test_defaults_of_a_silent_namelist(tmp_path: Path) -> None:
     path.write_text("&icebergs_driver_nml ni=2 nj=2/\n&icebergs_nml set_melt_rates_to_zero=T/\n")
     p = to_parameters(read_namelist(path))
     assert p.stepping.scheme == "runge_kutta"
-    assert p.stepping.time_step == 3600.0
+    assert p.time_step == 3600.0
     assert p.ice.density == 850.0
     assert p.bonds.law == "none"
     assert p.bonds.max_bonds == 0

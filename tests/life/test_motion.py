@@ -43,7 +43,7 @@ def test_forces_give_all_momentum_that_there_is_to_round_off(scheme) -> None:
     forces = np.zeros((len(FORCES), 2))
     for _ in range(5):
         model.step()
-        forces += model.parameters.stepping.time_step * model.applied_forces().sum(axis=0)
+        forces += model.parameters.time_step * model.applied_forces().sum(axis=0)
     b = balance(model)
     assert b.momentum_error < CLOSES
     given = np.array([b.impulse[name] for name in FORCES])
@@ -151,7 +151,7 @@ def test_loads_and_supports_are_in_the_ledger() -> None:
     start = el.copy()
     model.advance(steps=steps)
     b = balance(model)
-    time = steps * model.parameters.stepping.time_step
+    time = steps * model.parameters.time_step
     load = float(el.load_y.sum())
     assert b.impulse["loads"] == pytest.approx((0.0, load * time), rel=1e-12)
     assert b.work["loads"] == pytest.approx(float((el.load_y * (el.lat - start.lat)).sum()), rel=1e-9)

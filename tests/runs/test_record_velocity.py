@@ -35,7 +35,7 @@ def loose(scheme: str) -> Parameters:
 def test_velocities_of_a_record_are_those_at_its_positions(parameters: Parameters, size: float, bound: float) -> None:
     """They were those of one long step before, 12 degrees off in inertial motion."""
     model = inertial(parameters, size)
-    dt = parameters.stepping.time_step
+    dt = parameters.time_step
     run = model.run(days=1, every_hours=dt / 3600.0).transpose("time", "trajectory", ...)
     north = np.radians(run["lat"].values) * RADIUS
     moved = (north[2:] - north[:-2]) / (2.0 * dt)  # centred on the records between

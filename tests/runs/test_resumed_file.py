@@ -15,7 +15,7 @@ from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter
 
 STEPS = 16
-DT = A68A_2022.stepping.time_step
+DT = A68A_2022_MTS.time_step
 WEAK = {"fracture": {"normal_strength": 2e3, "shear_strength": 2e3}}
 WEAKER = {"fracture": {"normal_strength": 630.0, "shear_strength": 630.0}}
 WEAR = {"damage": {"enabled": True, "threshold": 0.1, "time_scale": 3600.0}}

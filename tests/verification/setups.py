@@ -83,7 +83,7 @@ def inertia(model: Model) -> Any:
 def spin_now(model: Model) -> Any:
     """Spin at the time of the positions: that of the state is half a sub-step ahead (equations 6.4, 3c)."""
     started = 1.0 if model.step_number else 0.0
-    h = model.parameters.stepping.time_step / model.substeps
+    h = model.parameters.time_step / model.substeps
     return model.elements.spin - started * 0.5 * h * model.elements.spin_rate
 
 
@@ -107,7 +107,7 @@ def energy(model: Model) -> float:
     i, j = bonds.first, bonds.second
     normal = p.youngs_modulus * THICKNESS
     length = np.hypot(el.lon[i] - el.lon[j], el.lat[i] - el.lat[j])
-    h = model.parameters.stepping.time_step / model.substeps
+    h = model.parameters.time_step / model.substeps
     # The angles of the state are one sub-step ahead of the positions.
     angle = el.rotation - (h * el.spin if model.step_number else 0.0)
     stretched = 0.5 * normal * np.sum((length - 2 * RADIUS) ** 2)
