@@ -16,7 +16,7 @@ from riftberg import open_sweep
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.probability import effective
-from riftberg.ensembles.vary import Draws, members_of, varied_of
+from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import InputError
 from riftberg.verification.sightings import drawn_anew, log_likelihood, weighted
 
@@ -120,10 +120,10 @@ def test_a_sweep_is_called_no_forecast(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() -> None:
-    varied = varied_of(
+    varied = read_varied(
         ["start.turn~normal(0, 5)", "start.strength~lognormal(1, 30 %)", "bonds.packing~choice(square, hexagonal)"]
     )
-    members = members_of(varied, Draws(4096))
+    members = list_members(varied, Draws(4096))
     plan: Any = SimpleNamespace(varied=varied, members=members)
     turn = np.array([m["start.turn"] for m in members])
     likelihood = -0.5 * ((turn - 6.0) / 2.0) ** 2
@@ -146,8 +146,8 @@ def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() 
 
 def test_members_around_a_single_one_are_no_copies_of_it() -> None:
     """Bug: one member that counts has no spread, so all new ones were the same, and every one of them counted."""
-    varied = varied_of(["start.turn~normal(0, 5)"])
-    plan: Any = SimpleNamespace(varied=varied, members=members_of(varied, Draws(64)))
+    varied = read_varied(["start.turn~normal(0, 5)"])
+    plan: Any = SimpleNamespace(varied=varied, members=list_members(varied, Draws(64)))
     weight = np.eye(64)[3]
     columns, _, parents = drawn_anew(plan, weight, np.log(weight + 1e-300))
     assert parents == 1

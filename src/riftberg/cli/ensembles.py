@@ -93,7 +93,7 @@ def sweep(
     shared: EnsembleOptions,
 ) -> None:  # fmt: skip
     """Run an ensemble: an experiment for every combination of parameter values, collected in one result."""
-    from riftberg.ensembles.sweep import draws_of, planned
+    from riftberg.ensembles.sweep import planned, read_draws
     from riftberg.ensembles.vary import Draws, read_design
 
     with allow_large(shared.large):
@@ -104,7 +104,7 @@ def sweep(
             return
 
         def make(experiment: str) -> Plan:
-            draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
+            draws = read_draws({"members": members, "plan": plan, "seed": shared.seed})
             if design is not None and (vary or draws != Draws()):
                 raise InputError(
                     "a design says itself what varies", where="--design",
@@ -184,7 +184,7 @@ def options_given(context: typer.Context, *names: str) -> list[str]:
 
 def resumed(folder: Path, experiment: str | None = None, members: int | None = None, kind: str = "sweep") -> Store:
     """Return the sweep in a folder with what is done; members that are drawn may be more than before."""
-    from riftberg.ensembles.sweep import Store, draws_of, planned, read_plan
+    from riftberg.ensembles.sweep import Store, planned, read_draws, read_plan
     from riftberg.experiments.registry import Options
 
     known = read_plan(folder)
@@ -202,7 +202,9 @@ def resumed(folder: Path, experiment: str | None = None, members: int | None = N
         without=frozenset(known["without"]), numerics=known["numerics"],
     )  # fmt: skip
     every = known["every"] / 3600.0
-    draws = draws_of({"members": members or known.get("members"), "plan": known.get("plan"), "seed": known.get("seed")})
+    draws = read_draws(
+        {"members": members or known.get("members"), "plan": known.get("plan"), "seed": known.get("seed")}
+    )
     plan = planned(known["experiment"], known["vary"], options, every, known.get("cells"), draws,
                    forecast=bool(known.get("forecast")), design=bool(known.get("design")))  # fmt: skip
     return Store(folder, plan, resume=True)
@@ -305,11 +307,11 @@ def forecast(
     """Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs."""
     from riftberg.ensembles.forecast import errors_line, forecast_plan
     from riftberg.ensembles.probability import notes, told
-    from riftberg.ensembles.sweep import WEIGHTS, draws_of
+    from riftberg.ensembles.sweep import WEIGHTS, read_draws
     from riftberg.ensembles.vary import order_line
 
     def make(experiment: str) -> Plan:
-        draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
+        draws = read_draws({"members": members, "plan": plan, "seed": shared.seed})
         return forecast_plan(experiment, vary or [], shared.checked(), every, draws, defaults=default_errors)
 
     with allow_large(shared.large):

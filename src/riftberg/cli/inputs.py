@@ -77,8 +77,8 @@ def sensitivity(
 ) -> None:  # fmt: skip
     """Show which input matters: Morris effects or Sobol' indices of stress, break-up, grounding, area and drift."""
     from riftberg.ensembles.forecast import forecast_errors
-    from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, results_of
-    from riftberg.ensembles.sweep import draws_of, planned
+    from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, select_results
+    from riftberg.ensembles.sweep import planned, read_draws
     from riftberg.system.atomic_files import write_text
     from riftberg.verification.sightings import drift_error, during, sightings_of
 
@@ -88,7 +88,7 @@ def sensitivity(
 
     def make(experiment: str) -> Plan:
         errors = forecast_errors(experiment, vary or [], defaults=default_errors)
-        drawn = draws_of({"members": draws or USUAL_DRAWS[method], "plan": METHODS[method], "seed": shared.seed})
+        drawn = read_draws({"members": draws or USUAL_DRAWS[method], "plan": METHODS[method], "seed": shared.seed})
         return planned(experiment, errors, shared.checked(), None, None, drawn)
 
     with allow_large(shared.large):
@@ -112,7 +112,7 @@ def sensitivity(
             ds = run_members(store, "sensitivity", shared)
             if not (ds["status"] == 0).any():
                 raise RunError("no run came to its end")
-            results = results_of(ds, at_day or ())
+            results = select_results(ds, at_day or ())
             if seen is not None:
                 results["drift error"] = Result(drift_error(ds, seen, berg=berg), "km")
             found = indices(ds, results)

@@ -101,16 +101,16 @@ def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, ho
         )  # fmt: skip
     # Of jobs that are made when they are asked for, there are no more in memory than processes have.
     waiting, lost = Line(jobs), Counter[int]()
-    before = set(multiprocessing.active_children())
+    earlier = set(multiprocessing.active_children())
     script = _script_needed(function, waiting)
     context = multiprocessing.get_context("spawn") if script else _Apart()
-    begun = context.Event()
+    started = context.Event()
     with _environment(ALONE):
         while waiting and not hold.requested:
-            executor = ProcessPoolExecutor(workers, context, initializer=_begin_worker, initargs=(begun,))
+            executor = ProcessPoolExecutor(workers, context, initializer=_begin_worker, initargs=(started,))
             try:
                 for future, job in _through(executor, function, waiting, workers, hold):
-                    if script and future.exception() is not None and not begun.is_set():
+                    if script and future.exception() is not None and not started.is_set():
                         raise InputError(
                             f"no worker has begun: each reads {script} anew, and that failed", where="sweep",
                             remedy='Put the call under if __name__ == "__main__":, install cloudpickle, or give workers=0',
@@ -122,7 +122,7 @@ def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, ho
                         lost.pop(id(job), None)  # the next job may have its place in memory
                         yield future, job
             except BaseException:  # a second Ctrl-C, or the caller wants no more: nobody waits for the members
-                for process in set(multiprocessing.active_children()) - before:
+                for process in set(multiprocessing.active_children()) - earlier:
                     process.terminate()
                 raise
             finally:
@@ -135,10 +135,10 @@ class _Process(SpawnProcess):
     @staticmethod
     def _Popen(process_obj: Any) -> Any:  # noqa: N802
         with SETTINGS:
-            whole, thread = spawn.get_preparation_data, threading.get_ident()
+            original, thread = spawn.get_preparation_data, threading.get_ident()
 
             def without_script(name: str) -> dict[str, Any]:
-                data = whole(name)
+                data = original(name)
                 return {
                     k: v for k, v in data.items() if not k.startswith("init_main") or threading.get_ident() != thread
                 }
@@ -147,7 +147,7 @@ class _Process(SpawnProcess):
             try:
                 return SpawnProcess._Popen(process_obj)
             finally:
-                spawn.get_preparation_data = whole
+                spawn.get_preparation_data = original
 
 
 class _Apart(SpawnContext):
@@ -204,8 +204,8 @@ def _through(
                 broken = True
         yield from ended  # while the next ones are on their way: no process waits for what is done with these
         # Looked at now and then, so that a signal is not missed.
-        done = wait(flying, timeout=WAIT_SECONDS, return_when=FIRST_COMPLETED).done
-        ended = [(future, flying.pop(future)) for future in done]
+        completed = wait(flying, timeout=WAIT_SECONDS, return_when=FIRST_COMPLETED).done
+        ended = [(future, flying.pop(future)) for future in completed]
         broken = broken or any(isinstance(future.exception(), BrokenProcessPool) for future, _ in ended)
 
 
@@ -229,18 +229,18 @@ def _called(packed: bytes) -> Any:
     return function(job)
 
 
-def _begin_worker(begun: Any) -> None:
+def _begin_worker(started: Any) -> None:
     """Leave Ctrl-C and hang-ups to the process that started the sweep, which asks the members to stop; end with it."""
-    begun.set()
+    started.set()
     for number in SIGNALS:
         if number != signal.SIGTERM:  # by which the members are ended
             signal.signal(number, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+        threading.Thread(target=_exit_after_parent, args=(parent,), daemon=True).start()
 
 
-def _end_with(parent: Any) -> None:
+def _exit_after_parent(parent: Any) -> None:
     parent.join()
     os._exit(1)
 
@@ -248,12 +248,12 @@ def _end_with(parent: Any) -> None:
 @contextmanager
 def _environment(values: Mapping[str, str]) -> Iterator[None]:
     """Set variables of the environment, which processes that are started meanwhile inherit."""
-    before = {name: os.environ.get(name) for name in values}
+    previous = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:
         yield
     finally:
-        for name, value in before.items():
+        for name, value in previous.items():
             if value is None:
                 del os.environ[name]
             else:
@@ -294,11 +294,11 @@ def _ended(futures: dict[Any, Job], client: Any) -> Iterator[Outcome]:
     import distributed
 
     running = {key for keys in client.processing().values() for key in keys}
-    begun = [future for future in futures if future.key in running]
+    unfinished = [future for future in futures if future.key in running]
     client.cancel([future for future in futures if future.key not in running])
     with suppress(TimeoutError), client.as_current():
-        distributed.wait(begun, timeout=60)
-    for future in begun:
+        distributed.wait(unfinished, timeout=60)
+    for future in unfinished:
         if future.done() and not future.cancelled():
             yield _outcome(future, futures[future])
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
 
 from riftberg.config.values import check_names, number
 from riftberg.ensembles.distributions import PLANS, POINTS
-from riftberg.ensembles.sweep import MEMBER, Plan, SweepOptions, common_options, draws_of, planned, run_plan
-from riftberg.ensembles.vary import Draws, Varied, varied_of, vary_with_file
+from riftberg.ensembles.sweep import MEMBER, Plan, SweepOptions, common_options, planned, read_draws, run_plan
+from riftberg.ensembles.vary import Draws, Varied, read_varied, vary_with_file
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import EXPERIMENTS, Options
 
@@ -79,8 +79,8 @@ def default_errors(experiment: object, data: Path | None = None) -> tuple[Defaul
     A product with members of its own shows its error by them, so no random error is put on top.
     """
     name = str(experiment)
-    own = isinstance(experiment, str | Path) and name.endswith((".yaml", ".yml"))
-    count = product_members(experiment, data) if own else {}
+    from_yaml = isinstance(experiment, str | Path) and name.endswith((".yaml", ".yml"))
+    count = product_members(experiment, data) if from_yaml else {}
     random = [error for error, quantities in zip(DEFAULTS, (("uo",), ("ua", "taux")), strict=False)
               if any(quantity in count for quantity in quantities)]  # fmt: skip
     products: tuple[DefaultError, ...] = ()
@@ -92,22 +92,22 @@ def default_errors(experiment: object, data: Path | None = None) -> tuple[Defaul
         ),)  # fmt: skip
     entry = next((entry for entry in EXPERIMENTS if entry.name == name), None)
     floor = (FLOOR,) if entry is None or entry.fetches else ()
-    kept = (error for error in DEFAULTS if error not in random)
-    return (*products, *kept, *floor, *((LATTICE,) if own or (entry is not None and entry.lattice) else ()))
+    fixed = (error for error in DEFAULTS if error not in random)
+    return (*products, *fixed, *floor, *((LATTICE,) if from_yaml or (entry is not None and entry.lattice) else ()))
 
 
 def errors_line(varied: Sequence[Varied]) -> str:
     """Return in one line which of them a forecast has, and what else is varied in it."""
-    own = {v.name: v.plain() for v in varied}
-    parts = [f"{len(v.distribution.choices if v.distribution else v.values)} members of the products in turn"
+    inputs = {v.name: v.plain() for v in varied}
+    descriptions = [f"{len(v.distribution.choices if v.distribution else v.values)} members of the products in turn"
              for v in varied if v.name == MEMBER]  # fmt: skip
-    own.pop(MEMBER, None)
+    inputs.pop(MEMBER, None)
     for error in (*DEFAULTS, FLOOR, LATTICE):
-        names = {v.name: v.plain() for v in varied_of(error.vary)}
-        if names.items() <= own.items():
-            parts.append(error.what)
-            own = {name: value for name, value in own.items() if name not in names}
-    return "Errors: " + "; ".join([*parts, *own])
+        names = {v.name: v.plain() for v in read_varied(error.vary)}
+        if names.items() <= inputs.items():
+            descriptions.append(error.what)
+            inputs = {name: value for name, value in inputs.items() if name not in names}
+    return "Errors: " + "; ".join([*descriptions, *inputs])
 
 
 def forecast_plan(
@@ -130,12 +130,12 @@ def forecast_errors(
 ) -> dict[str, Any]:
     """Return what a forecast varies: what the user gives, then the file, then the errors that it has by itself."""
     given = vary_with_file(experiment, vary, data)
-    own = {
+    standard = {
         v.name: v.plain()
         for error in (default_errors(experiment, data) if defaults else ())
-        for v in varied_of(error.vary)
+        for v in read_varied(error.vary)
     }
-    return {**own, **given}
+    return {**standard, **given}
 
 
 def forecast(
@@ -178,7 +178,7 @@ def forecast(
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
     plan = forecast_plan(
-        experiment, vary, common_options(days, options), every, draws_of(options), defaults=default_errors,
+        experiment, vary, common_options(days, options), every, read_draws(options), defaults=default_errors,
         cells=options.get("cells"),
     )  # fmt: skip
     return run_plan(plan, output, resume, progress, options)

@@ -74,7 +74,7 @@ def order_line(names: Sequence[str]) -> str:
     return f"Members follow the order of --vary ({', '.join(names)}): another order gives other members"
 
 
-def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) -> tuple[Varied, ...]:
+def read_varied(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) -> tuple[Varied, ...]:
     """Read what is to be varied."""
     pairs = vary.items() if isinstance(vary, Mapping) else [_split(text) for text in _texts(vary)]
     varied: list[Varied] = []
@@ -87,7 +87,7 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
         if any(other.name == name for other in varied):
             raise InputError(f"{name} is varied twice", where=where, remedy="Name each parameter once")
         varied.append(
-            _free(name, values, where) if free and not is_uncertain(name) else _of_parameter(name, values, where)
+            _free(name, values, where) if free and not is_uncertain(name) else _read_parameter(name, values, where)
         )
     if not varied:
         raise InputError("nothing is varied", where="--vary", remedy=EXAMPLE)
@@ -101,7 +101,7 @@ def vary_with_file(
 
     ``starts`` is a table of starts, which becomes the names that its columns vary.
     """
-    own = _vary_of_file(Path(str(experiment)), data) if str(experiment).endswith((".yaml", ".yml")) else {}
+    file_values = _read_vary_section(Path(str(experiment)), data) if str(experiment).endswith((".yaml", ".yml")) else {}
     if isinstance(vary, Mapping):
         given = dict(vary)
         tables = [given.pop(STARTS)] if STARTS in given and not callable(experiment) else []
@@ -109,30 +109,30 @@ def vary_with_file(
         texts = _texts(vary)
         tables = [text.partition("=")[2].strip() for text in texts if text.partition("=")[0].strip() == STARTS]
         texts = [text for text in texts if text.partition("=")[0].strip() != STARTS]
-        given = {v.name: v.plain() for v in (varied_of(texts, free=callable(experiment)) if texts else ())}
+        given = {v.name: v.plain() for v in (read_varied(texts, free=callable(experiment)) if texts else ())}
     starts = {name: value for path in tables for name, value in read_starts(path).items()}
-    return {**own, **starts, **given}
+    return {**file_values, **starts, **given}
 
 
-def _vary_of_file(path: Path, data: Path | None) -> dict[str, Any]:
+def _read_vary_section(path: Path, data: Path | None) -> dict[str, Any]:
     """Return the section ``vary`` of an experiment file; all that is wrong with it is reported with its lines."""
     from riftberg.experiments.yaml_file import read_file
 
     experiment, _, document = read_file(path, data=data)
-    found: dict[str, Any] = {}
+    values_by_name: dict[str, Any] = {}
     faults: list[tuple[Any, InputError]] = []
     for name, values in experiment.vary.items():
         try:
             if name == STARTS:
-                found |= read_starts(path.parent / str(values))
+                values_by_name |= read_starts(path.parent / str(values))
                 continue
-            (v,) = varied_of({name: [values] if isinstance(values, float) else values})
-            found[v.name] = v.plain()
+            (v,) = read_varied({name: [values] if isinstance(values, float) else values})
+            values_by_name[v.name] = v.plain()
         except InputError as error:
             faults.append((("vary", name), error))
     if faults:
         raise document.refusal(faults)
-    return found
+    return values_by_name
 
 
 def _texts(vary: Any) -> list[str]:
@@ -167,7 +167,7 @@ SECTIONS: Final = {**SETTABLE, **{group: (kind,) for group, kind in UNCERTAIN.it
 """Sections of all groups of which something can be varied."""
 
 
-def _field_of(name: str, where: str) -> FieldInfo:
+def _find_field(name: str, where: str) -> FieldInfo:
     """Return the field of a parameter."""
     group, dot, key = name.partition(".")
     if not dot:
@@ -176,7 +176,7 @@ def _field_of(name: str, where: str) -> FieldInfo:
     return section_fields(section)[key]
 
 
-def _of_parameter(name: str, values: Any, where: str) -> Varied:
+def _read_parameter(name: str, values: Any, where: str) -> Varied:
     group, _, key = name.partition(".")
     if is_of_file(name):
         if isinstance(values, str) and values.startswith("~"):
@@ -187,32 +187,32 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
                     f"an experiment file has no key {name}", where=where,
                     remedy="Name it as the file has it, such as forcing.eddy.speed",
                 )  # fmt: skip
-            return _drawn(name, values[1:], field, lambda part: file_value(part, where), where)
-        return Varied(name, _distinct(_of_file(values, where), where), meaning="key of the experiment file")
-    field = _field_of(name, where)
+            return _drawn(name, values[1:], field, lambda text: file_value(text, where), where)
+        return Varied(name, _distinct(_read_file_values(values, where), where), meaning="key of the experiment file")
+    field = _find_field(name, where)
     if isinstance(values, str) and values.startswith("~"):
 
-        def value(part: str) -> Any:  # a place in brackets, as the file has it, or a number with its unit
-            part = file_value(part, where) if part[:1] == "[" else part
-            return checked_value(part, group, key, where=where, settable=SECTIONS)
+        def value(text: str) -> Any:  # a place in brackets, as the file has it, or a number with its unit
+            text = file_value(text, where) if text[:1] == "[" else text
+            return checked_value(text, group, key, where=where, settable=SECTIONS)
 
         return _drawn(f"{group}.{key}", values[1:], field, value, where)
     if any(get_origin(kind) is tuple for kind in value_kinds(field.annotation)) and isinstance(values, str):
-        values = _of_file(values, where)  # such as [-39, -55],[-38, -55]
+        values = _read_file_values(values, where)  # such as [-39, -55],[-38, -55]
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
     plain = [checked_value(value, group, key, where=where, settable=SECTIONS) for value in several]
     return Varied(f"{group}.{key}", _distinct(plain, where), field_unit(field), field.description or "")
 
 
-def _of_file(values: Any, where: str) -> list[Any]:
+def _read_file_values(values: Any, where: str) -> list[Any]:
     """Read values of a key of the experiment file: a range, or a list with commas, in which lists stand in brackets."""
     if not isinstance(values, str):
         return _listed(values, where)
-    parts, count = _parts(values, where)
+    texts, count = _parts(values, where)
     if not count:
-        return [file_value(part, where) for part in parts]
-    unit = re.sub(r"^[-+.\deE]+\s*", "", parts[1])
-    first, last = (number(end.removesuffix(unit).strip(), "1", where=where) for end in parts)
+        return [file_value(text, where) for text in texts]
+    unit = re.sub(r"^[-+.\deE]+\s*", "", texts[1])
+    first, last = (number(end.removesuffix(unit).strip(), "1", where=where) for end in texts)
     spaced = np.linspace(first, last, count).tolist()
     return [f"{value:.12g} {unit}" if unit else value for value in spaced]
 
@@ -224,11 +224,11 @@ def _parts(text: str, where: str) -> tuple[list[str], int]:
     """
     bounds = _RANGE.match(text)
     if bounds is None:
-        return with_unit_of_last([part.strip() for part in re.split(r",(?![^\[{]*[\]}])", text)], where), 0
+        return with_unit_of_last([item.strip() for item in re.split(r",(?![^\[{]*[\]}])", text)], where), 0
     low, high, count = bounds.groups()
     if count is None or not count.strip().isdigit() or not 2 <= int(count) <= 1_000_000:
-        said = "does not say how many values" if count is None else f"{value_shown(count)} is no number of values"
-        raise InputError(said, where=where, remedy=f"Write the number, 2 or more, behind a colon: {low}..{high}:11")
+        message = "does not say how many values" if count is None else f"{value_shown(count)} is no number of values"
+        raise InputError(message, where=where, remedy=f"Write the number, 2 or more, behind a colon: {low}..{high}:11")
     refuse_large(int(count), MOST_MEMBERS, "members", where=where, remedy="Give fewer values", kind=InputError)
     return with_unit_of_last([low.strip(), high.strip()], where), int(count)
 
@@ -257,7 +257,7 @@ def _drawn(name: str, text: str, field: FieldInfo, value: Callable[[str], Any], 
         )  # fmt: skip
     distribution = read_distribution(
         text, where=where, limits=limits,
-        number=lambda part: number(part, unit, where=where), value=value,
+        number=lambda entry: number(entry, unit, where=where), value=value,
     )  # fmt: skip
     return Varied(name, (), unit, field.description or "", distribution, 1 if of_values or not several else several[0])
 
@@ -279,19 +279,19 @@ def _listed(values: Any, where: str) -> list[Any]:
 
 def _read(text: str, field: FieldInfo, where: str) -> list[Any]:
     """Read evenly spaced values of a range, or the values of a list."""
-    parts, count = _parts(text, where)
+    texts, count = _parts(text, where)
     if not count:
-        return list(parts)
-    whole = int in value_kinds(field.annotation) and float not in value_kinds(field.annotation)
-    if not whole and float not in value_kinds(field.annotation):
+        return list(texts)
+    is_integer = int in value_kinds(field.annotation) and float not in value_kinds(field.annotation)
+    if not is_integer and float not in value_kinds(field.annotation):
         raise InputError("a range of what is no number", where=where, remedy=f"{allowed(field)}. Give them with commas")
-    first, last = (number(end, field_unit(field), where=where) for end in parts)
+    first, last = (number(end, field_unit(field), where=where) for end in texts)
     if not first < last:
-        raise InputError(f"{parts[0]} is not below {parts[1]}", where=where, remedy="The smaller number stands first")
+        raise InputError(f"{texts[0]} is not below {texts[1]}", where=where, remedy="The smaller number stands first")
     values = np.linspace(first, last, count)
-    if whole and not (values == np.round(values)).all():
+    if is_integer and not (values == np.round(values)).all():
         raise InputError("a range with steps that are no whole numbers", where=where, remedy=f"{allowed(field)}")
-    return [int(value) if whole else float(value) for value in values]
+    return [int(value) if is_integer else float(value) for value in values]
 
 
 def _distinct(values: Sequence[Any], where: str) -> tuple[Any, ...]:
@@ -333,7 +333,7 @@ def _rows(columns: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
     return [dict(zip(columns, map(native, row), strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dict[str, Any]]:
+def list_members(varied: Sequence[Varied], draws: Draws | None = None) -> list[dict[str, Any]]:
     """Return every combination of the listed values, the last parameter changing fastest, for each draw in turn.
 
     So a member stays what it is when further ones are drawn.
@@ -351,10 +351,10 @@ def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dic
     order = [v.name for v in varied]
     seeded = bool(draws.number) and has_fields(order) and SEED not in order
     columns, seeds = _columns(drawn, draws, seeded) if draws.number else ({}, [0])
-    found = {v.name: [row[k] for _ in seeds for row in combinations] for k, v in enumerate(listed)}
-    found |= {name: [value for value in values for _ in combinations] for name, values in columns.items()}
-    own = {SEED: [seed for seed in seeds for _ in combinations]} if seeded else {}
-    return _rows({name: found[name] for name in order} | own)
+    columns_by_name = {v.name: [row[k] for _ in seeds for row in combinations] for k, v in enumerate(listed)}
+    columns_by_name |= {name: [value for value in values for _ in combinations] for name, values in columns.items()}
+    seed_column = {SEED: [seed for seed in seeds for _ in combinations]} if seeded else {}
+    return _rows({name: columns_by_name[name] for name in order} | seed_column)
 
 
 def read_design(path: Path) -> dict[str, list[str]]:
@@ -390,21 +390,21 @@ def designed(
             continue
         where, key = f"--design, {name}", name.rpartition(".")[2]
         if is_of_file(name):
-            own = [file_value(value, where) if isinstance(value, str) else value for value in values]
-            varied.append(Varied(name, tuple(own), meaning="key of the experiment file"))
+            file_values = [file_value(value, where) if isinstance(value, str) else value for value in values]
+            varied.append(Varied(name, tuple(file_values), meaning="key of the experiment file"))
             continue
-        field, (group, _, key) = _field_of(name, where), name.partition(".")
+        field, (group, _, key) = _find_field(name, where), name.partition(".")
         refuse_bare_numbers([str(value) for value in values], where)
         plain = tuple(checked_value(value, group, key, where=where, settable=SECTIONS) for value in values)
         varied.append(Varied(name, plain, field_unit(field), field.description or ""))
     names = [v.name for v in varied]
-    found: dict[str, Any] = {v.name: v.values for v in varied}
+    values_by_name: dict[str, Any] = {v.name: v.values for v in varied}
     count = len(varied[0].values)
     # Without seeds of its own a design would have one random field for all members.
     if has_fields(names) and SEED not in names:
-        found[SEED] = [member_seed(Draws().seed, k) for k in range(count)]
+        values_by_name[SEED] = [member_seed(Draws().seed, k) for k in range(count)]
     refuse_large(count, MOST_MEMBERS, "members", where="--design", remedy="Give fewer rows", kind=InputError)
-    return tuple(varied), _rows(found)
+    return tuple(varied), _rows(values_by_name)
 
 
 def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[str, list[Any]], list[int]]:
@@ -424,8 +424,8 @@ def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[
         if v in turns:
             columns[v.name] = v.distribution.in_turn(len(share), draws.seed)
             continue
-        parts = [v.distribution.quantiles(share[:, first + k]) for k in range(v.parts)]
-        columns[v.name] = parts[0] if v.parts == 1 else list(zip(*parts, strict=True))
+        components = [v.distribution.quantiles(share[:, first + k]) for k in range(v.parts)]
+        columns[v.name] = components[0] if v.parts == 1 else list(zip(*components, strict=True))
         first += v.parts
     for name, values in columns.items():
         if is_of_file(name):

@@ -32,12 +32,12 @@ from riftberg.ensembles.sweep import (
     SweepOptions,
     WorkerOptions,
     common_options,
-    draws_of,
     planned,
+    read_draws,
     run_sweep,
 )
 from riftberg.ensembles.uncertain import SEED, has_fields
-from riftberg.ensembles.vary import Varied, varied_of
+from riftberg.ensembles.vary import Varied, read_varied
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.verification.scores import AZIMUTH_ERROR, USUAL_ERROR
@@ -331,7 +331,7 @@ def checked_inputs(
     experiment: Any, vary: Mapping[str, Any] | Iterable[str]
 ) -> tuple[tuple[Varied, ...], tuple[Varied, ...]]:
     """Return what is calibrated, and what scatters beside it: the lattice, whose choice is none of the ice's."""
-    varied = varied_of(vary, free=callable(experiment))
+    varied = read_varied(vary, free=callable(experiment))
     for v in varied:
         where = f"--vary {v.name}"
         if v.distribution is None and len(v.values) > 1:
@@ -347,7 +347,7 @@ def checked_inputs(
         raise InputError("nothing to calibrate", where="--vary", remedy="Give a distribution, such as "
                          "'start.strength~lognormal(1, 40 %)'")  # fmt: skip
     names = {v.name for v in varied}
-    lattice = varied_of(LATTICE.vary) if LATTICE in default_errors(experiment) else ()
+    lattice = read_varied(LATTICE.vary) if LATTICE in default_errors(experiment) else ()
     return varied, tuple(v for v in lattice if v.name not in names)
 
 
@@ -449,7 +449,7 @@ def calibrate(
     varied, nuisance = checked_inputs(experiment, vary)
     if not 1 <= waves <= MOST_WAVES:
         raise InputError(f"{waves} waves", where="waves", remedy=f"Give 1 to {MOST_WAVES}")
-    seed = draws_of({"seed": options.get("seed")}).seed
+    seed = read_draws({"seed": options.get("seed")}).seed
     common = common_options(days, cast(SweepOptions, options))
     where = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
     with TemporaryDirectory(prefix="riftberg-calibrate-") if output is None else nullcontext(output) as folder:
