@@ -39,7 +39,7 @@ def cores() -> int:
 
 @contextmanager
 def connected(scheduler: Any) -> Iterator[Any]:
-    """Give a client of dask.distributed for the address of a scheduler; a client itself is given as it is."""
+    """Give a client of dask.distributed for the address of a scheduler; a client itself passes through unchanged."""
     try:
         import distributed
     except ImportError as error:
@@ -90,8 +90,8 @@ ALONE: Final = {
 def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, hold: Hold) -> Iterator[tuple[Any, Any]]:
     """Run a function of each job in processes of the standard library; give the futures as they end, with their jobs.
 
-    As many jobs are under way as there are processes, so that of a lost process it is known which jobs may have ended it:
-    these are done again by others, up to `LOST_TIMES` times. A signal lets those under way come to their end, and no more begin.
+    As many jobs are under way as there are processes, so the jobs that may have ended a lost process are known:
+    other processes run them again, up to `LOST_TIMES` times. After a signal, jobs under way finish and no more begin.
     """
     # A process that reads the script anew would, where the guard is missing, start processes of its own.
     if getattr(multiprocessing.current_process(), "_inheriting", False):
@@ -190,7 +190,7 @@ class Line:
 def _through(
     executor: ProcessPoolExecutor, function: Callable[[Any], Any], waiting: Line, workers: int, hold: Hold
 ) -> Iterator[tuple[Any, Any]]:
-    """Send jobs through an executor and give what has ended, until none is left or the executor is broken."""
+    """Send jobs through an executor and give the futures that have ended, until none is left or the executor is broken."""
     flying: dict[Any, Any] = {}
     ended: list[tuple[Any, Any]] = []
     broken = False
@@ -210,7 +210,7 @@ def _through(
 
 
 def _packed(function: Callable[[Any], Any], job: Any) -> bytes:
-    """Return a call as bytes; functions of a notebook travel too where cloudpickle is installed, as it is beside dask."""
+    """Return a call as bytes; functions of a notebook travel too where cloudpickle is installed (dask needs it)."""
     try:
         import cloudpickle as pickler
     except ImportError:
@@ -230,7 +230,7 @@ def _called(packed: bytes) -> Any:
 
 
 def _begin_worker(started: Any) -> None:
-    """Leave Ctrl-C and hang-ups to the process that started the sweep, which asks the members to stop; end with it."""
+    """Ignore Ctrl-C and hang-ups (the parent asks the members to stop), and exit when the parent does."""
     started.set()
     for number in SIGNALS:
         if number != signal.SIGTERM:  # by which the members are ended
@@ -304,7 +304,7 @@ def _ended(futures: dict[Any, Job], client: Any) -> Iterator[Outcome]:
 
 
 def _outcome(future: Any, job: Job) -> Outcome:
-    """Return what a member came to, also where its workers were lost again and again."""
+    """Return the outcome of a member, also where its workers were lost repeatedly."""
     error = future.exception()
     if error is None:
         outcome: Outcome = future.result()

@@ -2,8 +2,7 @@
 
 ``lognormal(median, standard deviation of the logarithm)``, ``normal(mean, standard deviation)``, ``uniform(lowest, highest)``,
 ``triangular(lowest, likeliest, highest)``, ``choice(value, value, ...)``, ``each(value, value, ...)``, whose values the members
-take in turn. A part of a hundred counts as 0.01 in the spread of a
-lognormal, and as part of the mean in that of a normal one.
+take in turn. A percentage is a share of 1 in the spread of a lognormal, and a share of the mean in the spread of a normal one.
 """
 
 from __future__ import annotations
@@ -69,7 +68,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution of one number, cut off at the limits of what is possible; or a choice of values."""
+    """A distribution of one number, cut off at its physical limits; or a choice of values."""
 
     name: str
     numbers: tuple[float, ...]  # As `ARGUMENTS` lists them, in the unit of the parameter
@@ -126,7 +125,7 @@ class Distribution:
         return np.asarray((distribution.cdf(values) - low) / (high - low))
 
     def described(self, unit: str = "") -> str:
-        """Return what its numbers are, for a line of the run."""
+        """Describe its numbers, for a line of the run."""
         if self.choices:
             values = ", ".join(value_shown(v) for v in self.choices[:8]) + (", ..." if len(self.choices) > 8 else "")
             return f"each of {values} in turn" if self.name == "each" else f"one of {values}, equally likely"
@@ -189,7 +188,7 @@ def refuse_bare_numbers(texts: Sequence[str], where: str) -> None:
 
 
 def with_unit_of_last(texts: Sequence[str], where: str) -> list[str]:
-    """Give numbers without a unit that of the last one: ``14..24kPa`` is not 14 Pa to 24 kPa."""
+    """Give numbers without a unit the unit of the last one: ``14..24kPa`` is not 14 Pa to 24 kPa."""
     last = _UNIT.match(texts[-1])
     unit = last[1].strip() if last else ""
     # Only bare numbers take the unit of the last one; a part with a unit of its own keeps it.

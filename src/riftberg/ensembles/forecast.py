@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class DefaultError(NamedTuple):
-    """One line of the table of errors that a forecast has by itself."""
+    """One line of the table of a forecast's default errors."""
 
     what: str
     vary: tuple[str, ...]
@@ -97,7 +97,7 @@ def default_errors(experiment: object, data: Path | None = None) -> tuple[Defaul
 
 
 def errors_line(varied: Sequence[Varied]) -> str:
-    """Return in one line which of them a forecast has, and what else is varied in it."""
+    """Return in one line the default errors of a forecast, and its other varied inputs."""
     inputs = {v.name: v.plain() for v in varied}
     descriptions = [f"{len(v.distribution.choices if v.distribution else v.values)} members of the products in turn"
              for v in varied if v.name == MEMBER]  # fmt: skip
@@ -128,7 +128,7 @@ def forecast_plan(
 def forecast_errors(
     experiment: object, vary: Mapping[str, Any] | Iterable[str], *, defaults: bool = True, data: Path | None = None
 ) -> dict[str, Any]:
-    """Return what a forecast varies: what the user gives, then the file, then the errors that it has by itself."""
+    """Return the varied inputs of a forecast: the user's first, then those of the file, then the default errors."""
     given = vary_with_file(experiment, vary, data)
     standard = {
         v.name: v.plain()
@@ -157,11 +157,11 @@ def forecast(
     experiment : str, path or callable
         As for `riftberg.sweep`.
     vary : mapping, or iterable of str, optional
-        What is varied beside, or instead of, the errors that a forecast has by itself (`riftberg.ensembles.forecast.DEFAULTS`).
+        Inputs to vary beside, or instead of, the default errors of a forecast (`riftberg.ensembles.forecast.DEFAULTS`).
     days, every_hours, output, resume, progress
         As for `riftberg.sweep`.
     default_errors : bool, optional
-        Take the errors that a forecast has by itself.
+        Add the default errors of a forecast.
     **options
         As for `riftberg.sweep`; ``members`` is 200 by default.
 
@@ -173,7 +173,7 @@ def forecast(
     Raises
     ------
     InputError
-        If what is varied is not possible; before the first run.
+        If an input cannot be varied; before the first run.
     """
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")

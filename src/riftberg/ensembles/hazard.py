@@ -1,4 +1,4 @@
-"""What a forecast means for others at sea: limits of ice, positions with error, and how likely ice comes near.
+"""Hazards of a forecast to others at sea: limits of ice, positions with error, and the probability that ice comes near.
 
 The p % limit of ice is the smallest line such that in p % of the members all ice lies inside of it: not a contour of
 presence, which with members far apart would hold all of them at 50 %. The line is a convex hull. It is sought around several
@@ -50,7 +50,7 @@ HOURS: Final = 1.0
 
 @dataclass(frozen=True)
 class IceLimit:
-    """A line, and what lies inside of it."""
+    """A line, and the weight of the members inside of it."""
 
     percent: int | None  # None for the range of the members: too few count for a limit
     date: np.datetime64 | None  # None for the whole time
@@ -107,7 +107,7 @@ def _around(major: Floats, minor: Floats, azimuth: Floats) -> tuple[Floats, Floa
 
 
 def smallest_line(points: list[Floats], weight: Floats, share: float) -> tuple[Floats, float]:
-    """Return the convex line around members that weigh ``share`` or more, as small as it is found, and what they weigh.
+    """Return the convex line around members that weigh ``share`` or more, the smallest found, and their weight.
 
     ``points``: corners of the ice of each member, degrees; ``weight``: adds up to 1. A member without ice has all of it inside.
     """
@@ -296,7 +296,7 @@ def _the_short_way(p: Floats) -> Floats:
 def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     """Return how likely ice comes within a distance (m) of a shape in degrees.
 
-    What an unfinished member did counts; what it would have done after its last position is not known.
+    An unfinished member counts up to its last position; its later path is unknown.
     """
     members, weight = counted(ds, "unfinished")
     # After sightings some members count in nothing.

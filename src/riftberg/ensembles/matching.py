@@ -1,4 +1,4 @@
-"""Which inputs agree with what was observed: history matching wave by wave, the likeliest ones, and their distribution.
+"""Inputs that agree with observations: history matching wave by wave, the likeliest inputs, and their distribution.
 
 All inputs are parts of the probability of their distributions, 0 to 1, so that the prior is uniform. A wave runs members at
 inputs that no wave before has ruled out, and emulates each result. Inputs are ruled out where the emulated result is so far from
@@ -60,10 +60,10 @@ REPLICATES: Final = 6000
 class Emulator:
     """One result of a model as a function of its inputs: ``x`` (members, inputs), 0 to 1; ``y`` (members,), all finite.
 
-    A straight line in all inputs, and a process with the covariance ``s2 exp(-sum (x - x')2 / 2 l2)`` about it. What members
-    scatter beside it (their lattices, their random fields) is a variance of its own, a nugget. Lengths and nugget are those of
-    the largest likelihood; the variance counts the doubt in the line, not that in lengths and nugget (Rasmussen and Williams
-    2006, equations 2.41, 2.42 and 5.9).
+    A straight line in all inputs, and a process with the covariance ``s2 exp(-sum (x - x')2 / 2 l2)`` about it. The scatter of
+    members about it (their lattices, their random fields) is a variance of its own, a nugget. Lengths and nugget maximise the
+    likelihood; the variance counts the uncertainty of the line, not of lengths and nugget (Rasmussen and Williams 2006,
+    equations 2.41, 2.42 and 5.9).
     """
 
     def __init__(self, x: Floats, y: Floats) -> None:
@@ -140,7 +140,7 @@ def _line(x: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Targets:
-    """What was observed, as numbers: a result of the model is to equal it, or to lie on one side of it."""
+    """Observations as numbers: a result of the model is to equal its number, or to lie on one side of it."""
 
     names: Sequence[str]
     values: Floats  # (targets,)
@@ -155,7 +155,7 @@ class Targets:
         return float(norm.isf(0.5 * RULED_OUT / len(self.values)))
 
     def misfit(self, mean: Floats, variance: Floats | float = 0.0) -> Floats:
-        """Return how far results (points, targets) are from what was observed, in standard deviations."""
+        """Return how far results (points, targets) are from the observations, in standard deviations."""
         deviation = (mean - self.values) / np.sqrt(np.diag(self.covariance) + variance)
         return np.where(self.sides == 0.0, np.abs(deviation), np.maximum(-self.sides * deviation, 0.0))
 
@@ -238,7 +238,7 @@ class Wave(NamedTuple):
 
 @dataclass
 class Matched:
-    """All members of the waves, and what they leave."""
+    """All members of the waves, and the region that they leave."""
 
     region: Region
     inputs: Floats  # (members, inputs), 0 to 1
@@ -316,7 +316,7 @@ def _log_likelihood(targets: Targets, mean: Floats, variance: Floats) -> Floats:
 
 
 class Posterior(NamedTuple):
-    """Inputs by what was observed."""
+    """Distribution of the inputs given the observations."""
 
     samples: Floats  # (samples, inputs), 0 to 1
     weight: Floats  # (samples,), sum 1
@@ -327,10 +327,10 @@ class Posterior(NamedTuple):
 def posterior(matched: Matched, *, seed: int = 1) -> Posterior:
     """Return the distribution of the inputs from the members of the waves.
 
-    Members that are not ruled out get errors of observation and model added. What the inputs depend on in the results is
-    summed up in as many numbers as there are inputs, the linear expectation of each input (Fearnhead and Prangle 2012). Members
-    whose numbers are near those of the observations are kept (rejection, Epanechnikov kernel), and their inputs are corrected
-    for what is left of the difference by local regression (Beaumont and others 2002). Inputs are normal scores there, which
+    Members that are not ruled out get errors of observation and model added. The results are
+    summarised in as many numbers as there are inputs, the linear expectation of each input (Fearnhead and Prangle 2012). Members
+    whose numbers are near the observed ones are kept (rejection, Epanechnikov kernel), and their inputs are corrected
+    for the remaining difference by local regression (Beaumont and others 2002). Inputs are normal scores there, which
     keeps them within their distributions.
     """
     from scipy.stats import norm

@@ -66,7 +66,7 @@ _TOLERANCE: Final = 1e-6  # s
 
 @dataclass(frozen=True)
 class Job:
-    """What a worker must know of a member."""
+    """Input of a worker for one member."""
 
     number: int  # From 0
     values: Mapping[str, Any]  # Values by name of what is varied
@@ -106,7 +106,7 @@ class Job:
 
 @dataclass
 class Outcome:
-    """What a member came to, in numbers and texts alone."""
+    """Result of a member, in numbers and texts alone."""
 
     number: int  # Of the member
     status: str  # "done", "failed", "unfinished" if it took too long, or "stopped" if it was asked to stop
@@ -239,7 +239,7 @@ def _advance(model: Model, days: float, track: MemberTracks, job: Job) -> None:
 
 
 def _files(job: Job) -> list[Recorder]:
-    """Return the recorders of the files of a member: of the control its run, and what is asked for on cells."""
+    """Return the recorders of the files of a member: the run of the control, and gridded output where requested."""
     recorders: list[Recorder] = []
     if job.run_file is not None:
         name = job.experiment if isinstance(job.experiment, str) else ""
@@ -288,7 +288,7 @@ class MemberTracks:
         self.record(model)
 
     def record(self, model: BareModel) -> None:
-        """Note where the fragments are when an interval is over, and in each step what may happen between."""
+        """Note the positions of the fragments at each interval, and events between them in each step."""
         touching = _aground(model)
         if np.isnan(self.first_aground) and touching.any():
             self.first_aground, e = model.time, model.elements
@@ -324,7 +324,7 @@ class MemberTracks:
         return np.array([*self.rows, summary], dtype=np.float64)
 
     def finish(self, model: BareModel) -> None:
-        """Leave the rows as they are."""
+        """Leave the rows unchanged."""
 
 
 def broken_off(rows: Iterable[Sequence[float]]) -> list[int]:
@@ -464,7 +464,7 @@ FRAGMENT: Final = (
 
 
 def make_outcome(number: int, model: BareModel, track: MemberTracks) -> Outcome:
-    """Return what a finished member came to."""
+    """Return the outcome of a finished member."""
     rows = model.fragments.rows
     e = model.elements
     numbers = np.unique(e.berg)

@@ -1,4 +1,4 @@
-"""What an ensemble says: probabilities with intervals, where a berg breaks, scenarios, and what makes the spread."""
+"""Statistics of an ensemble: probabilities with intervals, places of break-up, scenarios, and sources of the spread."""
 
 from __future__ import annotations
 
@@ -99,9 +99,9 @@ def enough(weight: Floats) -> bool:
 def with_probabilities(
     ds: xr.Dataset, breaks: Breaks, weight: Sequence[float] | None = None
 ) -> xr.Dataset:  # fmt: skip
-    """Return the result of a forecast with what follows from all members.
+    """Add to the result of a forecast the statistics of all members.
 
-    ``breaks``: what the members add up to, of the same ``weight``: that of each member, by default 1.
+    ``breaks``: sums over the members, of the same ``weight`` (of each member, by default 1).
     """
     ds = ds.copy()
     time = ds["time"].values
@@ -146,9 +146,9 @@ def with_probabilities(
 
 
 def _add_dated(ds: xr.Dataset) -> None:
-    """Add the probabilities of what has a date; a member that never breaks has none and stays in the denominator.
+    """Add the probabilities of events with a date; a member that never breaks has none and stays in the denominator.
 
-    What an unfinished member did counts; what it would have done after its last position is not known.
+    An unfinished member counts up to its last position; its later path is unknown.
     """
     of, weight = counted(ds, "unfinished")
     for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
@@ -157,7 +157,7 @@ def _add_dated(ds: xr.Dataset) -> None:
 
 
 def share_until(members: xr.Dataset, weight: Floats, yes: Any) -> tuple[Floats, Floats]:
-    """Return by date the share of what has happened until then, and the weight of the members of which it is not known.
+    """Return by date the share of members to which it has happened by then, and the weight of those of which it is unknown.
 
     ``yes``: whether it has happened to each member (members, times). Of an unfinished one that it has not happened to, nothing
     is known after its last position.
@@ -182,7 +182,7 @@ def _unfinished_share(ds: xr.Dataset) -> float:
 
 
 def with_interval(share: Floats, number: float, unknown: float | Floats) -> tuple[Floats, Floats, Floats]:
-    """Return a probability and the ends of its interval, which take what is not known of members as no and as yes.
+    """Return a probability and the ends of its interval, which count members of which it is unknown as no and as yes.
 
     ``unknown``: weight of the members of which it is not known; ``share``: of the others.
     """
@@ -532,7 +532,7 @@ def sources(ds: xr.Dataset) -> dict[str, float]:
     """Return the part of the spread of the last position that each source of error explains alone, by linear regression.
 
     The means of current and wind along the track stand for their fields. Adjusted for the number of inputs, so that sources
-    of no effect come out near 0; the rest is what is not linear.
+    of no effect come out near 0; the rest is not linear.
     """
     members, weight = counted(ds)
     if "lat" not in members:
@@ -571,7 +571,7 @@ def _explained(columns: Floats, target: Floats, root: Floats, n: float) -> float
 
 
 def notes(ds: xr.Dataset) -> list[str]:
-    """Return the likeliest scenarios, and what makes most of the spread, in a few short lines."""
+    """Return the likeliest scenarios, and the main source of the spread, in a few short lines."""
     lines = [scenario.told().split(" (")[0] for scenario in scenarios(ds)[:3]]
     return lines + [
         f"spread of the position: {name} {100 * share:.0f} %" for name, share in list(sources(ds).items())[:1]

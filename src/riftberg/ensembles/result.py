@@ -1,4 +1,4 @@
-"""The result of a sweep as one dataset: a member dimension, what was varied, break-ups, fragments, tracks."""
+"""The result of a sweep as one dataset: a member dimension, varied inputs, break-ups, fragments, tracks."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def _listed(outcome: Outcome) -> list[int]:
 
 
 def varied_values(member: xr.Dataset) -> dict[str, Any]:
-    """Return what is varied of one member of a result, by ``group.name``."""
+    """Return the varied inputs of one member of a result, by ``group.name``."""
     names = {str(coord.attrs["parameter"]): coord for coord in member.coords.values() if "parameter" in coord.attrs}
     if variable_name(SEED) in member.coords:
         names.setdefault(SEED, member[variable_name(SEED)])
@@ -392,7 +392,7 @@ def open_sweep(path: str | Path, *, tracks: bool = True) -> xr.Dataset:
 
 
 def open_cells(path: str | Path, kind: str = "monthly") -> xr.Dataset:
-    """Open what the members of a sweep wrote on cells (``cells``).
+    """Open the gridded output of the members of a sweep (``cells``).
 
     Parameters
     ----------
@@ -460,7 +460,7 @@ def _without_tracks(file: Path, remedy: str) -> xr.Dataset:
 
 @contextmanager
 def _little_kept() -> Iterator[None]:
-    """Let files that are opened meanwhile keep one chunk of each variable; by itself netCDF keeps 16 MB of each."""
+    """Let files that are opened meanwhile cache one chunk of each variable; the default of netCDF is 16 MB of each."""
     previous_cache = netCDF4.get_chunk_cache()
     netCDF4.set_chunk_cache(2 * CHUNK_BYTES, *previous_cache[1:])
     try:

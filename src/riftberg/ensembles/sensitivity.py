@@ -1,4 +1,4 @@
-"""Which input matters: Morris effects and Sobol' indices of what every member has, rank correlations of what only some have."""
+"""Which input matters: Morris effects and Sobol' indices of results that every member has, rank correlations of the others."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Result(NamedTuple):
 
 
 def select_results(ds: xr.Dataset, at_days: Iterable[float] = ()) -> dict[str, Result]:
-    """Return what is asked of the members of a sweep, by name; by default by the middle and the end of the runs."""
+    """Return the results of the members of a sweep by name; by default by the middle and the end of the runs."""
     first, length = ds["time"].values[0], float((ds["time"].values[-1] - ds["time"].values[0]) / DAY)
     # Days count from the own start of each member.
     after = ds["start_after"].values / 86400.0 if "start_after" in ds.coords else np.zeros(ds.sizes["member"])
@@ -213,7 +213,7 @@ def sensitivity(
     results : mapping, optional
         Further results by name: functions that take the result of the sweep and return one number for each member.
     default_errors : bool, optional
-        Vary what a forecast has errors of by itself.
+        Vary the default errors of a forecast too.
     **options
         As for `riftberg.sweep`. ``members`` is the number of draws: with d inputs, d + 1 runs each for ``morris`` (16 draws by
         default), d + 2 for ``sobol`` (64).
@@ -228,7 +228,7 @@ def sensitivity(
     Raises
     ------
     InputError
-        If what is varied is not possible; before the first run.
+        If an input cannot be varied; before the first run.
     """
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="method", remedy=f"Use {' or '.join(METHODS)}")

@@ -1,4 +1,4 @@
-"""A sweep: every combination of what is varied is run, wherever there is room, and the runs become one result."""
+"""A sweep: a run for every combination of the varied inputs, on all cores or machines, and one result of all runs."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class WorkerOptions(TypedDict, total=False):
 
 
 class SweepOptions(WorkerOptions, total=False):
-    """What `sweep` takes beside its own arguments: where the members run, and what is the same for all of them."""
+    """Options of `sweep` beside its own arguments: where the members run, and settings that all of them share."""
 
     # Write fresh water, heat and mass of each member on cells this wide (degrees), as ``riftberg run --cells``, into
     # the folder ``cells`` of ``output``. A member that is stopped or lost begins anew then
@@ -137,9 +137,9 @@ def sweep(
     Parameters
     ----------
     experiment : str, path or callable
-        Built-in experiment or YAML file; or a function that takes what is varied by name and returns a `riftberg.Model`.
+        Built-in experiment or YAML file; or a function that takes the varied inputs by name and returns a `riftberg.Model`.
     vary : mapping, or iterable of str, optional
-        What is varied, beside or instead of the section ``vary`` of an experiment file. Values by ``group.name``: a list, an
+        Inputs to vary, beside or instead of the section ``vary`` of an experiment file. Values by ``group.name``: a list, an
         array, or a text such as ``"14..24kPa:11"`` (eleven values) or ``"14, 18, 24 kPa"``.
         The last one changes fastest. Or texts such as ``"fracture.normal_strength=14..24kPa:11"``.
         A distribution needs ``members``: ``"lognormal(18 kPa, 20 %)"``. Beside parameters, ``start``,
@@ -149,14 +149,14 @@ def sweep(
     every_hours : float or str, optional
         Interval of the tracks; by default 6 h, or the length of the runs where they are shorter.
     output : path, optional
-        Folder for ``sweep.nc`` and for what is done so far; without it nothing is kept on disk. Workers on other machines
+        Folder for ``sweep.nc`` and the outcomes so far; without it nothing is kept on disk. Workers on other machines
         must reach it to save states there.
     resume : bool
         Go on with the sweep in ``output``: members that are done stay, those that failed are tried again.
     progress : bool, optional
         Show how many members are done.
     **options
-        What is the same for all members (changes, without, data, numerics, cells), how they are drawn (members, plan, seed),
+        Settings that all members share (changes, without, data, numerics, cells), how they are drawn (members, plan, seed),
         and where they run, and how long (scheduler, workers, save_seconds, member_time): `SweepOptions`.
 
     Returns
@@ -168,7 +168,7 @@ def sweep(
     Raises
     ------
     InputError
-        If what is varied is not possible; before the first run.
+        If an input cannot be varied; before the first run.
     KeyboardInterrupt
         After Ctrl-C, when the members under way have saved their states; `resume` goes on.
 
@@ -216,7 +216,7 @@ def read_draws(options: Mapping[str, Any]) -> Draws:
 
 
 def common_options(days: float | str | None, options: SweepOptions) -> Options:
-    """Return what is the same for all members."""
+    """Return the options that all members share."""
     data = options.get("data")
     return Options(
         changes=dict(options.get("changes") or {}), days=None if days is None else number(days, "day", where="days"),
@@ -227,7 +227,7 @@ def common_options(days: float | str | None, options: SweepOptions) -> Options:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a sweep is, checked."""
+    """A checked plan of a sweep."""
 
     experiment: str | Maker
     options: Options  # Common to all members
@@ -261,7 +261,7 @@ class Plan:
         return {MEMBER: 0} if any(v.name == MEMBER for v in self.varied) else {}
 
     def described(self) -> dict[str, Any]:
-        """Return what a sweep that goes on must have in common with the one before, as JSON holds it."""
+        """Return the settings that a resumed sweep must share with the earlier one, as plain data."""
         o = self.options
         return {
             "experiment": self.named,
@@ -280,7 +280,7 @@ class Plan:
         }
 
     def job(self, number: int, folder: Path, save_seconds: float, most_seconds: float = math.inf) -> Job:
-        """Return what a worker must know of a member."""
+        """Return the input of a worker for a member."""
         values = self.control if number == CONTROL else self.members[number]
         lag = self.lag(number)
         return Job(
@@ -363,7 +363,7 @@ def planned(
 def _find_start(
     experiment: Any, options: Options, members: Sequence[dict[str, Any]], first: Model, days: float
 ) -> datetime:
-    """Return the start of a forecast, that of its file or its control; members that start at other dates do so before it."""
+    """Return the start of a forecast: of its file or its control. Members that start at other dates start before it."""
     if "start" not in members[0]:
         return first.start
     if isinstance(experiment, str):
@@ -400,8 +400,8 @@ def _cells(width: float | None, first: Model) -> float | None:
 def _check_members(first: Model, members: Sequence[dict[str, Any]], varied: Sequence[Varied]) -> None:
     """Refuse combinations of values that no run can have.
 
-    All combinations of listed values; of what is drawn, each value of which was checked by itself, the members with the
-    smallest and the largest. To check every one of 10,000 draws took half a minute.
+    All combinations of listed values are checked. Drawn values were checked one by one, so only the members with the smallest
+    and the largest are checked: every one of 10,000 draws took half a minute.
     """
     inputs = [v for v in varied if v.name.partition(".")[0] in GROUPS]
     drawn = [v.name for v in inputs if v.distribution is not None and not v.distribution.choices]
@@ -421,12 +421,12 @@ def _member_text(values: Mapping[str, Any]) -> str:
 
 
 def _digest(record: Mapping[str, Any]) -> int:
-    """Return a checksum over what is kept of a member, by which a bit that has flipped is noticed."""
+    """Return a checksum of the record of a member, which reveals a flipped bit."""
     return zlib.crc32(json.dumps(record, sort_keys=True).encode())
 
 
 class Store:
-    """The folder of a sweep: its plan, and what is done."""
+    """The folder of a sweep: its plan and the outcomes so far."""
 
     def __init__(self, folder: Path, plan: Plan, *, resume: bool, part: tuple[int, int] | None = None) -> None:
         if part is None and resume and (match := PART.fullmatch(folder.name)):
@@ -493,7 +493,7 @@ class Store:
         write_text(self.folder / PLAN, json.dumps(self._described, indent=1) + "\n")
 
     def outcome(self, number: int) -> Outcome | None:
-        """Return what a member came to; what cannot be read is done again."""
+        """Return the outcome of a member; None where it cannot be read, so that the member runs again."""
         try:
             record = dict(json.loads((self.members / f"{number:05d}.json").read_text("utf-8")))
             digest = record.pop("digest", None)
@@ -502,7 +502,7 @@ class Store:
             return None
 
     def keep(self, outcome: Outcome) -> None:
-        """Keep what a member came to."""
+        """Save the outcome of a member."""
         record = vars(outcome)
         write_text(self.members / f"{outcome.number:05d}.json", json.dumps({**record, "digest": _digest(record)}))
         self._count(outcome)
@@ -566,7 +566,7 @@ class Store:
         return *plane.forward(e.lon, e.lat), float(np.sqrt(np.mean(e.length * e.width)))
 
     def _origin(self) -> dict[str, str]:
-        """Return what the result keeps for ``riftberg rerun``, which makes one of its members again."""
+        """Return the attributes by which ``riftberg rerun`` repeats one of the members."""
         o = self.plan.options
         if not isinstance(self.plan.experiment, str):
             return {}
@@ -575,7 +575,7 @@ class Store:
         return origin(self.plan.experiment, words, settings_of(o.changes), o.data, self.folder)
 
     def weights(self) -> dict[str, Any]:
-        """Return what new sightings made of the members, empty where there were none."""
+        """Return the weights of the members by new sightings; empty where there were none."""
         file = self.folder / WEIGHTS
         weights: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
         # Members that were added since have not been weighted yet.
@@ -640,7 +640,7 @@ def join_parts(folder: Path) -> list[int]:
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
-    """Return what the sweep in a folder is."""
+    """Return the plan of the sweep in a folder."""
     file = folder / PLAN if is_folder(folder) else folder
     check_file(file, remedy="Name a folder that 'riftberg sweep' made", missing="holds no sweep")
     with reading(file, "not the plan of a sweep", "Name a folder that 'riftberg sweep' made"):

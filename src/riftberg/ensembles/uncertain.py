@@ -1,9 +1,9 @@
-"""What may be uncertain beside the parameters: where the berg starts and what it is like, and the errors of its surroundings.
+"""Uncertain inputs beside the parameters: position and shape of the berg at the start, and errors of its surroundings.
 
-These are keys of `--vary` like the parameters, and hold for any experiment: they change a model at its start. How large the
-errors of a product are stands here too: what it states itself, and what two products that differ say of both. Their
-difference holds the sum of the errors of both and nothing of what they share, so what is estimated from it is a lower bound
-of the error of either, if both err alike.
+These are keys of `--vary` like the parameters, and hold for any experiment: they change a model at its start. The size of
+the errors of a product stands here too: the product states it, or it is estimated from the difference of two products. The
+difference holds the sum of both errors without the error that they share, so the estimate is a lower bound of the error of
+either, if both err alike.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class StartError(Section):
-    """The berg at the start, against what the experiment says."""
+    """The berg at the start, relative to the experiment."""
 
     east: float = key(0.0, "m", "distance by which the berg starts farther east", ge=-1e6, le=1e6)
     north: float = key(0.0, "m", "distance by which the berg starts farther north", ge=-1e6, le=1e6)
@@ -112,7 +112,7 @@ def check_sizes(names: Collection[str]) -> None:
 
 
 def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
-    """Return a model at its start with what is uncertain changed."""
+    """Apply the uncertain inputs to a model at its start."""
     keys: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         if is_uncertain(name):
@@ -173,7 +173,7 @@ normal distribution in two dimensions with a standard deviation of 10.6 km along
 
 
 def read_starts(path: str | Path) -> dict[str, str]:
-    """Return what a table of starts varies, row after row in turn, as `riftberg.forecast` takes it.
+    """Return the inputs that a table of starts varies, row after row in turn, as `riftberg.forecast` takes it.
 
     Parameters
     ----------
@@ -341,13 +341,13 @@ def estimated(
     first, second : path, or sequence of them
         Files of two products of the same days and area, on axes of longitude and latitude.
     longitude, latitude : pair of float, optional
-        Box, degrees; by default what both cover.
+        Box, degrees; by default the area that both cover.
 
     Returns
     -------
     Estimate
-        The standard deviation is the difference over the root of two: that of either product if both err alike and by
-        themselves. What they share is not in it, so it is a lower bound.
+        The standard deviation is the difference over the root of two: the error of either product if both err alike and
+        independently. The error that they share is not in it, so it is a lower bound.
 
     Raises
     ------

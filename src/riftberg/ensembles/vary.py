@@ -1,4 +1,4 @@
-"""What is varied in a sweep: parameters, start and errors, their values or distributions, checked before the first run."""
+"""Inputs that a sweep varies: parameters, start and errors, their values or distributions, checked before the first run."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ class Varied:
     parts: int = 1  # Numbers that it consists of, each of them drawn
 
     def plain(self) -> list[Any] | str:
-        """Return what is varied as a plan keeps it."""
+        """Return the values as a plan stores them."""
         return list(self.values) if self.distribution is None else "~" + self.distribution.text
 
     def told(self) -> str:
-        """Return what it is in a few words."""
+        """Describe it in a few words."""
         if self.distribution is None:
             return f"{len(self.values)} of {self.name}"
         return f"{self.name} ({self.distribution.described(self.unit)})"
@@ -75,7 +75,7 @@ def order_line(names: Sequence[str]) -> str:
 
 
 def read_varied(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) -> tuple[Varied, ...]:
-    """Read what is to be varied."""
+    """Read the inputs to vary."""
     pairs = vary.items() if isinstance(vary, Mapping) else [_split(text) for text in _texts(vary)]
     varied: list[Varied] = []
     for name, values in pairs:
@@ -97,7 +97,7 @@ def read_varied(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) 
 def vary_with_file(
     experiment: object, vary: Mapping[str, Any] | Iterable[str], data: Path | None = None
 ) -> dict[str, Any]:
-    """Return what is varied by name: what the experiment file says under ``vary``, and before it what is given.
+    """Return the varied inputs by name: the user's, then those under ``vary`` in the experiment file.
 
     ``starts`` is a table of starts, which becomes the names that its columns vary.
     """
@@ -153,7 +153,7 @@ def _split(text: str) -> tuple[str, str]:
 
 
 def _free(name: str, values: Any, where: str) -> Varied:
-    """Take the values of an argument of a function as they are."""
+    """Take the values of an argument of a function unchanged."""
     if isinstance(values, str) and values.startswith("~"):
         return Varied(name, (), distribution=read_distribution(
             values[1:], where=where, number=lambda text: number(text, "1", where=where), value=str, limits=Limits()
@@ -220,7 +220,7 @@ def _read_file_values(values: Any, where: str) -> list[Any]:
 def _parts(text: str, where: str) -> tuple[list[str], int]:
     """Return the values of a list with commas and 0, or the ends of a range ``LOW..HIGH:COUNT`` and its number of values.
 
-    A unit at the end is that of all; lists stand in brackets.
+    A unit at the end holds for all; lists stand in brackets.
     """
     bounds = _RANGE.match(text)
     if bounds is None:
@@ -329,14 +329,14 @@ def check_draws(varied: Sequence[Varied], draws: Draws) -> None:
 
 
 def _rows(columns: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
-    """Return the values by name of each member from those of all members by name."""
+    """Turn columns of values by name into one mapping for each member."""
     return [dict(zip(columns, map(native, row), strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def list_members(varied: Sequence[Varied], draws: Draws | None = None) -> list[dict[str, Any]]:
     """Return every combination of the listed values, the last parameter changing fastest, for each draw in turn.
 
-    So a member stays what it is when further ones are drawn.
+    So a member does not change when further ones are drawn.
     """
     draws = draws or Draws()
     check_draws(varied, draws)
@@ -379,7 +379,7 @@ def read_design(path: Path) -> dict[str, list[str]]:
 def designed(
     columns: Mapping[str, Sequence[Any]], *, free: bool = False
 ) -> tuple[tuple[Varied, ...], list[dict[str, Any]]]:
-    """Return what a plan made elsewhere varies, and its members: one of each row.
+    """Return the inputs that a plan made elsewhere varies, and its members: one of each row.
 
     ``free``: a function makes the models, whose arguments take any value.
     """
