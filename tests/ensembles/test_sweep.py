@@ -31,7 +31,7 @@ from riftberg.ensembles.sweep import Store, _cells, join_parts, planned
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
 from riftberg.runs.run_file import open_run
-from riftberg.verification.sightings import away_from
+from riftberg.verification.sightings import berg_offsets
 
 SPEEDS = [0.1, 0.2, 0.3]
 
@@ -609,7 +609,7 @@ def test_members_that_start_at_other_dates_have_their_own(tmp_path: Path) -> Non
         assert compared["time"].values[-1] == np.datetime64("2020-12-06")
         assert compared["distance"].values == pytest.approx(0.0, abs=1.0)
     with pytest.raises(InputError, match="members that start at different dates"):
-        away_from(ds, datetime(2020, 12, 3), (-37.0, -56.0))
-    east, north = away_from(ds.isel(member=[1]), datetime(2020, 12, 3), (-37.0, -56.0))[0]
+        berg_offsets(ds, datetime(2020, 12, 3), (-37.0, -56.0))
+    east, north = berg_offsets(ds.isel(member=[1]), datetime(2020, 12, 3), (-37.0, -56.0))[0]
     assert (east, north) == pytest.approx((0.0, 0.0), abs=0.1)
     draw_sweep(ds, tmp_path / "s.png")

@@ -80,7 +80,7 @@ def sensitivity(
     from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, select_results
     from riftberg.ensembles.sweep import planned, read_draws
     from riftberg.system.atomic_files import write_text
-    from riftberg.verification.sightings import drift_error, during, sightings_of
+    from riftberg.verification.sightings import drift_error, during, select_sightings
 
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="--method", remedy=f"Use {' or '.join(METHODS)}")
@@ -101,7 +101,7 @@ def sensitivity(
                     "runs in metres", where="--observed", remedy="Observations need longitude and latitude"
                 )
             end = plan.start + timedelta(days=plan.days)
-            during(*sightings_of(seen, berg, plan.start, None), plan.start, end, str(observed))
+            during(*select_sightings(seen, berg, plan.start, None), plan.start, end, str(observed))
         for day in at_day or ():
             positive(day, "--at-day", "days", most=plan.days)
         if not shared.quiet:
