@@ -94,7 +94,7 @@ def test_members_of_a_forecast_take_those_of_the_product_in_turn(file: Path) -> 
 
 def test_files_without_members_keep_the_errors(file: Path) -> None:
     fields(("uo", "vo"), "sea_water_velocity", [0.1]).to_netcdf(file.with_name("ocean.nc"))
-    assert default_errors(str(file))[0].what.startswith("current 0.1 m/s")
+    assert default_errors(str(file))[0].text.startswith("current 0.1 m/s")
 
 
 def test_a_member_below_zero_is_refused(file: Path) -> None:

@@ -110,8 +110,8 @@ def test_a_draw_with_a_failed_member_counts_in_nothing() -> None:
 
 def test_what_only_some_have_is_said_of_these() -> None:
     ds, x = drawn(dict.fromkeys("ab", "~uniform(0, 1)"), "morris", 64)
-    found = indices(ds, {"date": Result(np.where(x["a"] > 0.5, x["a"] ** 3, np.nan), "day", some=True),
-                         "none": Result(np.full(len(x["a"]), np.nan), "day", some=True),
+    found = indices(ds, {"date": Result(np.where(x["a"] > 0.5, x["a"] ** 3, np.nan), "day", partial=True),
+                         "none": Result(np.full(len(x["a"]), np.nan), "day", partial=True),
                          "same": Result(np.ones(len(x["a"])), "1")})  # fmt: skip
     one = found.sel(result="date")
     assert float(one["share"]) == pytest.approx((x["a"] > 0.5).mean())

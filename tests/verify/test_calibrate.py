@@ -133,8 +133,8 @@ def test_many_dates_become_twelve_and_the_outline_gives_the_axis() -> None:
     seen = collect_observations(
         Observations("s", fixes=[Fix("a", when, False, -37.0, -56.0) for when in hours]), START, 2.0
     )
-    assert len(seen.places) == 12
-    assert hours[-1] in seen.places
+    assert len(seen.positions) == 12
+    assert hours[-1] in seen.positions
     ring = np.array([[-37.0, -56.0], [-36.0, -56.0], [-36.0, -55.9], [-37.0, -55.9]])  # along a parallel
     drawn = collect_observations(
         Observations("s", outlines=[Outline("a", datetime(2020, 12, 10), True, ring)]), START, 2.0

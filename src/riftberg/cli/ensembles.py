@@ -157,7 +157,7 @@ def joined(context: typer.Context, folder: Path, kind: str) -> Store:
     if missing:
         parts = ", ".join(map(str, missing[:10])) + (", ..." if len(missing) > 10 else "")
         say(f"Missing: part{'s' if len(missing) > 1 else ''} {parts}; {len(store.waiting())} members wait")
-    store.own = []
+    store.assigned = []
     return store
 
 
@@ -232,7 +232,7 @@ def _run(store: Store, shared: EnsembleOptions, *, draw: bool) -> None:
     for line in summary_lines(result):
         tell(line)
     tell(f"Written to {store.folder}: {', '.join(files)}")
-    if store.own and not (result["status"] == 0).any():
+    if store.assigned and not (result["status"] == 0).any():
         raise RunError("no member came to its end")
 
 
@@ -336,7 +336,7 @@ def forecast(
             say("Weights of earlier sightings do not hold for members that were added: use riftberg update once more")
         files = [name for name in FORECAST_FILES[:-1] if (store.folder / name).exists()]
         some_done = bool((result["status"] == 0).any())
-        if store.own and not some_done:
+        if store.assigned and not some_done:
             message = next((str(text) for text in result["message"].values if text), "")
             raise RunError(f"no member came to its end{': ' if message else ''}{message}")
         if map_ and "presence" in result:

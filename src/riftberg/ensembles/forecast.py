@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class DefaultError(NamedTuple):
     """One line of the table of a forecast's default errors."""
 
-    what: str
+    text: str
     vary: tuple[str, ...]
     source: str
 
@@ -105,7 +105,7 @@ def errors_line(varied: Sequence[Varied]) -> str:
     for error in (*DEFAULTS, FLOOR, LATTICE):
         names = {v.name: v.plain() for v in read_varied(error.vary)}
         if names.items() <= inputs.items():
-            descriptions.append(error.what)
+            descriptions.append(error.text)
             inputs = {name: value for name, value in inputs.items() if name not in names}
     return "Errors: " + "; ".join([*descriptions, *inputs])
 

@@ -362,8 +362,8 @@ class Breaks:
         # Finer than the lattice, a crack would miss cells that it crosses.
         self.cell = max(max(np.ptp(x), np.ptp(y), self.side) / 40.0, 1.5 * self.side)
         self.edges = [np.arange(a.min() - self.side, a.max() + self.side + self.cell, self.cell) for a in (x, y)]
-        self.there = np.histogram2d(y, x, bins=self.edges[::-1])[0] > 0
-        self.density, self.share = np.zeros(self.there.shape), np.zeros(self.there.shape)
+        self.has_ice = np.histogram2d(y, x, bins=self.edges[::-1])[0] > 0
+        self.density, self.share = np.zeros(self.has_ice.shape), np.zeros(self.has_ice.shape)
         self.weight, self.total = weight, 0.0
         self.leaders: list[list[Floats]] = []  # Of each scenario the pieces of its first member
         self.numbers: list[Any] = []  # Scenario of each member, in order of the first; of each block an array
@@ -402,7 +402,7 @@ class Breaks:
             ds.coords[name] = (name, 0.5 * (edge[:-1] + edge[1:]), about)
         total = self.total or 1.0
         for name, values, unit, meaning in (
-            ("ice", self.there.astype("i1"), "1", "1 where the control has ice at the start"),
+            ("ice", self.has_ice.astype("i1"), "1", "1 where the control has ice at the start"),
             ("crack_density", self.density / total, "m-1", "mean length of crack per area"),
             ("crack_probability", np.clip(self.share / total, 0.0, 1.0), "1", "probability of a crack in the cell"),
         ):
@@ -446,7 +446,7 @@ class Scenario:
     probability: float
     representative: int  # The member whose track is nearest to the mean of the scenario
     pieces: tuple[float, ...]  # Areas that broke off in it, m2
-    apart: str  # Input that sets it apart most, or nothing
+    cause: str  # Input that sets it apart most, or nothing
 
     def told(self) -> str:
         """Return it in a line."""
@@ -455,7 +455,7 @@ class Scenario:
             if not self.pieces
             else "breaks off " + ", then ".join(f"{a / 1e6:.0f} km2" for a in self.pieces)
         )
-        return f"{100 * self.probability:.0f} %: {course} (member {self.representative}{self.apart})"
+        return f"{100 * self.probability:.0f} %: {course} (member {self.representative}{self.cause})"
 
 
 def scenarios(ds: xr.Dataset) -> list[Scenario]:
@@ -479,9 +479,9 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
             ended[f"fragment_{name}"].isel(member=member).values for name in ("number", "parent", "area", "birth_time")
         ]
         sizes = columns[2][broken_off(zip(*columns, strict=True))[:3]]
-        apart = _apart(inputs, rows)
+        cause = _apart(inputs, rows)
         result.append(Scenario(
-            int(number), float(weight[rows].sum()), int(ended["member"].values[member]), tuple(map(float, sizes)), apart
+            int(number), float(weight[rows].sum()), int(ended["member"].values[member]), tuple(map(float, sizes)), cause
         ))  # fmt: skip
     return sorted(result, key=lambda s: -s.probability)
 

@@ -40,7 +40,7 @@ class Result(NamedTuple):
 
     values: Floats  # NaN where a member has none
     unit: str
-    some: bool = False  # Not all members that come to their end have one
+    partial: bool = False  # Not all members that come to their end have one
 
 
 def select_results(ds: xr.Dataset, at_days: Iterable[float] = ()) -> dict[str, Result]:
@@ -61,14 +61,14 @@ def select_results(ds: xr.Dataset, at_days: Iterable[float] = ()) -> dict[str, R
             # No date is later than any: a member that never breaks counts as whole.
             results[f"{word} by day {day:g}"] = Result(np.where(finished, days(ds[name].values) <= day, np.nan), "1")
     results["largest area at the end"] = Result(ds["largest_area"].values / 1e6, "km2")
-    results["date of the first break-up"] = Result(days(ds["first_breakup"].values), "day", some=True)
+    results["date of the first break-up"] = Result(days(ds["first_breakup"].values), "day", partial=True)
     born = np.where(ds["fragment_parent"].values > 0, days(ds["fragment_birth_time"].values), np.inf)
     if born.size:
         earliest = born.argmin(axis=1)
         for name in ("lon", "lat") if "lat" in ds else ("x", "y"):
             position = ds[f"fragment_{name}"].values[np.arange(earliest.size), earliest]
             broke = np.where(np.isfinite(born.min(axis=1)), position, np.nan)
-            results[f"{name} of the first break-up"] = Result(broke, "degree" if "lat" in ds else "m", some=True)
+            results[f"{name} of the first break-up"] = Result(broke, "degree" if "lat" in ds else "m", partial=True)
     return results
 
 
@@ -100,9 +100,9 @@ def indices(ds: xr.Dataset, results: Mapping[str, Result], *, seed: int = 1) -> 
         row: dict[str, Any] = {
             "share": finite.sum() / max((ds["status"].values == 0).sum(), 1),
             "spread": result.values[finite].std() if finite.any() else np.nan,
-            "number": finite.sum() if result.some else draws.size,
+            "number": finite.sum() if result.partial else draws.size,
         }  # fmt: skip
-        if result.some:
+        if result.partial:
             row |= _correlations(inputs, result.values, size, random)
         elif draws.size > 1:
             row |= _effects(f[draws], x[:, draws], random) if plan == "morris" else _sobol(f[draws], random)

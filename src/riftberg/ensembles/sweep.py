@@ -405,7 +405,9 @@ def _check_members(first: Model, members: Sequence[dict[str, Any]], varied: Sequ
     """
     inputs = [v for v in varied if v.name.partition(".")[0] in GROUPS]
     drawn = [v.name for v in inputs if v.distribution is not None and not v.distribution.choices]
-    orders = [np.argsort([values[v.name] for values in members]) for v in inputs if v.name in drawn and v.parts == 1]
+    orders = [
+        np.argsort([values[v.name] for values in members]) for v in inputs if v.name in drawn and v.components == 1
+    ]
     ends = {int(order[end]) for order in orders for end in (0, -1)}
     seen: set[tuple[str, ...]] = set()
     for k, values in enumerate(members if inputs else ()):
@@ -437,7 +439,7 @@ class Store:
         self.members = folder / MEMBERS
         self.numbers = range(CONTROL if plan.forecast else 0, len(plan.members))
         # Each part takes every n-th member, so that parts take equally long where the time depends on what is varied.
-        self.own = [k for k in self.numbers if part is None or k % part[1] == part[0] - 1]
+        self.assigned = [k for k in self.numbers if part is None or k % part[1] == part[0] - 1]
         self.file = folder / ("forecast.nc" if plan.forecast else "sweep.nc")
         self.look: Callable[[xr.Dataset], None] | None = None  # What is done with the result of the first members
         self.done: dict[int, str] = {}  # Status of the members that were run; what they came to is in their files
@@ -515,7 +517,7 @@ class Store:
 
     def waiting(self) -> list[int]:
         """Return the members that are still to be run; those that failed are tried again, unfinished ones go on."""
-        return [k for k in self.own if self.done.get(k) != "done"]
+        return [k for k in self.assigned if self.done.get(k) != "done"]
 
     def stop(self) -> None:
         """Ask the members under way to save their states and stop."""

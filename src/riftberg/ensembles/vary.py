@@ -54,7 +54,7 @@ class Varied:
     unit: str = ""  # That unit, empty where there is none
     meaning: str = ""  # What the parameter is
     distribution: Distribution | None = None  # From which its values are drawn, in place of ``values``
-    parts: int = 1  # Numbers that it consists of, each of them drawn
+    components: int = 1  # Numbers that it consists of, each of them drawn
 
     def plain(self) -> list[Any] | str:
         """Return the values as a plan stores them."""
@@ -414,7 +414,7 @@ def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[
     turns = [
         v for v in drawn if v.distribution is not None and v.distribution.name == "each" and draws.plan not in POINTS
     ]
-    widths = [v.parts for v in drawn if v not in turns] + [1] * fields
+    widths = [v.components for v in drawn if v not in turns] + [1] * fields
     share = shares(draws.number, sum(widths), draws.plan, draws.seed, widths)
     seeds = [int(row[-1] * 2**52) if fields else member_seed(draws.seed, k) for k, row in enumerate(share)]
     columns: dict[str, list[Any]] = {}
@@ -424,9 +424,9 @@ def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[
         if v in turns:
             columns[v.name] = v.distribution.in_turn(len(share), draws.seed)
             continue
-        components = [v.distribution.quantiles(share[:, first + k]) for k in range(v.parts)]
-        columns[v.name] = components[0] if v.parts == 1 else list(zip(*components, strict=True))
-        first += v.parts
+        components = [v.distribution.quantiles(share[:, first + k]) for k in range(v.components)]
+        columns[v.name] = components[0] if v.components == 1 else list(zip(*components, strict=True))
+        first += v.components
     for name, values in columns.items():
         if is_of_file(name):
             columns[name] = [list(value) if isinstance(value, tuple) else value for value in values]

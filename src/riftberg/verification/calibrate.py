@@ -1,4 +1,4 @@
-"""Fit of an experiment to observed positions, headings and break-up: which inputs agree with what was seen.
+"""Fit of an experiment to observed positions, headings and break-up: which inputs agree with the observations.
 
 Members are sweeps of a design (`riftberg.ensembles.sweep`), history matching and posterior are in `riftberg.ensembles.matching`.
 A break-up is a jump in the inputs; the margin to it is none: largest stress over strength until a date, of a berg that holds. A
@@ -85,10 +85,10 @@ LEVEL: Final = 0.9
 
 @dataclass(frozen=True)
 class Seen:
-    """What was observed, at the dates that are compared."""
+    """Observations at the dates that are compared."""
 
     name: str  # Of the berg
-    places: Mapping[datetime, tuple[float, float]]  # Longitude and latitude, degrees
+    positions: Mapping[datetime, tuple[float, float]]  # Longitude and latitude, degrees
     azimuths: Mapping[datetime, float]  # Long axis, degrees clockwise from north
     whole_until: datetime | None  # When it was last seen whole
     broken: datetime | None  # When it was first seen broken
@@ -97,7 +97,7 @@ class Seen:
 
     @property
     def breaks(self) -> tuple[tuple[str, datetime, bool, float], ...]:
-        """What was seen of break-ups: in words, when, whether of the second one, and 1 for broken, -1 for not."""
+        """Observations of break-ups: in words, date, whether of the second one, and 1 for broken, -1 for not."""
         rows = (("whole until", self.whole_until, False, -1.0), ("broken by", self.broken, False, 1.0),
                 ("one break until", self.one_break_until, True, -1.0),
                 ("second break by", self.second_break, True, 1.0))  # fmt: skip
@@ -117,7 +117,7 @@ def collect_observations(
     observed: Observations | None, start: datetime, days: float, *, berg: str | None = None, hour: float | None = None,
     **dates: datetime | None,
 ) -> Seen:  # fmt: skip
-    """Return what was observed during the runs; refuses what lies outside of them. ``dates``: of break-ups, as in `Seen`."""
+    """Return the observations during the runs; dates outside of them are refused. ``dates``: of break-ups, as in `Seen`."""
     end = start + timedelta(days=days)
     name = berg or "berg"
     positions: dict[datetime, tuple[float, float]] = {}
@@ -167,8 +167,8 @@ def make_targets(seen: Seen, errors: Errors) -> Targets:
     blocks: list[Floats] = []
     sides: list[float] = []
     for axis in ("east", "north"):
-        names += [f"{when:%Y-%m-%d %H:%M} {axis}, km" for when in seen.places]
-        blocks.append(_covariance(list(seen.places), errors.position, errors.model))
+        names += [f"{when:%Y-%m-%d %H:%M} {axis}, km" for when in seen.positions]
+        blocks.append(_covariance(list(seen.positions), errors.position, errors.model))
     names += [f"{when:%Y-%m-%d %H:%M} azimuth, degree" for when in seen.azimuths]
     blocks.append(_covariance(list(seen.azimuths), errors.azimuth, MODEL_ERROR["degree"]))
     for word, when, _, side in seen.breaks:
@@ -180,13 +180,13 @@ def make_targets(seen: Seen, errors: Errors) -> Targets:
 
 
 def _covariance(dates: Sequence[datetime], error: float, model: float) -> Floats:
-    """Return the covariance of errors at some dates: those of observations are independent, those of the model last."""
+    """Return the covariance of errors at some dates: errors of observations are independent, errors of the model last."""
     days = np.array([(date - dates[0]).total_seconds() / 86400.0 for date in dates])
     return np.asarray(error**2 * np.eye(len(days)) + model**2 * np.exp(-np.abs(days[:, None] - days) / MEMORY))
 
 
 def compute_results(ds: xr.Dataset, seen: Seen, firm: xr.Dataset | None = None, factor: Floats | None = None) -> Floats:
-    """Return the results of the members of a sweep (members, targets) beside what was seen; NaN where one failed.
+    """Return the results of the members of a sweep (members, targets) relative to the observations; NaN where one failed.
 
     ``firm``: the runs of the members with ice that does not break, with their factors on the strength (``factor``); a member
     that has none of its own is whole.
@@ -194,12 +194,12 @@ def compute_results(ds: xr.Dataset, seen: Seen, firm: xr.Dataset | None = None, 
     # A piece that breaks off shifts centroid and axis by a jump. While the berg was seen whole, one that broke is compared as if
     # it had held: its margin rules it out, and what the emulator learns has no jump.
     held_until = {
-        when for when in (*seen.places, *seen.azimuths) if seen.whole_until is not None and when <= seen.whole_until
+        when for when in (*seen.positions, *seen.azimuths) if seen.whole_until is not None and when <= seen.whole_until
     }
     columns: list[Floats] = []
     offsets = [
         _compare_members(berg_offsets, ds, firm, when, position, when in held_until)
-        for when, position in seen.places.items()
+        for when, position in seen.positions.items()
     ]
     for axis in range(2):
         columns += [position[:, axis] for position in offsets]
@@ -218,7 +218,7 @@ def _compare_members(
     result: Callable[[xr.Dataset, datetime, Any], Floats], ds: xr.Dataset, firm: xr.Dataset | None, when: datetime,
     observed: Any, unbroken: bool,
 ) -> Floats:  # fmt: skip
-    """Return a result of each member beside what was observed; where ``unbroken``, of the run that did not break."""
+    """Return a result of each member relative to an observation; where ``unbroken``, of the run that did not break."""
     values = result(ds, when, observed)
     broke = ds["first_breakup"].values <= np.datetime64(when, "ns")
     if unbroken and firm is not None and broke.any():
@@ -274,21 +274,21 @@ class Runner:
 
     @property
     def inputs(self) -> list[Varied]:
-        """What is calibrated: what has a distribution."""
+        """Inputs to calibrate: those with a distribution."""
         return [v for v in self.varied if v.distribution is not None]
 
     def columns(self, wave: int, u: Floats) -> dict[str, list[Any]]:
         """Return the values of the members of a wave by name."""
         columns = {v.name: d.quantiles(u[:, k]) for k, v in enumerate(self.inputs) if (d := v.distribution)}
         columns |= {v.name: [v.values[0]] * len(u) for v in self.varied if v.distribution is None}
-        components = sum(v.parts for v in self.nuisance)
+        components = sum(v.components for v in self.nuisance)
         drawn = shares(len(u), components, "random", self.seed + 7919 * (wave + 1))
         first = 0
         for v in self.nuisance:
             assert v.distribution is not None
-            rows = [v.distribution.quantiles(drawn[:, first + k]) for k in range(v.parts)]
-            columns[v.name] = rows[0] if v.parts == 1 else [list(pair) for pair in zip(*rows, strict=True)]
-            first += v.parts
+            rows = [v.distribution.quantiles(drawn[:, first + k]) for k in range(v.components)]
+            columns[v.name] = rows[0] if v.components == 1 else [list(pair) for pair in zip(*rows, strict=True)]
+            first += v.components
         if has_fields(columns) and SEED not in columns:
             columns[SEED] = [member_seed(self.seed + wave, k) for k in range(len(u))]
         return columns
@@ -337,7 +337,7 @@ class Runner:
 def checked_inputs(
     experiment: Any, vary: Mapping[str, Any] | Iterable[str]
 ) -> tuple[tuple[Varied, ...], tuple[Varied, ...]]:
-    """Return what is calibrated, and what scatters beside it: the lattice, whose choice is none of the ice's."""
+    """Return the inputs to calibrate, and those that scatter beside them: the lattice, which is no property of the ice."""
     varied = read_varied(vary, free=callable(experiment))
     for v in varied:
         where = f"--vary {v.name}"
@@ -347,7 +347,7 @@ def checked_inputs(
                 where=where,
                 remedy="Give a distribution, such as ~uniform(5 kPa, 30 kPa), or one value",
             )
-        if v.distribution is not None and (v.distribution.choices or v.parts > 1):
+        if v.distribution is not None and (v.distribution.choices or v.components > 1):
             kind = "a choice" if v.distribution.choices else "several numbers"
             raise InputError(f"{kind} cannot be calibrated", where=where, remedy="Give one number with a distribution")
     if not any(v.distribution is not None for v in varied):
@@ -359,7 +359,7 @@ def checked_inputs(
 
 
 def check_within(plan: Plan, varied: Sequence[Varied], options: Options) -> None:
-    """Refuse a distribution that excludes what the experiment has: the search would never come to the values of today."""
+    """Refuse a distribution that excludes the value of the experiment: the search would never reach it."""
     if not isinstance(plan.experiment, str):
         return
     from riftberg.ensembles.uncertain import UNCERTAIN
@@ -384,7 +384,7 @@ def check_within(plan: Plan, varied: Sequence[Varied], options: Options) -> None
 
 
 class CalibrateOptions(WorkerOptions, total=False):
-    """What `calibrate` takes beside its own arguments; not ``plan`` and ``cells`` of a sweep, which would do nothing."""
+    """Options of `calibrate` beside its own arguments; not ``plan`` and ``cells`` of a sweep, which would do nothing."""
 
     changes: Mapping[str, Mapping[str, Any]] | None  # As for `riftberg.sweep`
     without: Iterable[str]  # As for `riftberg.sweep`
@@ -413,7 +413,7 @@ def calibrate(
     resume: bool = False,
     **options: Unpack[CalibrateOptions],
 ) -> xr.Dataset:
-    """Find which inputs of an experiment agree with what was observed.
+    """Find the inputs of an experiment that agree with observations.
 
     Parameters
     ----------
@@ -422,7 +422,7 @@ def calibrate(
     observed : Observations, optional
         Outlines or positions, from `riftberg.diagnostics.observed.read_observed`.
     vary : mapping, or iterable of str
-        What is calibrated: numbers with a distribution, as for `riftberg.sweep`. Random errors of current, wind and floor may
+        Inputs to calibrate: numbers with a distribution, as for `riftberg.sweep`. Random errors of current, wind and floor may
         stand beside them with one value; they scatter.
     days : float or str, optional
         Length of the runs; needed where a function makes the models.
@@ -433,7 +433,7 @@ def calibrate(
     output : path, optional
         Folder in which the members are kept.
     resume : bool, optional
-        Go on with what is in that folder.
+        Go on with the members in that folder.
     **options
         ``waves`` (3), ``members`` of each (ten for each input), ``berg`` and ``hour`` of observations, ``one_break_until`` and
         ``second_break`` (`CalibrateOptions`);
@@ -447,9 +447,9 @@ def calibrate(
     Raises
     ------
     InputError
-        If what is varied or observed is not possible; before the first run.
+        If an input cannot be varied or an observation is not possible; before the first run.
     RunError
-        If no inputs agree with what was observed.
+        If no inputs agree with the observations.
     """
     check_names(options, CalibrateOptions)
     waves = options.get("waves", WAVES)

@@ -1,4 +1,4 @@
-"""An ensemble of `riftberg sweep` or `riftberg forecast` against what was observed afterwards.
+"""An ensemble of `riftberg sweep` or `riftberg forecast` against later observations.
 
 Errors are measured along and across the motion of the berg before the start: axes that knew the outcome could be won with a wrong
 spread. Without a position before the start they are east and north.
@@ -51,7 +51,7 @@ from riftberg.verification.tracks import DAYS_BEFORE, Dressed, Start
 
 @dataclass(frozen=True)
 class Verified:
-    """What one forecast was worth."""
+    """Verification of one forecast."""
 
     name: str  # Of the berg
     start: datetime
@@ -64,7 +64,7 @@ class Verified:
     liu_weisberg: dict[str, float]  # Skill of the mean of the members, and the median of their own
     broken: dict[int, tuple[Floats, bool]]  # By day: members that have broken by then, and whether the berg had
     # By lead time: of the forecast's own ellipses the offset of what was seen (2,) and the covariance (2, 2), km
-    own: dict[int, list[tuple[Floats, Floats]]] = field(default_factory=dict)
+    own_areas: dict[int, list[tuple[Floats, Floats]]] = field(default_factory=dict)
     outlines: dict[int, list[Outlines]] = field(default_factory=dict)  # By lead time, of members that are whole
 
 
@@ -74,7 +74,7 @@ def verified(
     dressed: dict[str, Dressed] | Callable[[str], dict[str, Dressed]] | None = None, outline: Any = None,
     pieces: Callable[[int], list[list[Any]]] | None = None,
 ) -> Verified:  # fmt: skip
-    """Put an ensemble beside what was observed.
+    """Compare an ensemble with observations.
 
     Parameters
     ----------
@@ -89,10 +89,10 @@ def verified(
     whole_until : datetime, optional
         When it was last seen whole; by default nothing is said of break-ups before `broken` is given.
     hour : float, optional
-        Hour (UTC) of observations without a time; by default that of the start.
+        Hour (UTC) of observations without a time; by default the hour of the start.
     dressed : dict or callable, optional
         Baselines with errors of other bergs, by name (`riftberg.verification.tracks.Dressed`); or a function that returns them
-        for the name of the berg that is verified, without those of its family.
+        for the name of the verified berg, without errors of its family.
     outline : shapely.Polygon, optional
         Outline of the berg at the start (`riftberg.verification.sightings.read_first_outline`), to compare outlines with.
     pieces : callable, optional
@@ -132,7 +132,7 @@ def verified(
     own_areas: dict[int, list[tuple[Floats, Floats]]] = {}
     others = dressed(berg_name) if callable(dressed) else dressed or {}
     outlines: dict[int, list[Outlines]] = {}
-    separations, ways, last = [], [], origin
+    separations, steps, last = [], [], origin
     for sighting in later:
         when, position = sighting.when, sighting.place
         lead = max(1, round((when - first) / timedelta(days=1)))
@@ -143,7 +143,7 @@ def verified(
         if len(members) >= 2:
             points.setdefault(lead, []).append(Point(berg_name, ahead, truth))
             separations.append(np.linalg.norm(ahead - truth, axis=-1) if len(members) == len(lon) else None)
-            ways.append(float(distance(*last, *position)))
+            steps.append(float(distance(*last, *position)))
             last = position
         if "cone_major" in ensemble and np.isfinite((area := _own_area(ensemble, when, position))[1]).all():
             own_areas.setdefault(lead, []).append(area)  # where too few members count there is none
@@ -159,8 +159,8 @@ def verified(
         by_member = np.stack([each for each in separations if each is not None], axis=1)
         means = [float(np.linalg.norm(p.members.mean(axis=0) - p.observed)) for row in points.values() for p in row]
         skills = {
-            "mean of the members": liu_weisberg(means, ways),
-            "median of the members": float(np.median([liu_weisberg(row, ways) for row in by_member])),
+            "mean of the members": liu_weisberg(means, steps),
+            "median of the members": float(np.median([liu_weisberg(row, steps) for row in by_member])),
         }
     return Verified(
         berg_name, first, len(ended), int(ensemble.sizes["member"]) - len(ended), origin, heading, points, baselines, skills,
@@ -169,7 +169,7 @@ def verified(
 
 
 def _own_area(ds: xr.Dataset, when: datetime, position: tuple[float, float]) -> tuple[Floats, Floats]:
-    """Return how far what was seen lies from the middle of a forecast's ellipses (km east, north), and their covariance."""
+    """Return the offset of an observation from the middle of a forecast's ellipses (km east, north), and their covariance."""
     (previous, after), share = between(track_dates(ds), when)
     level = float(ds["cone"].values[-1])
     offset, covariance = np.zeros(2), np.zeros((2, 2))
@@ -185,7 +185,7 @@ def _own_area(ds: xr.Dataset, when: datetime, position: tuple[float, float]) -> 
 
 
 def own_coverage(areas: Sequence[tuple[Floats, Floats]], error: float) -> dict[str, float]:
-    """Return the parts of what was seen that lie in a forecast's own ellipses, with an error of the observation (km) added."""
+    """Return the shares of observations in a forecast's own ellipses, with an error of the observation (km) added."""
     coverage = {}
     for level in LEVELS:
         # Within r standard deviations of a normal distribution in two dimensions lies 1 - exp(-r2 / 2).
@@ -269,10 +269,10 @@ def _together(rows: Iterable[Mapping[int, list[Any]]]) -> dict[int, list[Any]]:
 
 
 def report(forecasts: Sequence[Verified], error: float) -> dict[str, Any]:
-    """Return all scores of forecasts, those of several bergs together, with and without the error of the observation (km)."""
+    """Return all scores of forecasts, several bergs together, with and without the error of the observation (km)."""
     pooled, areas = (
         _together(forecast.points for forecast in forecasts),
-        _together(forecast.own for forecast in forecasts),
+        _together(forecast.own_areas for forecast in forecasts),
     )
     outlines = _together(forecast.outlines for forecast in forecasts)
     names = list(dict.fromkeys(name for forecast in forecasts for name in forecast.baselines))

@@ -1,12 +1,12 @@
 """Scores of ensembles and single forecasts, and of positions on the sphere and outlines.
 
-The first functions take arrays, members along the first axis; the second part makes of positions kilometres along and across a
-direction, and scores those of many bergs together.
+The first functions take arrays, members along the first axis; the second part turns positions into kilometres along and across a
+direction, and scores many bergs together.
 
-A score is proper where nobody can win it with an ensemble other than the one that the truth is drawn from. Those of an ensemble
+A score is proper where nobody can win it with an ensemble other than the one that the truth is drawn from. Scores of an ensemble
 (`fair_crps`, `fair_energy`, `fair_brier`) are fair too: their expectation does not depend on the number of members, so that
 ensembles of different size can be compared. Coverage, rank histogram and the ratio of spread to error are no scores. They show
-what is wrong. Errors of observations are added to the members (`with_observation_error`) before any of them.
+errors of an ensemble. Errors of observations are added to the members (`with_observation_error`) before any of them.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ EARTH_KM: Final = 6371.0
 
 
 class Point(NamedTuple):
-    """A forecast of one position beside what was seen."""
+    """A forecast of one position, and the observed one."""
 
     group: str  # Berg: positions of one are no independent cases
     members: Floats  # (members, 2), km along the motion before the start and to the left of it
@@ -190,7 +190,7 @@ class Outlines(NamedTuple):
 
     members: list[Any]
     observed: Any
-    known: float  # Part of the members whose outlines are known
+    share_known: float  # Part of the members whose outlines are known
 
 
 USUAL_ERROR: Final = 6.0
@@ -216,7 +216,7 @@ LEAST: Final = 4
 def position_scores(points: Sequence[Point], error: float) -> dict[str, Any]:
     """Return all scores of positions of one lead time, with the error of the observation (km) added to the members.
 
-    Scores have 90 % intervals from drawing groups where there are `FEWEST` or more. Those of an ensemble are left out where a
+    Scores have 90 % intervals from drawing groups where there are `FEWEST` or more. Scores of ensembles are left out where a
     forecast has one member, and areas, spread and ranks where one has less than `LEAST`.
     """
     random = np.random.default_rng(1)
@@ -270,7 +270,7 @@ def outline_scores(outlines: Sequence[Outlines], error: float) -> dict[str, floa
     """Return the overlap of outlines of one lead time, with the error of the observation (km) added to the members.
 
     ``overlap`` is the mean intersection over union of members and observation. It is no score: members all at the best place
-    win it. ``area_km2`` is one, the squared difference between the probability of ice and what was seen, summed over the area
+    win it. ``area_km2`` is one, the squared difference between the probability of ice and the observed ice, summed over the area
     (Goessling and Jung 2018, https://doi.org/10.1002/qj.3242), fair in the number of members.
     """
     random = np.random.default_rng(1)
@@ -284,7 +284,7 @@ def outline_scores(outlines: Sequence[Outlines], error: float) -> dict[str, floa
         x, y = np.meshgrid(np.arange(west, east + step, step), np.arange(south, north + step, step))
         inside = np.stack([shapely.contains_xy(shape, x, y) for shape in (*members, case.observed)])
         area.append(step**2 * fair_brier(inside[:-1], inside[-1]).sum())
-    return {"outlines": len(outlines), "known": float(np.mean([case.known for case in outlines])),
+    return {"outlines": len(outlines), "known": float(np.mean([case.share_known for case in outlines])),
             "overlap": float(np.mean(overlap)), "area_km2": float(np.mean(area))}  # fmt: skip
 
 
@@ -295,7 +295,7 @@ def _ratio(spread_and_error: Floats) -> Any:
 
 
 def verdict(scores: dict[str, Any]) -> str:
-    """Return what the spread beside the error says of an ensemble; of few bergs it says nothing."""
+    """Judge the spread of an ensemble by its error; few bergs leave it undecided."""
     interval = scores.get("spread_over_error_interval")
     if interval is None:
         return "undecided"

@@ -1,4 +1,4 @@
-"""Where and how a berg was seen, where the members of an ensemble have it then, and what weights sightings give them.
+"""Sightings of a berg, the positions of the members of an ensemble at their dates, and the weights that sightings give them.
 
 A fragment keeps its number when something breaks off, so the first row of the tables of an ensemble is the berg.
 """
@@ -83,7 +83,7 @@ def select_sightings(
 ) -> tuple[str, list[Sighting]]:
     """Return the name of the berg and when it was seen, in order: of several pieces at a moment the largest, then positions.
 
-    ``hour``: of observations without a time (UTC), by default that of the start.
+    ``hour``: of observations without a time (UTC), by default the hour of the start.
     """
     outlines = [(o.name, resolve_moment(o.when, o.day_only, start, hour), o) for o in observed.outlines]
     fixes = [(f.name, resolve_moment(f.when, f.day_only, start, hour), f) for f in observed.fixes if not f.interpolated]
@@ -117,7 +117,7 @@ def select_sightings(
 
 
 def resolve_moment(when: datetime, day_only: bool, start: datetime, hour: float | None) -> datetime:
-    """Return the moment of an observation: of one without a time at an hour (UTC), by default that of the start."""
+    """Return the moment of an observation: without a time, that day at an hour (UTC), by default the hour of the start."""
     return when + timedelta(hours=start.hour + start.minute / 60.0 if hour is None else hour) if day_only else when
 
 
@@ -164,7 +164,7 @@ def between(times: Any, when: datetime) -> tuple[tuple[int, int], float]:
 
 
 def axis_angles(ds: xr.Dataset, when: datetime, axis: float) -> Floats:
-    """Return the angle from an axis to that of the first berg, degrees, at the record nearest to a date (members,)."""
+    """Return the angle from an axis to the long axis of the first berg, degrees, at the record nearest to a date (members,)."""
     nearest = int(np.abs(track_dates(ds) - np.datetime64(when, "ns")).argmin())
     return np.asarray(axis_difference(ds["azimuth"].values[:, 0, nearest].astype(float), axis))
 
@@ -206,9 +206,9 @@ def member_outlines(
 ) -> list[Any]:  # fmt: skip
     """Return the outlines of the first berg of the members at a sighting, kilometres east and north of its centroid.
 
-    ``start``: outline at the start of the run in which nothing is varied; ``pieces``: gives those of a member that broke up,
-    as `riftberg.ensembles.member.Outcome` has them. A berg is rigid until it breaks: its place is that of the centroid, its turn
-    that of its long axis, its size that of its area.
+    ``start``: outline at the start of the run in which nothing is varied; ``pieces``: gives the outlines of a member that
+    broke up, as `riftberg.ensembles.member.Outcome` has them. A berg is rigid until it breaks: its centroid gives the position,
+    its long axis the turn, its area the size.
     """
     (first, after), share = between(track_dates(ds), seen.when)
     broke = ds["first_breakup"].values <= np.datetime64(seen.when, "ns")
@@ -247,9 +247,9 @@ def long_axis_azimuth(shape: Any) -> float:
 
 
 def broken_outline(member: xr.Dataset, rings: list[list[Any]], last: int, when: datetime) -> tuple[Any, Floats]:
-    """Return what is left of the first berg of a member at a date (km about its centroid), and how far it has turned by record.
+    """Return the outline of the first berg of a member at a date (km about its centroid), and its turn by record.
 
-    ``rings``: outlines at the end where their ice lay at the start; what broke off later belongs to the berg before;
+    ``rings``: outlines at the end where their ice lay at the start; pieces that break off later belong to the berg;
     ``last``: record after the date.
     """
     names = ("number", "parent", "birth_time")
@@ -362,7 +362,7 @@ def drawn_anew(plan: Plan, weight: Floats, likelihood: Floats) -> tuple[dict[str
     """Return inputs of new members around those that count, the logarithms of their parents' likelihood, and how many these are.
 
     Numbers move by the kernel of Liu and West (2001) in the normal scores of their distributions, which keeps mean and
-    variance; choices and random fields are those of the parent. A new member counts by its likelihood over its parent's.
+    variance; choices and random fields are the parent's. A new member counts by its likelihood over its parent's.
     """
     random = np.random.default_rng(1)
     parents = np.searchsorted(np.cumsum(weight), (np.arange(weight.size) + random.random()) / weight.size).clip(

@@ -1,6 +1,6 @@
 """A table of errors of drift models on observed bergs: cases, entrants, paired differences with intervals, subsets.
 
-A suite is a folder with a folder for each case. ``case.yaml`` (`CaseFile`) says what the case is, ``starts.csv`` what a model may
+A suite is a folder with a folder for each case. ``case.yaml`` (`CaseFile`) describes the case, ``starts.csv`` all a model may
 know at each start (berg, date, lon, lat, length, width, thickness; an earlier position as date_before, lon_before, lat_before;
 more columns for subsets), ``observed.csv`` where bergs were seen. A series for each start is a table with the columns berg and
 start before those of `riftberg.ocean.series`. Two entrants are compared on the starts that both answer; all means of a row are
@@ -70,7 +70,7 @@ ALL: Final = "all"
 
 
 class CaseFile(Section):
-    """What a case of a suite is."""
+    """Description of a case of a suite."""
 
     name: str = key("", "", "name of the case, else that of its folder")
     sentence: str = key(..., "", "what it is, in a sentence", min_length=1)
@@ -105,7 +105,7 @@ class CaseFile(Section):
 
 @dataclass(frozen=True)
 class SuiteCase:
-    """One case: what it is, and its starts with what was seen."""
+    """One case: its description, and its starts with the observed positions."""
 
     file: CaseFile
     folder: Path
@@ -118,7 +118,7 @@ class SuiteCase:
         return sorted(self.file.leads)
 
     def groups(self) -> list[str]:
-        """Return what each start counts as in means and intervals."""
+        """Return the group of each start in means and intervals."""
         alone = self.file.unit == "start"
         return [f"{case.start.berg} {case.start.date}" if alone else case.start.berg for case in self.cases]
 
@@ -144,7 +144,7 @@ def read_suite(folder: str | Path) -> list[SuiteCase]:
     Raises
     ------
     InputError
-        If there is no case, one lacks what it must say, a forcing ends before a lead, or a berg that is held out is not there.
+        If there is no case, a case lacks a key, a forcing ends before a lead, or a berg that is held out is missing.
     """
     folder = Path(folder)
     files = sorted(folder.glob("*/case.yaml")) if is_folder(folder) else []
@@ -177,7 +177,7 @@ def _read_case(path: Path) -> SuiteCase:
     if isinstance(forced, FileForcing):
         return SuiteCase(file, path.parent, _with_seen(file, path.parent / file.observed, starts))
     series = series_by_start(forced, path.parent, starts)
-    starts = [start.forced_by(series[start.key]) for start in starts]
+    starts = [start.with_forcing(series[start.key]) for start in starts]
     cases = _with_seen(file, path.parent / file.observed, starts)
     for case in cases:
         days, lead = case.start.forcing.cover[1] / SECONDS_PER_DAY, max(case.seen)
@@ -427,7 +427,7 @@ def _riftberg(suite_case: SuiteCase, settings: Sequence[str]) -> Forecasts:
 
 @contextmanager
 def _without_notices() -> Iterator[None]:
-    """Keep hundreds of runs from saying the same: what a case lacks is the same for all of its starts."""
+    """Silence the notices of hundreds of runs: all starts of a case lack the same."""
     log = logging.getLogger("riftberg.model")
     level = log.level
     log.setLevel(logging.ERROR)
@@ -483,7 +483,7 @@ def _file_forcing(suite_case: SuiteCase, case: Case, changes: Mapping[str, Any],
 
 
 def _changed_section(suite_case: SuiteCase, changes: Mapping[str, Any]) -> Any:
-    """Return what a case says of its forcing, with the settings of an entrant."""
+    """Return the forcing section of a case, with the settings of an entrant."""
     section = type(suite_case.file.forcing)
     try:
         return section.model_validate({**suite_case.file.forcing.model_dump(exclude_unset=True), **changes})
@@ -538,7 +538,7 @@ def grouped_mean(values: Floats, groups: Sequence[str]) -> Mean:
 
 
 def standing(difference: Mean) -> str:
-    """Return what a paired difference from another entrant says: better, worse, or level where nothing is certain."""
+    """Judge a paired difference from another entrant: better, worse, or level where nothing is certain."""
     if difference.interval is None:
         return ""
     low, high = difference.interval

@@ -65,7 +65,7 @@ DRESSED_MEMBERS: Final = 50
 
 @dataclass(frozen=True)
 class Start:
-    """What a drift model gets: where a berg is, and where it was."""
+    """Input of a drift model: where a berg is, and where it was."""
 
     berg: str  # Name
     date: datetime
@@ -88,8 +88,8 @@ class Start:
         """Name and date, as tables of forecasts name a start."""
         return self.berg.upper(), to_ten_minutes(self.date)
 
-    def forced_by(self, forcing: Any) -> Start:
-        """Return the same start with what drives the berg."""
+    def with_forcing(self, forcing: Any) -> Start:
+        """Return the same start with its forcing."""
         return replace(self, forcing=forcing)
 
     @property
@@ -116,7 +116,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Case:
-    """One start with what was seen afterwards."""
+    """One start with the positions seen afterwards."""
 
     start: Start
     seen: Mapping[float, tuple[float, float]]  # Longitude and latitude by lead time, days
@@ -159,9 +159,9 @@ def family(berg: str) -> str:
 
 
 def dressed_without(cases: Sequence[Case], berg: str) -> dict[str, Dressed]:
-    """Return the baselines with their errors on training bergs, without those of a berg's own family.
+    """Return the baselines with their errors on training bergs, without a berg's own family.
 
-    Pieces of one berg drift in the same water, and the parent's errors are those of the berg itself.
+    Pieces of one berg drift in the same water, and the parent's errors are the errors of the berg.
     """
     own_family = family(berg.upper().replace("-", ""))
     training = [case for case in cases if not case.held_out and family(case.start.berg) != own_family]
@@ -231,7 +231,7 @@ def _seen(path: Path) -> dict[datetime, tuple[float, float]]:
 def _without_jumps(seen: Mapping[datetime, tuple[float, float]]) -> dict[datetime, tuple[float, float]]:
     """Drop positions that need more than `FASTEST` from the last one kept.
 
-    If the next two fit each other and what was kept before, it is the last one that was wrong: a first position, or one
+    If the next two fit each other and the positions kept before, the last one was wrong: a first position, or one
     after a gap, has nothing near by to be judged by.
     """
 
@@ -417,7 +417,7 @@ COLUMNS: Final = ("berg", "start", "lead_days", "lon", "lat")
 
 
 def write_cases(cases: Iterable[Case], path: Path, names: Sequence[str] = ()) -> Path:
-    """Write the starts, with box and dates of the products that each needs, one row per lead time; not what was seen.
+    """Write the starts, with box and dates of the products that each needs, one row per lead time; no observations.
 
     ``names``: of the case of a suite that each start belongs to; a column where they are given.
     """
