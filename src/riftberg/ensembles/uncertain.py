@@ -269,7 +269,7 @@ def stated_error(path: str) -> SizeField:
     from scipy.spatial import cKDTree
 
     from riftberg.plane import unit_vectors
-    from riftberg.products.cf import role_of, units_of
+    from riftberg.products.cf import find_role, read_units
     from riftberg.system.netcdf_lock import open_lazily
 
     remedy = (
@@ -283,13 +283,15 @@ def stated_error(path: str) -> SizeField:
         square: Any = 0.0
         for name in pair:
             field = ds[name]
-            axes = {role: dim for dim in field.dims if dim in ds.variables and (role := role_of(dim, ds[dim].variable))}
+            axes = {
+                role: dim for dim in field.dims if dim in ds.variables and (role := find_role(dim, ds[dim].variable))
+            }
             if not {"lon", "lat"} <= set(axes):
                 raise ForcingError(f"{name} is not on axes of longitude and latitude", where=path, remedy=remedy)
             field = field.isel(
                 {dim: 0 for dim in field.dims if dim not in (axes["lon"], axes["lat"], axes.get("time"))}
             )
-            factor = to_unit(f"1 {units_of(field) or 'm s-1'}", "m s-1")
+            factor = to_unit(f"1 {read_units(field) or 'm s-1'}", "m s-1")
             field = field.transpose(..., axes["lat"], axes["lon"])
             values = (factor * field.astype(float)) ** 2
             square = square + 0.5 * (values.mean([axes["time"]]) if "time" in axes and values.ndim > 2 else values)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from riftberg.config.units import duration_text
 from riftberg.errors import ForcingError
 from riftberg.ocean.product_records import NO_RINGS, REACH, RINGS, SURFACE, Blend, as_block, fill_values
-from riftberg.products.mesh import Located, Mesh, NodeMesh, extent_text, mesh_of, utc, window, window_in_time
+from riftberg.products.mesh import Located, Mesh, NodeMesh, build_mesh, extent_text, utc, window, window_in_time
 from riftberg.products.product import Product
 from riftberg.products.quantities import QUANTITIES, small_unit, unlikely
 from riftberg.products.records import (
@@ -170,7 +170,7 @@ def _examined(
     if excerpt is None:
         _time_problems(ds, {}, time, finding)
         return finding
-    mesh = mesh_of(excerpt)
+    mesh = build_mesh(excerpt)
     _space_problems(excerpt, mesh, lon, lat, finding)
     empty = empty_by_field(excerpt)
     _time_problems(

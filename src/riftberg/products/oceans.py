@@ -35,7 +35,7 @@ def _drop_year_axis(ds: xr.Dataset) -> xr.Dataset:
     OSCAR is a mean over the top 30 m.
     """
     ds = ds.drop_vars("year", errors="ignore")
-    return without_single(ds, "depth", "year", what="OSCAR v1 has one level at 15 m; give the original file")
+    return without_single(ds, "depth", "year", remedy="OSCAR v1 has one level at 15 m; give the original file")
 
 
 def _by_coordinate(ds: xr.Dataset) -> xr.Dataset:
@@ -271,8 +271,8 @@ _ORAS5_LEVELS = ("deptht", "depthu", "depthv")
 def _is_oras5(heading: Heading) -> bool:
     """Tell ORAS5 from other output of NEMO by heading or name: its records are months, those of others may be hours."""
     words = heading.says("title", "source", "summary", "product", "id", "references") + heading.source.lower()
-    named = "oras5" in words or "oras-5" in words or "_monthly_highres_" in words
-    return named and bool(_ORAS5_NAMES & heading.names) and {"nav_lat", "nav_lon"} <= heading.names
+    is_named = "oras5" in words or "oras-5" in words or "_monthly_highres_" in words
+    return is_named and bool(_ORAS5_NAMES & heading.names) and {"nav_lat", "nav_lon"} <= heading.names
 
 
 def _with_nemo_axes_named(ds: xr.Dataset) -> xr.Dataset:

@@ -104,20 +104,20 @@ class Product:
     def checked(self, names: Iterable[Hashable] | None = None) -> str:
         """Say what the reader was checked against, by quantity (of ``names`` only) and by layout where these differ."""
         chosen = set(self.gives if names is None else map(str, names))
-        held: dict[Evidence, list[str]] = {}
+        by_evidence: dict[Evidence, list[str]] = {}
         for source in self.sources:
             if source.quantity in chosen:
-                held.setdefault(source.evidence or self.evidence, []).append(source.quantity)
-        single = len(held) < 2
-        kinds = [f"{EVIDENCE[kind]}" + ("" if single else f" ({', '.join(q)})") for kind, q in held.items()]
+                by_evidence.setdefault(source.evidence or self.evidence, []).append(source.quantity)
+        single = len(by_evidence) < 2
+        kinds = [f"{EVIDENCE[kind]}" + ("" if single else f" ({', '.join(q)})") for kind, q in by_evidence.items()]
         others = [f"{name}: {EVIDENCE[kind]}" for name, kind in self.variants]
         return "; ".join([*(kinds or [EVIDENCE[self.evidence]]), *others])
 
 
 def noted(ds: xr.Dataset, **remarks: str) -> xr.Dataset:
     """Return the dataset with remarks (``told``, ``doubt``, ``unread``) behind those that it has."""
-    said = {key: "; ".join(filter(None, (str(ds.attrs.get(key, "")), remark))) for key, remark in remarks.items()}
-    return ds.assign_attrs({key: text for key, text in said.items() if text})
+    merged = {key: "; ".join(filter(None, (str(ds.attrs.get(key, "")), remark))) for key, remark in remarks.items()}
+    return ds.assign_attrs({key: text for key, text in merged.items() if text})
 
 
 def stamped_at_noon(ds: xr.Dataset) -> xr.Dataset:
@@ -128,7 +128,7 @@ def stamped_at_noon(ds: xr.Dataset) -> xr.Dataset:
     return ds.assign_coords(time=("time", noon, ds["time"].attrs))
 
 
-def without_single(ds: xr.Dataset, *names: str, what: str = "") -> xr.Dataset:
+def without_single(ds: xr.Dataset, *names: str, remedy: str = "") -> xr.Dataset:
     """Drop dimensions of length one and their coordinates; longer ones are an error that says which file is wanted."""
     for name in names:
         if name in ds.dims:
@@ -136,7 +136,7 @@ def without_single(ds: xr.Dataset, *names: str, what: str = "") -> xr.Dataset:
                 raise ForcingError(
                     f"dimension {name!r} has {ds.sizes[name]} entries",
                     where=str(ds.encoding.get("source", "")),
-                    remedy=what,
+                    remedy=remedy,
                 )
             ds = ds.isel({name: 0}, drop=True)
     return ds.drop_vars([name for name in names if name in ds.variables and name not in ds.dims])
