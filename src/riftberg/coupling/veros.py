@@ -154,12 +154,12 @@ class VerosBergs:
     def taken(self) -> dict[str, Any]:
         """Return what the ocean hands over, by CF name: means over the keel, stress of the wind, and sea level."""
         vs = self.state.variables
-        now = int(vs.tau)
+        level = int(vs.tau)
         fields = {
-            "eastward_sea_water_velocity": self._mean(vs.u, "U", now),
-            "northward_sea_water_velocity": self._mean(vs.v, "V", now),
-            "sea_surface_temperature": self._mean(vs.temp, "T", now),
-            "sea_surface_salinity": self._mean(vs.salt, "T", now),
+            "eastward_sea_water_velocity": self._mean(vs.u, "U", level),
+            "northward_sea_water_velocity": self._mean(vs.v, "V", level),
+            "sea_surface_temperature": self._mean(vs.temp, "T", level),
+            "sea_surface_salinity": self._mean(vs.salt, "T", level),
             "surface_downward_eastward_stress": np.asarray(vs.surface_taux)[INNER].T,
             "surface_downward_northward_stress": np.asarray(vs.surface_tauy)[INNER].T,
         }
@@ -170,8 +170,8 @@ class VerosBergs:
     def stock(self) -> Stock:
         """Return what bergs and ocean hold now."""
         vs, density = self.state.variables, float(self.state.settings.rho_0)
-        now = int(vs.tau)
-        salt, temperature = (np.asarray(field)[INNER][..., now] for field in (vs.salt, vs.temp))
+        level = int(vs.tau)
+        salt, temperature = (np.asarray(field)[INNER][..., level] for field in (vs.salt, vs.temp))
         fresh = float((self._volume * (self.salinity - salt)).sum()) * density / self.salinity
         heat = float((self._volume * temperature).sum()) * density * HEAT_CAPACITY
         ice, ice_heat = self.exchange.stocks()
@@ -179,45 +179,45 @@ class VerosBergs:
 
     def closure(self) -> Closure:
         """Return what left the ice since the start, and what of it did not arrive; after a step of the ocean."""
-        start, now = self._start, self.stock()
+        start, end = self._start, self.stock()
         density = float(self.state.settings.rho_0)
         all_water = float(self._volume.sum()) * density
-        lost = (now.ice - start.ice) + (now.fresh_water - start.fresh_water)
-        heat_lost = (now.ice_heat - start.ice_heat) + (now.ocean_heat - start.ocean_heat)
-        scale = max(abs(start.ice_heat), abs(now.ocean_heat))
+        lost = (end.ice - start.ice) + (end.fresh_water - start.fresh_water)
+        heat_lost = (end.ice_heat - start.ice_heat) + (end.ocean_heat - start.ocean_heat)
+        scale = max(abs(start.ice_heat), abs(end.ocean_heat))
         return Closure(
-            start.ice - now.ice, start.ice_heat - now.ice_heat, lost / (start.ice + all_water), heat_lost / scale
+            start.ice - end.ice, start.ice_heat - end.ice_heat, lost / (start.ice + all_water), heat_lost / scale
         )
 
     def _mean_salinity(self) -> float:
         salt = np.asarray(self.state.variables.salt)[INNER][..., int(self.state.variables.tau)]
         return float((self._volume * salt).sum() / self._volume.sum())
 
-    def _mean(self, field: Any, at: str, now: int) -> Floats:
+    def _mean(self, field: Any, at: str, level: int) -> Floats:
         """Mean over the keel, [y, x]."""
-        return np.asarray((self._parts[at] * np.asarray(field)[INNER][..., now]).sum(axis=-1)).T
+        return np.asarray((self._parts[at] * np.asarray(field)[INNER][..., level]).sum(axis=-1)).T
 
     def _on_faces(self, force: Floats, axis: int, at: str) -> Floats:
         """Share the force on each cell among its open faces of an axis; none is lost but in a cell without any."""
         mask = np.asarray(getattr(self.state.variables, f"mask{at}"), dtype=float)[..., -1]  # true + true is not 2
-        after, before = mask[INNER], mask[1:-3, 2:-2] if axis == 0 else mask[2:-2, 1:-3]
-        share = force / np.maximum(after + before, 1.0)
+        after, behind = mask[INNER], mask[1:-3, 2:-2] if axis == 0 else mask[2:-2, 1:-3]
+        share = force / np.maximum(after + behind, 1.0)
         # The face before the first cell is that behind the last one, or shut.
-        return np.asarray(share * after + np.roll(share * before, -1, axis=axis))
+        return np.asarray(share * after + np.roll(share * behind, -1, axis=axis))
 
     def _put(self, name: str, values: Floats) -> None:
         vs = self.state.variables
-        whole = np.array(getattr(vs, name))
-        whole[INNER] = values
+        field = np.array(getattr(vs, name))
+        field[INNER] = values
         with vs.unlock():
-            setattr(vs, name, whole)
+            setattr(vs, name, field)
 
 
 def _parts(mask: Floats, felt: Floats) -> Floats:
     """Part of the keel in each layer, [x, y, z]; 0 on land."""
     wet = mask * felt
-    whole = wet.sum(axis=-1, keepdims=True)
-    return np.asarray(np.divide(wet, whole, out=np.zeros_like(wet), where=whole > 0.0))
+    total = wet.sum(axis=-1, keepdims=True)
+    return np.asarray(np.divide(wet, total, out=np.zeros_like(wet), where=total > 0.0))
 
 
 def _check(state: Any, model: BareModel) -> None:

@@ -71,18 +71,20 @@ def read_coupling(path: str | Path) -> Coupling:
     path = Path(path)
     check_file(path, most=MOST_YAML, remedy="Name the coupling file of YAC")
     with reading(path, "cannot be read", "Write it as YAML"):
-        said = yaml.safe_load(path.read_text("utf-8"))
-    said = said if isinstance(said, dict) else {}
+        settings = yaml.safe_load(path.read_text("utf-8"))
+    settings = settings if isinstance(settings, dict) else {}
     for name, form in (("calendar", "proleptic-gregorian"), ("start_date", "2020-12-09"), ("end_date", "2020-12-31")):
-        if name not in said:
+        if name not in settings:
             raise InputError(f"no {name}", where=str(path), remedy=f"Write it, such as {name}: {form}")
-    if str(said["calendar"]).lower() != "proleptic-gregorian":
+    if str(settings["calendar"]).lower() != "proleptic-gregorian":
         raise InputError(
-            f"calendar {value_shown(said['calendar'])}", where=str(path),
+            f"calendar {value_shown(settings['calendar'])}", where=str(path),
             remedy="Write calendar: proleptic-gregorian, for all components: bergs have real dates",
         )  # fmt: skip
-    start, end = (moment(said[name], where=f"{path}, {name}") for name in ("start_date", "end_date"))
-    return Coupling(path, start, end, read_section(YacSettings, said.get("riftberg", {}), where=f"{path}, riftberg"))
+    start, end = (moment(settings[name], where=f"{path}, {name}") for name in ("start_date", "end_date"))
+    return Coupling(
+        path, start, end, read_section(YacSettings, settings.get("riftberg", {}), where=f"{path}, riftberg")
+    )
 
 
 def ocean_beside(forcing: Forcing, coupling: Coupling, parameters: Parameters) -> OceanForcing:
@@ -246,9 +248,9 @@ class YacComponent:
         if not self._met:
             self._meet()
         self._met = False
-        given, kept = self.exchange.step(self.taken), self.exchange.model.remembered
-        kept[LAST_GIVEN] = np.stack([given[quantity.short].values for quantity in GIVEN.values()])
-        self._put(1, kept[LAST_GIVEN])
+        given, memory = self.exchange.step(self.taken), self.exchange.model.remembered
+        memory[LAST_GIVEN] = np.stack([given[quantity.short].values for quantity in GIVEN.values()])
+        self._put(1, memory[LAST_GIVEN])
         return given
 
     def _meet(self) -> None:
@@ -308,21 +310,21 @@ class YacComponent:
         for name, quantity in {**TAKEN, **GIVEN}.items():
             points, size = at_sea if name in TAKEN else everywhere, layers if name.endswith("sea_water_velocity") else 1
             fields[name] = yac.Field.create(name, self._component, points, size, step, yac.TimeUnit.MILLISECOND)
-            said = {"standard_name": name} if quantity.standard else {}
-            text = yaml.safe_dump({**said, "units": quantity.units, "long_name": quantity.meaning})
+            standard = {"standard_name": name} if quantity.standard else {}
+            text = yaml.safe_dump({**standard, "units": quantity.units, "long_name": quantity.meaning})
             self._coupler.def_field_metadata(*self._own, name, text.encode())
         return fields
 
     def _port(self, name: str, field: Any) -> _Port:
         """Return a coupled field with the change of units between its partners and here."""
-        coupler, units, own = self._coupler, {**TAKEN, **GIVEN}[name].units, (*self._own, name)
+        coupler, units, field_id = self._coupler, {**TAKEN, **GIVEN}[name].units, (*self._own, name)
         if name in TAKEN:
-            partners = [tuple(coupler.get_field_source(*own))]
+            partners = [tuple(coupler.get_field_source(*field_id))]
         else:
             others = [(c, g, f) for c in coupler.component_names for g in coupler.get_comp_grid_names(c)
                       for f in coupler.get_field_names(c, g)]  # fmt: skip
             targets = [other for other in others if coupler.get_field_role(*other) == self._yac.ExchangeType.TARGET]
-            partners = [target for target in targets if tuple(coupler.get_field_source(*target)) == own]
+            partners = [target for target in targets if tuple(coupler.get_field_source(*target)) == field_id]
         stated = {_units(coupler.get_field_metadata(*partner)) or units for partner in partners}
         change = unit_change(stated.pop(), units) if len(stated) == 1 else None
         if change is None:
@@ -393,7 +395,7 @@ class YacComponent:
 def _units(metadata: str | None) -> str | None:
     """Return the units that a partner states in its metadata, if it does."""
     try:
-        said = yaml.safe_load(metadata or "")
+        entries = yaml.safe_load(metadata or "")
     except yaml.YAMLError:
         return None
-    return str(said["units"]) if isinstance(said, dict) and said.get("units") else None
+    return str(entries["units"]) if isinstance(entries, dict) and entries.get("units") else None
