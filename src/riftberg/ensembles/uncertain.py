@@ -24,7 +24,7 @@ from riftberg.errors import ForcingError, InputError
 from riftberg.experiments.changes import started
 from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing
 from riftberg.state import Floats
-from riftberg.system.input_files import check_file, is_seen, reading, rows_of_csv
+from riftberg.system.input_files import check_file, is_seen, read_csv_rows, reading
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -194,7 +194,7 @@ def read_starts(path: str | Path) -> dict[str, str]:
     """
     rows = [
         {str(key).strip().lower(): (value or "").strip() for key, value in row.items()}
-        for row in rows_of_csv(Path(path))[0]
+        for row in read_csv_rows(Path(path))[0]
     ]
     present = [name for name in COLUMNS if name in rows[0]]
     other = [name for name in rows[0] if name not in COLUMNS]

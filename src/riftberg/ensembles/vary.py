@@ -29,7 +29,7 @@ from riftberg.ensembles.distributions import (
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain, read_starts
 from riftberg.errors import InputError
 from riftberg.experiments.changes import SETTABLE, checked_value, file_field, file_value, is_of_file, sections_with
-from riftberg.system.input_files import refuse_large, rows_of_csv, value_shown
+from riftberg.system.input_files import read_csv_rows, refuse_large, value_shown
 
 MOST_MEMBERS: Final = 10_000
 """Members of a sweep, unless more are allowed."""
@@ -360,7 +360,7 @@ def list_members(varied: Sequence[Varied], draws: Draws | None = None) -> list[d
 def read_design(path: Path) -> dict[str, list[str]]:
     """Return the columns of a plan made elsewhere: a table (CSV) with a name on top of each column and a member in each row."""
     remedy = "Give names such as fracture.normal_strength in the first line, and one member in each further line"
-    rows = rows_of_csv(path)[0]
+    rows = read_csv_rows(path)[0]
     names = [name.strip() for name in rows[0] if name is not None]  # None holds values beyond the last name
     if "" in names:
         raise InputError(

@@ -243,8 +243,8 @@ def _advance(case: KidCase, recorders: list[Recorder], paths: dict[str, Path], w
         else:
             case.exchange.advance(recorders)
     except (KeyboardInterrupt, SystemExit):
-        done = f"{case.model.step_number} of {case.clock.steps} steps"
-        say(f"Stopped after {done}; {_rescued(case, paths)}")
+        progress = f"{case.model.step_number} of {case.clock.steps} steps"
+        say(f"Stopped after {progress}; {_rescued(case, paths)}")
         raise
     except Exception as error:
         # Elements of KID are known by two numbers and a run of it may allow what the model refuses.
@@ -266,15 +266,15 @@ def _rescued(case: KidCase, paths: dict[str, Path], which: str = "") -> str:
         saved = _write_restarts(case, paths)
     except (OSError, RiftbergError) as error:  # it must not hide why the run ended
         return f"the {which}state cannot be saved ({refusal(error)})"
-    return f"the {which}state is in {', '.join(map(str, saved))}. {_how_to_go_on(case, saved)}"
+    return f"the {which}state is in {', '.join(map(str, saved))}. {_restart_advice(case, saved)}"
 
 
-def _how_to_go_on(case: KidCase, saved: list[Path]) -> str:
+def _restart_advice(case: KidCase, saved: list[Path]) -> str:
     """Say how KID's own restart files start another run, which takes the steps and the hours of the forcing that are left."""
-    folder, done, driver = "a copy of the run folder", case.model.step_number, case.namelist.driver
-    rest = f"set nmax = {case.clock.steps - done}"
+    folder, steps_done, driver = "a copy of the run folder", case.model.step_number, case.namelist.driver
+    rest = f"set nmax = {case.clock.steps - steps_done}"
     if driver.flag("a68_test"):
-        hours = done * case.clock.dt / 3600.0
+        hours = steps_done * case.clock.dt / 3600.0
         rest += f" and transient_a68_data_start_ind = {driver.whole('transient_a68_data_start_ind') + int(hours)}"
         rest += ", whose hour begins half an hour before this state" if hours % 1.0 else ""
     if case.namelist.coupled:

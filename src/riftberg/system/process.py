@@ -46,17 +46,17 @@ def own_filters() -> Iterator[None]:
     the one that the block began with; its own filters are then taken out of both.
     """
     with SETTINGS:
-        begun, before = cast("list[Any]", warnings.filters), list(warnings.filters)
+        active, previous = cast("list[Any]", warnings.filters), list(warnings.filters)
         try:
             yield
         finally:
             # By identity: two filters may be equal, and one of them belong to somebody else.
-            own = [entry for entry in begun if all(entry is not kept for kept in before)]
-            if warnings.filters is begun:
-                begun[:] = before
+            added = [entry for entry in active if all(entry is not entry_before for entry_before in previous)]
+            if warnings.filters is active:
+                active[:] = previous
             else:
-                for filters in (begun, cast("list[Any]", warnings.filters)):
-                    filters[:] = [entry for entry in filters if entry not in own]
+                for filters in (active, cast("list[Any]", warnings.filters)):
+                    filters[:] = [entry for entry in filters if entry not in added]
             # Python remembers which warnings it has shown, until it is said that the filters have changed.
             getattr(warnings, "_filters_mutated", lambda: None)()
 
@@ -72,12 +72,12 @@ class GuardedStream:
     ----------
     stream : text file
         Standard output or the error stream.
-    told : bool
+    is_report : bool
         What is written only reports the work, so that no failure counts.
     """
 
-    def __init__(self, stream: Any, *, told: bool) -> None:
-        self._stream, self._told = stream, told
+    def __init__(self, stream: Any, *, is_report: bool) -> None:
+        self._stream, self._is_report = stream, is_report
 
     def write(self, text: str) -> int:
         """Write a text."""
@@ -102,7 +102,7 @@ class GuardedStream:
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)
             self._stream.flush()
-        elif not self._told:
+        elif not self._is_report:
             raise error
 
     def __getattr__(self, name: str) -> Any:
@@ -123,7 +123,7 @@ def make_streams_last() -> None:
             stream = open(number, "w", encoding="utf-8", closefd=False)  # noqa: SIM115  it is open as long as the process
         with suppress(AttributeError, ValueError, OSError):  # not a stream of the system
             stream.fileno()
-            setattr(sys, name, GuardedStream(stream, told=number == 2))
+            setattr(sys, name, GuardedStream(stream, is_report=number == 2))
 
 
 STUCK_AFTER: Final = 60.0
@@ -161,8 +161,8 @@ class _Opener:
             opened.exception(STUCK_AFTER)
         except TimeoutError:
             self._code = 2
-            said = f"has not opened within {STUCK_AFTER:.0f} seconds, as if damaged. Copy or fetch the file again"
-            raise TimeoutError(errno.ETIMEDOUT, said, path) from None
+            fault = f"has not opened within {STUCK_AFTER:.0f} seconds, as if damaged. Copy or fetch the file again"
+            raise TimeoutError(errno.ETIMEDOUT, fault, path) from None
         except BaseException:
             with suppress(KeyboardInterrupt, TimeoutError):  # a file that opens is not left half open
                 opened.exception(GRACE)

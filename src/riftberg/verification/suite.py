@@ -39,7 +39,7 @@ from riftberg.ocean.series import Series, make_series
 from riftberg.parameters import Parameters
 from riftberg.runs.tracks import main_position
 from riftberg.state import Floats
-from riftberg.system.input_files import in_folder, is_folder, is_seen, rows_of_csv, value_shown
+from riftberg.system.input_files import in_folder, is_folder, is_seen, read_csv_rows, value_shown
 from riftberg.verification.scores import EARTH_KM, FEWEST, distance
 from riftberg.verification.tracks import (
     BASELINES,
@@ -201,7 +201,7 @@ SIZED: Final = {
 def _starts(path: Path) -> Iterator[Start]:
     """Give the starts of a table, each once."""
     lines: dict[Any, int] = {}
-    for line, row in enumerate(rows_of_csv(path)[0], start=2):
+    for line, row in enumerate(read_csv_rows(path)[0], start=2):
         where, texts = (
             f"{path}, line {line}",
             {str(name).strip().lower(): (text or "").strip() for name, text in row.items()},
@@ -248,7 +248,7 @@ def as_number(text: str) -> float:
 @lru_cache(maxsize=4)
 def _rows_by_start(path: Path, written: int) -> tuple[dict[Any, list[tuple[int, dict[str, str]]]], str]:
     """Return the rows of a table of series by start, and its separator; ``written``: when, for a table may change."""
-    rows, separator = rows_of_csv(path)
+    rows, separator = read_csv_rows(path)
     groups: dict[Any, list[tuple[int, dict[str, str]]]] = {}
     keys: dict[tuple[str, str], Any] = {}
     for line, row in enumerate(rows, start=2):

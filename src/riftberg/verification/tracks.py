@@ -25,7 +25,7 @@ from riftberg.diagnostics.observed import SENSORS
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
-from riftberg.system.input_files import is_folder, is_seen, rows_of_csv, value_shown
+from riftberg.system.input_files import is_folder, is_seen, read_csv_rows, value_shown
 from riftberg.verification.scores import (
     FEWEST,
     Point,
@@ -207,7 +207,7 @@ def read_cases(folder: str | Path, leads: Sequence[int] = LEADS) -> list[Case]:
 
 def _seen(path: Path) -> dict[datetime, tuple[float, float]]:
     """Return the positions (longitude, latitude) of the days on which a scatterometer saw the berg."""
-    rows = rows_of_csv(path)[0]
+    rows = read_csv_rows(path)[0]
     names = {str(name).strip().lower() for name in rows[0] if name is not None}
     sensors = [s for s in SENSORS if s != "nic" and {f"{s}_1", f"{s}_2", f"{s}_3", "date"} <= names]
     seen = {}
@@ -482,7 +482,7 @@ def to_ten_minutes(date: datetime) -> datetime:
 
 def read_forecasts(path: Path, *, complete: bool = True) -> Forecasts:
     """Return the forecasts of a table (`COLUMNS`; several rows of a start and lead time are members) as a drift model."""
-    rows = [{str(key).strip().lower(): value or "" for key, value in row.items()} for row in rows_of_csv(path)[0]]
+    rows = [{str(key).strip().lower(): value or "" for key, value in row.items()} for row in read_csv_rows(path)[0]]
     missing = [name for name in COLUMNS if name not in rows[0]]
     if missing:
         raise InputError(f"no column {missing[0]!r}", where=str(path), remedy=f"Columns are {', '.join(COLUMNS)}")
