@@ -68,9 +68,9 @@ The tester of CSDMS looks at names with an expression that takes years for a lon
 class BmiRiftberg(Bmi):
     """Bergs beside an ocean, behind the Basic Model Interface.
 
-    Input variables are those of `riftberg.coupling.fields.TAKEN` (wind, not its stress), output variables those of
-    `riftberg.coupling.fields.GIVEN`. What is not set is at rest or absent, salinity 34; temperature is NaN, and must be set
-    if bergs melt. They are listed by the names of CSDMS, see `NAMES`; those of CF are known too.
+    Input variables are listed in `riftberg.coupling.fields.TAKEN` (wind, not its stress), output variables in
+    `riftberg.coupling.fields.GIVEN`. Fields that are not set are at rest or absent, salinity 34; temperature is NaN, and must be
+    set if bergs melt. They are listed by the names of CSDMS, see `NAMES`; CF names are known too.
 
     Examples
     --------
@@ -148,7 +148,7 @@ class BmiRiftberg(Bmi):
             self._values[name][:] = fields[quantity.short].values
 
     def _handed_over(self) -> dict[str, NDArray[np.float64]]:
-        """Return the input, but for what has not been given yet."""
+        """Return the input fields that have been given."""
         self._lacking = {name for name in self._lacking if np.isnan(self._values[name]).all()}
         return {name: q for name, q in self._values.items() if name in TAKEN and name not in self._lacking}
 

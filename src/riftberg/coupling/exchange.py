@@ -33,7 +33,7 @@ from riftberg.state.population import find_rows
 
 
 class Settling:
-    """Mass that cells bear beyond that of the bergs on them, since ice calved there; its sum is 0, and it fades.
+    """Mass that cells bear beyond the bergs on them, since ice calved there; its sum is 0, and it fades.
 
     ``time``: in which it becomes smaller by the factor e, s; ``rest``: kg (shape (nj, ni)).
     """
@@ -45,7 +45,7 @@ class Settling:
         self.rest = np.zeros((grid.arrays.nj, grid.arrays.ni))
 
     def take_up(self, saved: Floats | None) -> None:
-        """Go on from what a restart kept."""
+        """Go on from the state in a restart."""
         if saved is not None:
             self.rest = saved.copy()
 
@@ -54,7 +54,7 @@ class Settling:
         self.rest *= math.exp(-dt / self.time)
 
     def settled(self, mass: Floats) -> Floats:
-        """Return the mass of bergs on cells (kg) with what has not settled yet; never below 0, of the same sum."""
+        """Return the mass of bergs on cells (kg) with the mass that has not settled yet; never below 0, of the same sum."""
         more = np.maximum(self.rest, 0.0)
         if not more.any():
             return mass
@@ -114,7 +114,7 @@ class ExchangeBalance(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Mass that is left over, as part of what the ledger holds; 0 if it closes."""
+        """Mass that is left over, as part of the mass in the ledger; 0 if it closes."""
         scale = max(abs(self.start), abs(self.now), self.taken, self.given, 1e-30)
         return (self.start + self.taken - self.given - self.left - self.now) / scale
 
@@ -161,7 +161,7 @@ class Exchange:
     calving : bool, optional
         Whether bergs calve from the flux of land ice that is handed over.
     settling_time : float, optional
-        Time (s) in which the mass on cells passes from that of a shelf to that of the berg that calved from it, see
+        Time (s) in which the mass on cells passes from a shelf to the berg that calved from it, see
         `calve_shelf`.
 
     Attributes
@@ -249,14 +249,14 @@ class Exchange:
         Parameters
         ----------
         given : mapping or xarray.Dataset
-            What the ocean hands over, by the names of `riftberg.coupling.fields.TAKEN`: numbers, arrays in the units of that
-            table, pairs of array and units, or xarray variables with units. What is left out stays as it is at rest or
+            Fields from the ocean, by the names of `riftberg.coupling.fields.TAKEN`: numbers, arrays in the units of that
+            table, pairs of array and units, or xarray variables with units. Fields that are left out stay at rest or
             absent; temperature must be there if bergs melt.
 
         Returns
         -------
         xarray.Dataset
-            What the ocean gets, mean over its step (mass, area and friction velocity: at its end), with CF attributes; see
+            Fields to the ocean, mean over its step (mass, area and friction velocity: at its end), with CF attributes; see
             `riftberg.coupling.fields.GIVEN`.
 
         Raises
@@ -290,7 +290,7 @@ class Exchange:
         )
 
     def _checkpoint(self) -> Callable[[], None]:
-        """Return what brings back bergs, stores and budget as they are now."""
+        """Return a function that restores bergs, stores and budget."""
         go_back = self.model.checkpoint()
         names = ("_held", "_totals", "_left", "departed")
         copies = {name: getattr(self, name).copy() for name in names}
@@ -307,7 +307,7 @@ class Exchange:
         return whole_way
 
     def _stepped(self, flux: Floats, heat: Floats) -> xr.Dataset:
-        """Let ice calve and bergs step, and return what the ocean gets."""
+        """Let ice calve and bergs step, and return the fields to the ocean."""
         fluxes = {name: np.zeros(flux.shape) for name in ("melt", "heat", "left", "left_heat", "stress_x", "stress_y")}
         by_process = np.zeros((len(PROCESSES), *flux.shape))
         if self.calving is not None:
@@ -428,7 +428,7 @@ class Exchange:
         """Let a bonded berg calve from an ice shelf, between two steps.
 
         The berg has the mass of the shelf. On each cell the ocean meets no jump of pressure: at this moment the mass on the
-        water (`mass_on_water`) is that of the shelf, and from there it goes over into that of the berg within
+        water (`mass_on_water`) is the mass of the shelf, and from there it goes over into the mass of the berg within
         ``settling_time``. The shelf is the ocean's or the land ice's own: take ice away there at the same moment.
 
         Parameters
@@ -482,7 +482,7 @@ class Exchange:
         return np.asarray(self._settling.settled(borne - grounded) / self.grid.arrays.area[self.grid.domain])
 
     def _borne(self) -> tuple[Floats, Floats]:
-        """Return the mass of bergs on cells now, and what of it the floor bears, kg."""
+        """Return the mass of bergs on cells, and the part that the floor bears, kg."""
         m = self.model
         shares = self._shares()
         mass = scaled_mass(m.elements.life, m.elements.body.mass)
@@ -500,7 +500,7 @@ class Exchange:
         return np.asarray(mass_on_floor(el, self.model.constants) * el.life.mass_scaling)
 
     def _look(self, model: LifeModel) -> None:
-        """Note where the elements are and what forces have acted, before the melt."""
+        """Note the positions of the elements and the forces on them, before the melt."""
         m = self.model
         shares = compute_shares(m.elements, m.bonds, self.grid, m.parameters)
         scaling = m.elements.life.mass_scaling.copy()
@@ -514,7 +514,7 @@ class Exchange:
         return np.stack([c * east - s * north, s * east + c * north])
 
     def _add_departed(self, elements: Elements, fluxes: dict[str, Floats]) -> None:
-        """Add the drag of what left in one step of the bergs: to their cells, of those beyond the edge to the nearest."""
+        """Add the drag of departed bergs in one step: to their cells, or to the nearest ones if they lie beyond the edge."""
         inside, place, g = elements.copy(), elements.place, self.grid.arrays
         for index, size, name in ((place.cell_i, g.ni, "cell_i"), (place.cell_j, g.nj, "cell_j")):
             getattr(inside.place, name)[:] = np.clip(index, g.halo, g.halo + size - 1)
@@ -526,7 +526,7 @@ class Exchange:
             np.add.at(fluxes[name], cells, -drag * inside.life.mass_scaling / area / self.steps)
 
     def _add(self, fluxes: dict[str, Floats], by_process: Floats) -> None:
-        """Add what one step of the bergs gives."""
+        """Add the fluxes of one step of the bergs."""
         assert self._seen is not None
         seen, per_second = self._seen, 1.0 / self.ocean_step
         # The ocean gets the opposite of what it did to the bergs.
@@ -677,14 +677,14 @@ def ocean_grid(
     mask : array, shape (nj, ni), optional
         1 ocean, 0 land.
     area : array, shape (nj, ni), optional
-        Areas of the cells as the ocean model has them, m2, so that what it gets is what left here; found from the corners if
+        Areas of the cells in the ocean model, m2, so that it gets all that leaves the bergs; found from the corners if
         left out.
     latlon : bool, optional
         Whether corners are degrees.
     period : float, optional
         Of the first coordinate; 360 degrees, or none in metres.
     edge : {"open", "closed"}, optional
-        What the edge of the grid is, where it is neither land nor joined to the other side nor a pole: open, and bergs leave
+        Kind of the edge of the grid, where it is neither land nor joined to the other side nor a pole: open, and bergs leave
         the model over it, as a whole, as soon as a part of them lies beyond (`Exchange.departed`); or closed like a coast.
     **options
         See `riftberg.ocean.grid.Grid.from_corners`.
@@ -718,7 +718,7 @@ class Box(Section):
     edge: Edge = key("open", "", "open: bergs leave over it; closed: a coast")
 
     def cells(self, **options: Any) -> Grid:
-        """Return its grid; options are those of `ocean_grid`."""
+        """Return its grid; options as of `ocean_grid`."""
         if not (self.west < self.east and self.south < self.north):
             raise InputError(
                 f"no cells from {self.west:g} to {self.east:g} and {self.south:g} to {self.north:g} degrees", where="grid",

@@ -1,6 +1,6 @@
-"""What bergs give to the ocean, on cells: monthly means and moments of a run as CF files, conserving to round-off.
+"""Fluxes from bergs to the ocean, on cells: monthly means and moments of a run as CF files, conserving to round-off.
 
-Names are those of CMIP and of the exchange (`riftberg.coupling.fields.GIVEN`): ``ficeberg`` is the fresh water,
+Names follow CMIP and the exchange (`riftberg.coupling.fields.GIVEN`): ``ficeberg`` is the fresh water,
 ``hfibthermds2d`` the heat that it takes, latent heat above all.
 """
 
@@ -40,7 +40,7 @@ ROWS: Final = AREA + 1
 """Rows of a sum: melt water by process (kg), then mass (kg s), heat (J) and area (m2 s)."""
 
 MOST_LATITUDE: Final = 88.0
-"""Cells of `cells_of` end here: nearer to the pole they have no width."""
+"""Cells of `make_cells` end here: nearer to the pole they have no width."""
 
 
 def make_cells(width: float) -> Grid:
@@ -70,7 +70,7 @@ class _Sums(NamedTuple):
 
 
 class _Span(NamedTuple):
-    """What passed between two moments, and how things stood (kg, m2)."""
+    """Fluxes between two moments, and stocks (kg, m2)."""
 
     since: datetime
     end: datetime
@@ -87,7 +87,7 @@ def _nothing(rows: int) -> _Sums:
 
 
 class GridRecorder:
-    """Recorder of a run: gathers on cells what the bergs give, and writes it at the end.
+    """Recorder of a run: gathers on cells the fluxes of the bergs, and writes them at the end.
 
     A restart keeps the sums of the month and of the time since the last moment, so that a resumed run goes on with both: its
     files hold the months and moments that end in it, as the run that never stopped has them; with ``goes_on`` those from
@@ -188,7 +188,7 @@ class GridRecorder:
         return f"gridded_{zlib.crc32(corners)}_every_{self.every.total_seconds():g}_s_{name}"
 
     def _remember(self, model: BareModel) -> None:
-        """Leave with the model what a run that goes on from here must know of the month and of the time to the next moment."""
+        """Leave with the model the sums of the month and since the last moment, for a run that goes on from here."""
         memory = model.remembered
         began = [(moment - model.start).total_seconds() for moment in (self._month_began, self._passed_began)]
         memory[self._times] = np.array([model.time, *began])
@@ -267,7 +267,7 @@ class GridRecorder:
                 write_dataset(dataset, self.path.with_name(name))
 
     def monthly(self) -> xr.Dataset:
-        """Return means by month; the first and the last are of what the run had of them, as their bounds say."""
+        """Return means by month; the first and the last may be cut off by the run, as their bounds say."""
         return self._dataset(self._months, "mean")
 
     def moments(self) -> xr.Dataset:
@@ -285,7 +285,7 @@ class GridRecorder:
         self._seen = compute_shares(elements, model.bonds, self.grid, model.parameters), _stock(elements)
 
     def _placed(self, model: BareModel) -> Elements:
-        """Return the elements with their cells of this grid; those of the forcing's own grid are known."""
+        """Return the elements with their cells of this grid; on the forcing's own grid they are known."""
         elements = model.elements
         if self.grid is model.forcing.grid and (elements.place.cell_i >= 0).all():
             return self._unwrapped(elements)

@@ -104,7 +104,7 @@ def spread_nine(
 ) -> None:
     """Add mass (kg), area (m2) and area times velocity of bergs to the nine cells around each.
 
-    ``out`` has the shape (4, 9, rows, columns): what the bergs of a cell give to its neighbour number n, counted row by
+    ``out`` has the shape (4, 9, rows, columns): shares that the bergs of a cell give to its neighbour number n, counted row by
     row from the south-west.
     """
     w, scratch = np.zeros(9), np.zeros((8, 16))
@@ -143,7 +143,7 @@ def spread_nine(
 
 
 def gather(shares: Floats, grid: Grid) -> Floats:
-    """Return what each cell gets from the nine around it, over its area; shape of the grid with its halo (files, 4.4).
+    """Return the sum that each cell gets from the nine around it, over its area; shape of the grid with its halo (files, 4.4).
 
     ``shares``: as `spread_nine` fills it (shape (9, rows, columns)).
     """
@@ -169,7 +169,7 @@ def gather(shares: Floats, grid: Grid) -> Floats:
 
 
 class ReturnRules(NamedTuple):
-    """What the reference returns; names of its namelist in brackets."""
+    """Fields that the reference returns; names of its namelist in brackets."""
 
     nine: NineCellRules
     weight: bool  # Mass on the ocean is returned (``add_weight_to_ocean``)
@@ -182,7 +182,7 @@ class ReturnRules(NamedTuple):
 
 
 class Returned(NamedTuple):
-    """What one step gives to the ocean; arrays over the cells of the domain."""
+    """Fields of one step to the ocean; arrays over the cells of the domain."""
 
     calving: Floats  # Fresh water, kg m-2 s-1: melt and what no size class took
     calving_hflx: Floats  # Heat, W m-2

@@ -2,9 +2,10 @@
 
 The berg fills the cells of the mask. An element gets the mean thickness of the ice under it, weighted by the areas that it
 shares with the cells, so that a slope of the shelf is a slope of the berg. One factor for each piece then makes the mass of
-the elements that of the cells; it is the misfit of the lattice to the outline, and near 1. Spread back over the cells the berg
-weighs as much as the shelf did inside of it; cells at its rim differ, for elements stick out of the mask or leave a part of
-it bare. `riftberg.coupling.exchange.Exchange.calve_shelf` lets that rest settle, so that the ocean meets no jump anywhere.
+the elements equal to the mass of the cells; it is the misfit of the lattice to the outline, and near 1. Spread back over the
+cells the berg weighs as much as the shelf did inside of it; cells at its rim differ, for elements stick out of the mask or
+leave a part of it bare. `riftberg.coupling.exchange.Exchange.calve_shelf` lets that rest settle, so that the ocean meets no
+jump anywhere.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class Shares:
 
 
 def element_axes(elements: Elements, bonds: Bonds, p: Parameters) -> Floats:
-    """Return the axis of each element, rad from east: of its lattice where it has bonds, else what it has turned by."""
+    """Return the axis of each element, rad from east: of its lattice where it has bonds, else its own rotation."""
     earth = p.earth
     unbroken = np.flatnonzero(bonds.status == 0)
     a, b = bonds.first[unbroken], bonds.second[unbroken]
@@ -133,7 +134,7 @@ class IceShelf:
     thickness : array, shape (nj, ni)
         Of that ice, m; 0 where there is none.
     density : float
-        Of ice, kg m-3; that of the run.
+        Of ice, kg m-3, as in the run.
 
     Examples
     --------
@@ -199,7 +200,7 @@ class IceShelf:
         density : float, optional
             Of ice, kg m-3.
         earth_radius : float, optional
-            Of the sphere, m; that of the A68a experiment by default.
+            Of the sphere, m; by default as in the A68a experiment.
         """
         height = _raster(thickness, variable, date)
         if crs is not None:
@@ -237,8 +238,8 @@ class IceShelf:
     ) -> Iceberg:
         """Return a berg of bonded elements with the mass of the shelf; pieces that do not touch are not bonded.
 
-        Its report says by which factors thicknesses were changed to that end (``thickness_factor``), and how far the mass on
-        cells that lie wholly under it is from that of the shelf, as part of that (``misfit_inside``; `misfit` for all cells).
+        Its report says by which factors thicknesses were changed to that end (``thickness_factor``), and by how much the mass on
+        cells that lie wholly under it differs from the shelf, relative to it (``misfit_inside``; `misfit` for all cells).
 
         Parameters
         ----------
@@ -279,12 +280,12 @@ class IceShelf:
         return replace(finished, report=report)
 
     def misfit(self, berg: Iceberg) -> Floats:
-        """Return what the berg, spread over the cells, weighs more than the shelf on each, kg m-2; its sum by area is 0."""
+        """Return the excess of the berg, spread over the cells, over the shelf on each, kg m-2; its sum by area is 0."""
         spread = self._shares(berg, np.ones(self.part.shape, bool)).sum(berg.elements.body.mass)
         return np.asarray((spread - self.mass) / self.grid.arrays.area[self.grid.domain])
 
     def _outline(self, marked: Booleans) -> Any:
-        """Return the union of cells; longitudes are near those of the first cell."""
+        """Return the union of cells; longitudes are near the first cell."""
         g = self.grid.arrays
         j, i = (k + g.halo for k in np.nonzero(marked))
         # Rings are closed: the first corner stands at the end again.

@@ -1,4 +1,4 @@
-"""Bergs in the ocean model Veros: what they take from its state, and the sources that they put into it.
+"""Bergs in the ocean model Veros: the fields that they take from its state, and the sources that they put into it.
 
 Veros (https://veros.readthedocs.io) has a fixed volume: fresh water comes as the salt that it would replace at a salinity of
 reference, so that salt, and with it fresh water, can be counted to round-off. Currents, temperature and salinity are means over
@@ -45,19 +45,19 @@ def veros_grid(state: Any) -> Grid:
 
 
 def _edges(ends: Any, lengths: Any, unit: float) -> Floats:
-    """Return the edges of the cells along an axis; the halo of a cyclic axis holds those of its other end."""
+    """Return the edges of the cells along an axis; the halo of a cyclic axis holds the edges of its other end."""
     inner = np.asarray(ends)[2:-2]
     return np.concatenate([[inner[0] - np.asarray(lengths)[2] / unit], inner])
 
 
 def veros_forcing(state: Any) -> OceanForcing:
-    """Return what a model of bergs needs to live in a Veros set-up: its grid and its sea floor; the rest comes by step."""
+    """Return the forcing of a model of bergs in a Veros set-up: its grid and its sea floor; the rest comes by step."""
     grid = veros_grid(state)
     return OceanForcing(grid, grid.fields(depth=np.asarray(state.variables.ht)[INNER].T))
 
 
 class Stock(NamedTuple):
-    """What bergs and ocean hold together."""
+    """Stocks of bergs and ocean."""
 
     ice: float  # Of bergs and stores, kg
     fresh_water: float  # Of the ocean above its salinity of reference, kg
@@ -66,7 +66,7 @@ class Stock(NamedTuple):
 
 
 class Closure(NamedTuple):
-    """Whether what leaves the bergs arrives in the ocean."""
+    """Balance between the loss of the bergs and the gain of the ocean."""
 
     water: float  # What left the ice since the start, kg
     heat: float  # The same, J
@@ -86,7 +86,7 @@ class VerosBergs:
     model : Model
         Its forcing is `veros_forcing` of the same state.
     keel : float, optional
-        Depth (m) of the water that bergs feel and give to; that of the uppermost layer by default.
+        Depth (m) of the water that bergs feel and give to; by default the uppermost layer.
     salinity : float, optional
         Salinity of reference (1e-3), of the water that fresh water replaces; the mean of the ocean by default.
     **options
@@ -130,12 +130,12 @@ class VerosBergs:
         self._start = self.stock()
 
     def step(self) -> xr.Dataset:
-        """Let the bergs take the state of the ocean, move and melt, and put what they give into its next step.
+        """Let the bergs take the state of the ocean, move and melt, and put their fluxes into its next step.
 
         Returns
         -------
         xarray.Dataset
-            What the ocean gets; see `riftberg.coupling.exchange.Exchange.step`.
+            Fields to the ocean; see `riftberg.coupling.exchange.Exchange.step`.
         """
         given = self.exchange.step(self.taken())
         density = float(self.state.settings.rho_0)
@@ -152,7 +152,7 @@ class VerosBergs:
         return given
 
     def taken(self) -> dict[str, Any]:
-        """Return what the ocean hands over, by CF name: means over the keel, stress of the wind, and sea level."""
+        """Return the fields from the ocean, by CF name: means over the keel, stress of the wind, and sea level."""
         vs = self.state.variables
         level = int(vs.tau)
         fields = {
@@ -168,7 +168,7 @@ class VerosBergs:
         return fields
 
     def stock(self) -> Stock:
-        """Return what bergs and ocean hold now."""
+        """Return the stocks of bergs and ocean."""
         vs, density = self.state.variables, float(self.state.settings.rho_0)
         level = int(vs.tau)
         salt, temperature = (np.asarray(field)[INNER][..., level] for field in (vs.salt, vs.temp))
@@ -178,7 +178,7 @@ class VerosBergs:
         return Stock(ice, fresh, ice_heat, heat)
 
     def closure(self) -> Closure:
-        """Return what left the ice since the start, and what of it did not arrive; after a step of the ocean."""
+        """Return the loss of the ice since the start, and the part that did not arrive; after a step of the ocean."""
         start, end = self._start, self.stock()
         density = float(self.state.settings.rho_0)
         all_water = float(self._volume.sum()) * density

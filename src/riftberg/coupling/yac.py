@@ -58,7 +58,7 @@ class YacSettings(Section):
 
 
 class Coupling(NamedTuple):
-    """What a coupling file says that concerns the bergs."""
+    """Settings of a coupling file that concern the bergs."""
 
     path: Path
     start: datetime
@@ -67,7 +67,7 @@ class Coupling(NamedTuple):
 
 
 def read_coupling(path: str | Path) -> Coupling:
-    """Read a configuration file of YAC with its section ``riftberg``; refuse what lacks dates, or has another calendar."""
+    """Read a configuration file of YAC with its section ``riftberg``; refuse a file without dates, or with another calendar."""
     path = Path(path)
     check_file(path, most=MOST_YAML, remedy="Name the coupling file of YAC")
     with reading(path, "cannot be read", "Write it as YAML"):
@@ -176,13 +176,13 @@ class _Port(NamedTuple):
 class YacComponent:
     """Bergs as a component of YAC; to be used inside of `ending_all_ranks`.
 
-    Its fields are those of `riftberg.coupling.fields.TAKEN` and `GIVEN`, with names and units as metadata; it exchanges those
-    that the coupling file names. Units that a partner states in its own metadata (``units: K``) are converted.
+    Its fields are listed in `riftberg.coupling.fields.TAKEN` and `GIVEN`, with names and units as metadata; it exchanges the
+    fields that the coupling file names. Units that a partner states in its own metadata (``units: K``) are converted.
 
     Parameters
     ----------
     model : BareModel
-        On rows of longitude and latitude (`OceanForcing`). Areas of their cells become those of the coupler, times its radius
+        On rows of longitude and latitude (`OceanForcing`). Areas of their cells are taken from the coupler, times its radius
         squared.
     coupling : Coupling
         See `read_coupling`.
@@ -194,7 +194,7 @@ class YacComponent:
     exchange : Exchange
         The exchange behind it, with its ledger.
     taken : dict of str to (array, str)
-        What came last from the ocean, by name, and its units.
+        Last fields from the ocean, by name, and their units.
 
     Raises
     ------
@@ -244,7 +244,7 @@ class YacComponent:
         self.exchange.model.advance(seconds / 86400.0, recorders=recorders, step=self.step)
 
     def step(self) -> xr.Dataset:
-        """Take one step with the ocean; return what it gets (see `riftberg.coupling.exchange.Exchange.step`)."""
+        """Take one step with the ocean; return the fields to it (see `riftberg.coupling.exchange.Exchange.step`)."""
         if not self._met:
             self._meet()
         self._met = False
@@ -254,7 +254,7 @@ class YacComponent:
         return given
 
     def _meet(self) -> None:
-        """Exchange what has the date at which a step begins."""
+        """Exchange the fields with the date at which a step begins."""
         # Dates decide: without a lag the ocean gets at a date what bergs gave in the step before, and both run at once; with a
         # lag of one step, whose date is the end of this step, it waits for what they give in it.
         arrays = self.exchange.grid.arrays
@@ -347,7 +347,7 @@ class YacComponent:
         return lag
 
     def _get(self, port: _Port) -> None:
-        """Take what comes of a field; where nothing is due, what came last stays."""
+        """Take the values of a field; where nothing is due, the last ones stay."""
         grid, date, size = self.exchange.grid, self.exchange.model.date, port.field.collection_size
         g, where = grid.arrays, f"{self.coupling.path}, {port.name}"
         with self._watch.waiting(f"{port.name} from {port.partners} at {date}"):

@@ -42,7 +42,7 @@ _POINTER = b"version https://git-lfs.github.com/spec/v1"
 
 
 def missing_package(package: str, extra: str, purpose: str) -> ForcingError:
-    """Return the error that says which package is needed for what, and which extra of Riftberg brings it."""
+    """Return the error that names the package that a purpose needs, and the extra of Riftberg that brings it."""
     return ForcingError(
         f"{package} is not installed, which is needed {purpose}", remedy=f"pip install 'riftberg[{extra}]' brings it"
     )
@@ -66,7 +66,7 @@ def reached(error: Exception) -> bool:
 
 
 def _kept(partial: PartFile) -> str:
-    """Say what is kept of a file that could not be fetched whole."""
+    """Describe the part that is kept of a file that could not be fetched whole."""
     version = partial.version
     continued = partial.size and version is not None and version.validator
     return f": {partial.size / 1e6:.1f} MB are kept and will be continued" if continued else ""
@@ -123,7 +123,7 @@ class Resuming:
             partial.finish(target)
 
     def fetch(self, partial: PartFile, *, checked: bool) -> None:
-        """Fetch the whole of a part's file, continuing what is there if it is of the version that the server has."""
+        """Fetch the whole of a part's file, continuing the part on disk if the server still has its version."""
         import requests
 
         version = partial.version
@@ -284,7 +284,7 @@ _JSON: Final = re.compile(rb"(\xef\xbb\xbf)?\s*\{\s*\"")
 
 
 def _server_message(path: Path) -> str:
-    """Return what stands in a file where a message of the server has come in its place, with a status of success."""
+    """Return the message of the server that has come in place of a file, with a status of success."""
     with path.open("rb") as stream:
         begin = stream.read(512)
     if begin.startswith(_POINTER):
@@ -337,7 +337,7 @@ class Bar:
 
 @contextmanager
 def progressing(progress: Progress | bool) -> Iterator[Progress | None]:
-    """Give what shows progress: a bar (True), what was given, or nothing (False); the bar ends with the block."""
+    """Give a display of progress: a bar (True), the given one, or none (False); the bar ends with the block."""
     bar = Bar() if progress is True else None
     try:
         yield bar or (progress if callable(progress) else None)
@@ -419,7 +419,7 @@ _RANGE = re.compile(r"bytes\s+(?:(?P<first>\d+)-\d+|\*)/(?P<total>\d+|\*)")
 
 @dataclass(frozen=True)
 class Version:
-    """What a server tells of the version of a file."""
+    """Version of a file, as the server states it."""
 
     url: str  # Address
     etag: str = ""  # Its tag for this version; empty = not told
@@ -434,7 +434,7 @@ class Version:
 
     @property
     def validator(self) -> str:
-        """What ``If-Range`` may carry: a strong tag, else the date, else nothing (weak tags are not allowed there)."""
+        """Value for ``If-Range``: a strong tag, else the date, else nothing (weak tags are not allowed there)."""
         return self.etag if self.etag and not self.etag.startswith("W/") else self.modified
 
     def contradicts(self, other: Version) -> bool:
@@ -468,7 +468,7 @@ class PartFile:
         return version if version.url == self.url else None
 
     def begin(self, version: Version) -> None:
-        """Throw away what is there and note the version that is to come."""
+        """Drop the old part and note the version to come."""
         self.drop()
         self.record.write_text(json.dumps({**asdict(version), "sha256": self.sha256}))
 
@@ -477,7 +477,7 @@ class PartFile:
         return not self.sha256 or checksum(self.path) == self.sha256
 
     def drop(self) -> None:
-        """Throw away what is there; the bytes first, so that no record is left beside bytes of another version."""
+        """Drop the part; its bytes first, so that no record is left beside bytes of another version."""
         self.path.unlink(missing_ok=True)
         self.record.unlink(missing_ok=True)
 

@@ -1,4 +1,4 @@
-"""Fetching of what needs no login: inputs of the A68a paper from its public repository, databases of named Antarctic bergs.
+"""Fetching of data without a login: inputs of the A68a paper from its public repository, databases of named Antarctic bergs.
 
 `fetch_product` (of `riftberg.fetching.services`) fetches original products from the services that hold them.
 """
@@ -101,7 +101,7 @@ def fetch_a68a(
 
 
 def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resuming) -> Path:
-    """Fetch the parts of an hourly field, merge them and check what came out."""
+    """Fetch the parts of an hourly field, merge them and check the result."""
     target = folder / field.merged
     if target.exists() and is_pointer(target):  # from a copy of the repository without its large files
         target.unlink()
@@ -151,7 +151,7 @@ def _damaged(file: Path) -> ForcingError:
 
 
 def _join(files: Sequence[Path], target: Path) -> None:
-    """Copy parts one behind the other, as they are (no decoding), holding one part in memory at a time."""
+    """Copy parts one behind the other, without decoding, holding one part in memory at a time."""
     with open_netcdf(target, "w", format="NETCDF4") as out:
         for file in files:
             with open_netcdf(file) as ds:

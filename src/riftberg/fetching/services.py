@@ -75,7 +75,7 @@ class Addresses(TypedDict, total=False):
 
 
 class Request(NamedTuple):
-    """What is asked of a service."""
+    """Request to a service."""
 
     name: str
     folder: Path
@@ -325,7 +325,7 @@ def fetch_gebco(
 
 
 def gebco_query(lon: Span, lat: Span) -> str:
-    """Return the address, below that of the ERDDAP, of the elevations in a box and one cell around it."""
+    """Return the address, relative to the ERDDAP, of the elevations in a box and one cell around it."""
     ends = []
     for low, high, limit in ((*lat, 90.0), (*lon, 180.0)):
         cell = 1.0 / _PER_DEGREE
@@ -336,7 +336,7 @@ def gebco_query(lon: Span, lat: Span) -> str:
 
 
 def _floor_fault(path: Path, lon: Span, lat: Span) -> str:
-    """Return what is wrong with a file of elevations over a box; empty = nothing."""
+    """Return the fault of a file of elevations over a box; empty = none."""
     try:
         with open_netcdf(path) as ds:
             if "elevation" not in ds.variables:

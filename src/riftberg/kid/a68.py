@@ -2,7 +2,7 @@
 
 The files hold hourly records; one record means forcing that is constant in time. Packed integers are unpacked in
 double precision. A step uses the hour, counted from the start index, at which it begins; at half hours currents and wind
-are the mean of two records and the sea level is that of the earlier one.
+are the mean of two records and the sea level is the earlier one's.
 
 Hourly files are read in blocks of a few MiB, so that a file is opened and unpacked once for many hours; records are
 converted to double precision one by one. Blocks begin where the compressed chunks of the file begin, so that no chunk is
@@ -96,7 +96,7 @@ class HourlyFile:
         return {name: self._checked(name, raw[number - self._first], number) for name, raw in self._held.items()}
 
     def check(self, first: int, last: int) -> None:
-        """Read the records of a run once, so that what is wrong with them is said before its first step."""
+        """Read the records of a run once, so that their faults are reported before its first step."""
         for number in range(first, last + 1) if self.count > 1 else (0,):
             self.record(number)
 
@@ -139,7 +139,7 @@ class HourlyFile:
         return "m" if name == "SSH" else "m s-1", LIMITS.get(name, math.inf)
 
     def check_place(self) -> bool:
-        """Compare the positions that the file gives, if any, with those of the grid; returns whether there are some."""
+        """Compare the positions that the file gives, if any, with the grid; returns whether there are some."""
         g, (rows, columns) = self._grid.arrays, self._grid.domain
         names = []
         with opened_dataset(self.path) as dataset:
@@ -257,7 +257,7 @@ def a68_grid(driver: NamelistGroup, case: Path, period: float) -> Grid:
     """Return the grid of the data file: corners at its longitudes + 360 and its latitudes.
 
     ``period``: zonal period, degrees. The driver fills its arrays in the domain alone: around it lies water, into which
-    elements leave, with the sides of a cell at 0 degrees. What is beyond an edge counts in the cells along it.
+    elements leave, with the sides of a cell at 0 degrees. Elements beyond an edge count in the cells along it.
     """
     radius = driver.number("REarth")
     grid = read_grid(case_data(driver, case) / GRID_FILE, radius=radius, period=period)

@@ -341,7 +341,7 @@ def _cells(line: tuple[int, slice]) -> tuple[slice, slice]:
 
 
 def ocean_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -> Fields:
-    """Return what the driver hands over in each step, with the global column i and row j counted from 1.
+    """Return the fields that the driver hands over in each step, with the global column i and row j counted from 1.
 
     Sea level 0.01 i, sea-ice concentration 0.1 cn0 i, temperature sst0 + 0.1 i - 0.05 j + sstk, salinity
     sss0 - 0.2 i + 0.1 j, depth 100 + 20 i; currents, sea ice and wind are uniform.
@@ -415,7 +415,7 @@ class ExchangeRun:
             hold.check()
 
     def step(self) -> Returned:
-        """Take a step, and return what the ocean gets of it."""
+        """Take a step, and return the fields to the ocean."""
         raise NotImplementedError
 
     def born(self) -> tuple[int, float]:
@@ -438,7 +438,7 @@ class FedBackRun(ExchangeRun):
         ]
 
     def step(self) -> Returned:
-        """Take a step with what the last one returned; no other is kept."""
+        """Take a step with the fields that the last one returned; no other is kept."""
         fields = self.exchange.forcing.fields_at(self.model.step_number * self.clock.dt)
         no_ice = np.zeros((self.grid.arrays.nj, self.grid.arrays.ni))
         if not self.returned:
@@ -483,7 +483,7 @@ class CoupledRun(ExchangeRun):
         return self.exchange.step(self._fields, *flux, self.born())
 
     def write_ocean(self, path: Path) -> None:
-        """Write what the ocean got so far, in the layout of the reference's ``ocean.nc``."""
+        """Write the fields to the ocean so far, in the layout of the reference's ``ocean.nc``."""
         if self.returned:
             _write_ocean(path, self.returned)
 
@@ -517,7 +517,7 @@ def _return_rules(group: NamelistGroup) -> ReturnRules:
 
 
 def _write_ocean(path: Path, steps: list[Returned]) -> None:
-    """Write what each step returned."""
+    """Write the fields that each step returned."""
     shape = steps[0].calving.shape
     with replacing(path, to_disk=True) as temporary, open_netcdf(temporary, "w") as dataset:
         for name, size in (("step", len(steps)), ("j", shape[0]), ("i", shape[1])):

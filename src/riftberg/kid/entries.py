@@ -1,4 +1,4 @@
-"""KID's namelist entries: the one table of types, defaults, units and meanings, what Riftberg does with each, and its look-up.
+"""KID's namelist entries: the one table of types, defaults, units, meanings and treatment by Riftberg, and its look-up.
 
 Source: dynamics, 0.2 and quirks Q19, Q25; files 7.1, 7.2.
 """
@@ -466,7 +466,7 @@ NEEDS: Final = {name: line for names, line in _LINES.items() for name in names.s
 
 
 def lacking(name: str, values: Mapping[str, Value]) -> str:
-    """Return what an entry needs to act, in words, where a group does not have it; empty where it acts."""
+    """Return the requirements of an entry, in words, where a group does not meet them; empty where the entry acts."""
     choices = [choice.split() for choice in NEEDS.get(name, "").split(" | ")]
     if any(all(bool(values.get(flag.lstrip("-"))) is not flag.startswith("-") for flag in choice) for choice in choices):
         return ""

@@ -309,5 +309,5 @@ class BlockWriter:
         self._pause = PATIENCE * (self._last - began)
 
     def close(self) -> None:
-        """Write what waits."""
+        """Write the waiting records."""
         self._write()

@@ -472,7 +472,7 @@ def substeps(group: NamelistGroup, dt: float) -> int:
 
 
 def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
-    """Parameters by group, entry by entry; melt, rolling, footloose and calving follow in `_groups_of_life`."""
+    """Parameters by group, entry by entry; melt, rolling, footloose and calving follow in `_life_groups`."""
     flag, number, mts = group.flag, group.number, group.flag("mts")
     dem = mts and flag("dem") and flag("iceberg_bonds_on")  # without ``mts`` they do not act (quirk Q25)
     # Thresholds of fracture (equations 7.1, 7.2; quirks Q8, Q9): in sub-steps they count as they stand. After the long step

@@ -3,7 +3,7 @@
 ``icebergs.res.nc``: files 6.1, 6.2; initial values of the state: dynamics, section 1.1. ``bonds_iceberg.res.nc``: directed
 bonds, each physical bond twice (files 6.3, as intended by KID's older file layer; quirk T33 of the newer one).
 64-bit identifiers: a counter and the cell of creation (files 0.4). Restart of calving: ice in the stores of the size
-classes (files 6.4), and counters of what was born in each cell.
+classes (files 6.4), and counters of the bergs born in each cell.
 """
 
 from __future__ import annotations
@@ -508,7 +508,7 @@ AXES: Final = {"xaxis_1": "X", "yaxis_1": "Y", "zaxis_1": "Z", "Time": "T"}
 
 
 def read_stores(path: Path, grid: Grid, classes: int) -> Stores | None:
-    """Return what the file holds; None without a file."""
+    """Return the stores in the file; None without a file."""
     if not path.is_file():
         return None
     shape = grid.arrays.nj, grid.arrays.ni
@@ -609,7 +609,7 @@ def write_stores(path: Path, stores: Stores) -> None:
 
 
 class IdentifierCounter:
-    """Identifiers for what is born in a run: each cell counts its own (files 0.4).
+    """Identifiers for elements born in a run: each cell counts its own (files 0.4).
 
     ``counts``: of the domain, without the halo (shape (rows, columns)).
     """
@@ -619,7 +619,7 @@ class IdentifierCounter:
 
     @classmethod
     def beside(cls, restarts: Path, grid: Grid, identifiers: Ints) -> Self:
-        """Return the counters of a folder of restarts, or 0 in every cell; never below those of elements that exist."""
+        """Return the counters of a folder of restarts, or 0 in every cell; never below the counters of existing elements."""
         g = grid.arrays
         counts = np.zeros((g.nj, g.ni), np.int64)
         path = restarts / CALVING_FILE

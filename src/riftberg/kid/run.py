@@ -82,7 +82,7 @@ class KidCase:
 
 @dataclass(frozen=True)
 class KidReport:
-    """What a KID run did."""
+    """Report of a KID run."""
 
     case: KidCase  # The case, its model at the final state
     files: tuple[Path, ...]  # Files written
@@ -195,7 +195,7 @@ def run_kid(
     Parameters
     ----------
     case_dir : pathlib.Path or KidCase
-        Folder with ``input.nml`` and the restart folder it names; or what `load_case` made of it.
+        Folder with ``input.nml`` and the restart folder it names; or the case that `load_case` made of it.
     output : pathlib.Path
         Trajectory file; or a folder, in which the files get the names of the namelist.
     progress : Recorder, optional
@@ -206,7 +206,7 @@ def run_kid(
     Returns
     -------
     KidReport
-        What was done with each namelist entry, and the files written.
+        Treatment of each namelist entry, and the files written.
 
     Raises
     ------

@@ -190,7 +190,7 @@ class _Sampler:
             self._writer.flush()
 
     def finish(self, model: BareModel) -> None:
-        """Write what waits and close the file."""
+        """Write the waiting records and close the file."""
         if self._writer is not None:
             self._writer.close()
             self._writer = None

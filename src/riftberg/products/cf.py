@@ -1,4 +1,4 @@
-"""What the variables and coordinates of a file are: told by CF metadata (standard names, units), then by a table of usual names.
+"""Meaning of the variables and coordinates of a file: by CF metadata (standard names, units), then by a table of usual names.
 
 By these alone any other file that follows CF (or common habit) is read: among others the Copernicus Marine wind, current and
 sea ice products and most regional model output, also on projected and curvilinear grids. Documentation only: each file is
@@ -88,7 +88,7 @@ def _by_metadata(variable: xr.Variable | xr.DataArray) -> Role:
 
 
 def find_role(name: Hashable, variable: xr.Variable | xr.DataArray) -> Role:
-    """Return what a variable is as a coordinate; empty if it is none."""
+    """Return the role of a variable as a coordinate; empty if it is none."""
     if variable.dtype.kind in "SU" or _OF_FIELDS.search(standard_name(variable)):
         return ""
     if holds_dates(variable):
@@ -98,7 +98,7 @@ def find_role(name: Hashable, variable: xr.Variable | xr.DataArray) -> Role:
 
 
 def role_by_name(name: Hashable) -> Role:
-    """Return what the name of a dimension or coordinate says; empty if nothing."""
+    """Return the role that the name of a dimension or coordinate states; empty if none."""
     return next((role for role, pattern in _NAMES if pattern.search(str(name).lower())), "")
 
 
@@ -220,7 +220,7 @@ def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
 
 
 def by_standard_name(ds: xr.Dataset, quantity: str) -> str:
-    """Return the one variable whose standard name is that of a quantity; empty if there is none, or several."""
+    """Return the one variable with the standard name of a quantity; empty if there is none, or several."""
     names = _standard_names(quantity)
     matches = [n for n in map(str, ds.data_vars) if ds[n].ndim > 1 and standard_name(ds.variables[n]) in names]
     return matches[0] if len(matches) == 1 else ""
@@ -305,7 +305,7 @@ def unread(ds: xr.Dataset, quantities: Iterable[str], names: Iterable[str]) -> l
 
 
 def _family(name: str, words: str, provided: set[str]) -> str:
-    """Return what a variable speaks of, if a run takes it and nothing gives it yet."""
+    """Return the family of quantities of a variable, if a run takes it and nothing gives it yet."""
     for family, (quantities, speaks) in _FAMILIES.items():
         usual = any(name in QUANTITIES[quantity].usual for quantity in quantities)
         if (usual or speaks.search(words)) and not provided & set(quantities):

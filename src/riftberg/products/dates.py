@@ -1,4 +1,4 @@
-"""The dates of a field: where they are found, what its file says of the time between them, and where means hold in time."""
+"""The dates of a field: which coordinate holds them, the interval that its file states, and the moments at which means hold."""
 
 from __future__ import annotations
 
@@ -233,7 +233,7 @@ def _valid(ds: xr.Dataset, names: list[str], field: str, where: str) -> tuple[xr
 
 
 def _words(variable: xr.DataArray, name: str) -> str:
-    """Return what a coordinate says of itself, in words; since when it counts is left out."""
+    """Return the description of a coordinate, in words, without its date of reference."""
     title = re.split(r"\b(since|after|relative)\b", str(variable.attrs.get("long_name", "")).lower())[0]
     return " ".join(re.split(r"[\W_]+", f"{standard_name(variable)} {name.lower()} {title}"))
 

@@ -1,6 +1,6 @@
 """Where a field holds in the vertical, by whatever coordinate says it: read and judged, never dropped unseen.
 
-Winds must be those at 10 m, currents must begin near the surface. What a coordinate means is known from its units, its
+Winds must be those at 10 m, currents must begin near the surface. The meaning of a coordinate follows from its units, its
 standard name and its name, in this order.
 """
 
@@ -39,7 +39,7 @@ _TOLD = re.compile(
 def judged(
     ds: xr.Dataset, name: str, field: xr.DataArray, quantity: str, *, where: str
 ) -> tuple[xr.DataArray, list[str]]:
-    """Return a field on ``depth`` or without levels, and what should be known of it."""
+    """Return a field on ``depth`` or without levels, and remarks on it."""
     _judge_words(field, name, quantity, where)
     levels = [c for c, role, _ in find_coordinates(ds, name) if role == "level" and set(ds[c].dims) <= set(field.dims)]
     remarks: list[str] = []
@@ -78,7 +78,7 @@ def judged(
 
 
 def level_kind(axis: xr.DataArray) -> Kind:
-    """Return what a vertical coordinate counts."""
+    """Return the kind of a vertical coordinate."""
     units, metadata, name = read_units(axis).strip().lower(), standard_name(axis), str(axis.name).lower()
     # Units say most, then the standard name, and only then the name.
     if units in _PRESSURES or metadata in ("air_pressure", "pressure"):

@@ -490,7 +490,7 @@ def _straightened(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
 
 
 def extent_text(ds: xr.Dataset) -> str:
-    """Return what a canonical dataset covers in space, in words."""
+    """Return the extent of a canonical dataset in space, in words."""
     if "lat" not in ds.coords:
         return "a projected grid without positions"
     lat, lon = ds["lat"].values, ds["lon"].values

@@ -257,7 +257,7 @@ def _shared_dims(original: xr.Dataset, ds: xr.Dataset) -> xr.Dataset:
 
 
 def _staggered(ds: xr.Dataset) -> xr.Dataset:
-    """Give u and v positions half-way between those of the cells where the file leaves them out or holds zeros."""
+    """Give u and v positions half-way between the cells where the file leaves them out or holds zeros."""
     for name, axis in (("u", "xi_"), ("v", "eta_")):
         if name not in ds.variables or not {"lat_rho", "lon_rho"} <= set(ds.variables):
             continue
@@ -460,7 +460,7 @@ _SAME = ("h", "mask_rho", "mask_u", "mask_v")
 def find_grid(
     ds: xr.Dataset, patterns: Sequence[str], fields: Sequence[str], fits: Callable[[xr.Dataset], bool]
 ) -> xr.Dataset | None:
-    """Return what the one grid file beside a file gives; None if there is none."""
+    """Return the fields of the one grid file beside a file; None if there is none."""
     where = str(ds.encoding.get("source", ""))
     folder = Path(where).parent
     grid_name = Path(str(ds.attrs.get("grd_file", ""))).name
@@ -578,7 +578,7 @@ def _is_a68a(heading: Heading) -> bool:
 
 
 def _positioned(ds: xr.Dataset) -> xr.Dataset:
-    """Give the file its latitudes and longitudes, those of cell centres where the field lives there."""
+    """Give the file its latitudes and longitudes, at cell centres where the field lives there."""
     centred = bool(_AT_CENTRES & set(map(str, ds.data_vars)))
     if {"actual_lon", "actual_lat"} <= set(ds.variables) and centred:
         lon, lat = ds["actual_lon"].values, ds["actual_lat"].values

@@ -269,7 +269,7 @@ _ORAS5_LEVELS = ("deptht", "depthu", "depthv")
 
 
 def _is_oras5(heading: Heading) -> bool:
-    """Tell ORAS5 from other output of NEMO by heading or name: its records are months, those of others may be hours."""
+    """Tell ORAS5 from other output of NEMO by heading or name: its records are months, where others may have hours."""
     words = heading.says("title", "source", "summary", "product", "id", "references") + heading.source.lower()
     is_named = "oras5" in words or "oras-5" in words or "_monthly_highres_" in words
     return is_named and bool(_ORAS5_NAMES & heading.names) and {"nav_lat", "nav_lon"} <= heading.names

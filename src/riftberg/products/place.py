@@ -1,4 +1,4 @@
-"""The horizontal place of a field: which of its coordinates are its positions, what kind of grid they make, and its axes.
+"""The horizontal place of a field: which of its coordinates are its positions, the kind of grid that they make, and its axes.
 
 Numbers of rows and columns are never positions: a dimension counts as a position only through a coordinate with values.
 """
@@ -114,7 +114,7 @@ def _without_origin(
 
 
 def _without_singles(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:
-    """Drop dimensions of length one that are no place; refuse longer ones that are none; return those of place."""
+    """Drop dimensions of length one that are no place; refuse longer ones that are none; return the horizontal dimensions."""
     place_dims = {
         str(dim)
         for c, role, _ in find_coordinates(ds, name) if role in ("lat", "lon", "x", "y")
@@ -209,7 +209,7 @@ def _pair(
 def _choice(
     ds: xr.Dataset, name: str, best: tuple[Any, ...], fitting: list[tuple[Any, ...]], undecided: int, where: str
 ) -> str:
-    """Return a remark where positions of other points of the cells lie beside those taken; refuse what nothing decides."""
+    """Return a remark where positions of other points of the cells lie beside those taken; refuse where nothing decides."""
     lat, lon = best[5:]
     positions = [_checked_degrees(ds[c], where) for c in (lat, lon)]
     for other in sorted(fitting)[1:]:
@@ -239,7 +239,7 @@ def is_nominal_name(name: str) -> bool:
 
 
 def _is_nominal(ds: xr.Dataset, lat: str, lon: str) -> bool:
-    """Tell whether axes are nominal by their names or descriptions; what has a standard name is a position."""
+    """Tell whether axes are nominal by their names or descriptions; an axis with a standard name is a position."""
     names = [c for c in (lat, lon) if standard_name(ds[c]) not in ("latitude", "longitude")]
     return any(
         _NOMINAL.search(text) for c in names for text in (c.lower(), str(ds[c].attrs.get("long_name", "")).lower())
@@ -443,7 +443,7 @@ def _distance(ds: xr.Dataset, crs: Any, x: Floats, y: Floats, pair: tuple[str, .
 
 
 def unit_in_metres(unit: str) -> float:
-    """Return the metres in a unit of map axes, also with a number before it (100 km); 0 for what is no length."""
+    """Return the metres in a unit of map axes, also with a number before it (100 km); 0 if it is no length."""
     return 0.0 if (change := unit_change(unit, "m")) is None else change[0]
 
 
@@ -457,7 +457,7 @@ RADII = frozenset((
 
 
 def projected(ds: xr.Dataset, fallback: str) -> xr.Dataset:
-    """Note the projection of a product's map as ``crs_wkt``: that of its grid mapping, else the fallback."""
+    """Note the projection of a product's map as ``crs_wkt``: from its grid mapping, else the fallback."""
     from pyproj import CRS
 
     mappings = [v for v in ds.variables.values() if v.ndim == 0 and "grid_mapping_name" in v.attrs]

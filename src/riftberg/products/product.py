@@ -1,4 +1,4 @@
-"""What a product is: how it is recognised, which fields it holds, and what must be mended on the way in."""
+"""Definition of a product: how it is recognised, which fields it holds, and how it is mended on the way in."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ DAY = np.timedelta64(86400, "s")
 
 
 def unchanged(ds: xr.Dataset) -> xr.Dataset:
-    """Return the dataset as it is."""
+    """Return the dataset unchanged."""
     return ds
 
 
 @dataclass(frozen=True)
 class Heading:
-    """What a file says of itself before any of its values is read: by this alone its product is recognised."""
+    """Metadata of a file, read before any of its values: by these alone its product is recognised."""
 
     variables: Mapping[str, Mapping[Hashable, Any]]  # Attributes of each variable
     sizes: Mapping[str, int]  # Lengths of the dimensions
@@ -102,7 +102,7 @@ class Product:
         return tuple(source.quantity for source in self.sources)
 
     def checked(self, names: Iterable[Hashable] | None = None) -> str:
-        """Say what the reader was checked against, by quantity (of ``names`` only) and by layout where these differ."""
+        """Describe the evidence for the reader, by quantity (of ``names`` only) and by layout where these differ."""
         chosen = set(self.gives if names is None else map(str, names))
         by_evidence: dict[Evidence, list[str]] = {}
         for source in self.sources:

@@ -1,6 +1,6 @@
 """The canonical quantities: names, units, CF names, signs, limits; and the change of units into them.
 
-A new quantity is a row of `QUANTITIES`: how it is found in files, what is believed of it and where to get it follow.
+A new quantity is a row of `QUANTITIES`: how it is found in files, its believable values and its sources follow.
 """
 
 from __future__ import annotations
@@ -252,7 +252,7 @@ def labelled(data: xr.DataArray, quantity: Quantity) -> xr.DataArray:
 
 
 def unlikely(name: str, low: float, high: float) -> str:
-    """Return what is wrong with values of a field from ``low`` to ``high``; empty if they are believable."""
+    """Return the fault of values of a field from ``low`` to ``high``; empty if they are believable."""
     quantity = QUANTITIES[name]
     least, most = quantity.range
     if name == "ice_fraction" and most < high <= 100.5:

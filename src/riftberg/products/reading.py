@@ -213,7 +213,7 @@ def read(path: str, product: Product) -> list[xr.Dataset]:
 
 
 def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dataset]:
-    """Return what `read` does of a dataset that is open already, decoded or not."""
+    """Do the same as `read` for a dataset that is open already, decoded or not."""
     for repair in REPAIRS:
         raw = repair(raw, path)
     # Coordinates that the user names say what they are.
@@ -301,7 +301,7 @@ def _decodes(raw: xr.Dataset, *names: Hashable) -> bool:
 
 
 def _with_attributes(ds: xr.Dataset, attributes: Mapping[Hashable, dict[str, Any]]) -> xr.Dataset:
-    """Return the dataset with other attributes of some variables; what was decoded into the encoding stays there."""
+    """Return the dataset with other attributes of some variables; entries decoded into the encoding stay there."""
     changed = ds.copy()
     for name, attrs in attributes.items():
         decoded = {key for key in attrs if key in changed.variables[name].encoding}
@@ -420,7 +420,7 @@ def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str,
 def _canonical(
     ds: xr.Dataset, product: Product, quantity: str, name: str, where: str
 ) -> tuple[xr.DataArray, list[str]]:
-    """Return one field, placed and in canonical units, and what should be known of it."""
+    """Return one field, placed and in canonical units, and remarks on it."""
     source = next((s for s in product.sources if s.quantity == quantity), None)
     units = read_units(ds[name]) or (source.units if source is not None else "")
     if other := statistic(ds[name], quantity):

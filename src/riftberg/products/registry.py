@@ -271,7 +271,7 @@ def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
 
 
 def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
-    """Return what tells grids apart: dimensions, and the values of axes and positions."""
+    """Return a key of the grid: dimensions, and the values of axes and positions."""
     dims = [(name, ds.sizes[name]) for name in ("depth", "lat", "lon", "y", "x", "node") if name in ds.dims]
     values = [ds[name].values.tobytes() for name in ("depth", "lat", "lon", "y", "x") if name in ds.coords]
     return (*dims, *values)
@@ -281,7 +281,7 @@ def _concatenated(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
     """Join files with the same variables and grid in order of time.
 
     Of files that share dates the one named later counts, from its first to its last record: mixed, the series would jump to
-    and fro between two forecasts. Files without time stay by themselves: of two a run takes the one named later.
+    and fro between two forecasts. Files without time are not joined: of two a run takes the one named later.
     """
     if len(datasets) == 1 or any("time" not in ds.dims for ds in datasets):
         return datasets
@@ -305,7 +305,7 @@ def _concatenated(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
 
 
 def _later_counts(datasets: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:
-    """Take the records out of files that one named later has too, with what lies between them; say so.
+    """Where two files overlap in time, keep the one named later for the whole overlap, and note it.
 
     Of OSCAR's issues of one day (final, interim, nrt) the most final counts, in whatever order a pattern names them.
     """

@@ -1,4 +1,4 @@
-"""Repairs of what a file says about its numbers where xarray does not look: packing and dates as text, valid values, masks."""
+"""Repairs of metadata that xarray does not look at: packing and dates as text, valid values, masks."""
 
 from __future__ import annotations
 
@@ -311,7 +311,7 @@ def _unwritten(values: Any) -> Any:
 
 
 def with_scalar_mappings(ds: xr.Dataset, where: str = "") -> xr.Dataset:
-    """Return a dataset whose grid mappings are scalars: what they hold says nothing, and some programs write text there."""
+    """Return a dataset whose grid mappings are scalars: their values mean nothing, and some programs write text there."""
     listed = " ".join(
         str(v.attrs.get("grid_mapping", v.encoding.get("grid_mapping", ""))) for v in ds.variables.values()
     )

@@ -45,7 +45,7 @@ def refusal(error: Exception) -> str:
 
 
 def refused(path: str | Path) -> OSError | None:
-    """Return what the system says to one more megabyte behind a file, None where it takes it.
+    """Return the system's error on one more megabyte behind a file, None where it takes it.
 
     For libraries that do not say why they could not write: the disk is still full when they have given up.
     """
@@ -121,7 +121,7 @@ def write_json(content: dict[str, Any], path: str | Path) -> Path:
 
 
 def remove_leftovers(path: Path) -> None:
-    """Remove what a killed process of this machine left of a file."""
+    """Remove leftovers of a file from a killed process of this machine."""
     name, node, ending = re.escape(path.name), re.escape(_node()), re.escape(path.suffix)
     mine = re.compile(rf"\.{name}(?:\.(?:{node}-)?(\d+)(?:-\d+)?)?\.part(?:{ending})?")
     # Not a pattern for glob: the name may hold its special characters.

@@ -1,4 +1,4 @@
-"""What may be opened as an input file, what becomes one sentence where reading fails, and how large a run may be.
+"""Checks of input files, one sentence for every failure of reading, and limits to the size of a run.
 
 A path may be missing, a folder, a device that never ends, a pipe that never begins, or as large as the disk; the
 libraries that read formats raise errors of every kind on a damaged file. Every reader of the house passes through here.
@@ -206,7 +206,7 @@ def _odd_kind(mode: int) -> str:
 
 
 def no_plain_file(path: str | Path) -> str:
-    """Return what a path is that is there but no plain file, such as a pipe that would be waited for; else nothing."""
+    """Name the kind of a path that exists but is no plain file, such as a pipe that would be waited for; else empty."""
     try:
         return _odd_kind(Path(path).stat().st_mode)
     except (OSError, ValueError):
@@ -225,7 +225,7 @@ _WHOLE: Final[dict[str, str]] = {}
 
 
 def hidden(path: str) -> str:
-    """Return an address without what nobody else is to know, which `whole_address` gives back in this process."""
+    """Return an address without its secrets, which `whole_address` gives back in this process."""
     if not is_address(path) or (cut := without_secrets(path)) == path:
         return path
     _WHOLE[cut] = path
@@ -233,7 +233,7 @@ def hidden(path: str) -> str:
 
 
 def whole_address(path: str) -> str:
-    """Return an address with what was cut from it: as it was given in this process, or as it stands in the environment."""
+    """Return an address with its secrets: as given in this process, or from the environment."""
     if not is_address(path) or CUT not in path:
         return path
     stored = {without_secrets(address): address for address in os.environ.get(ADDRESSES, "").split()}
@@ -260,7 +260,7 @@ def in_folder(folder: Path, name: str) -> str:
 def files_matching(name: str, folder: Path = _HERE) -> list[str]:
     """Return the file of that name, or else those that the pattern matches from the folder; an address stays as it is.
 
-    What is there is never a pattern, neither the file nor a folder on the way to it; brackets that match nothing are letters.
+    An existing file, or folder on the way to it, is never a pattern; brackets that match nothing are letters.
     """
     path = in_folder(folder, name)
     if is_address(name) or os.path.lexists(path):

@@ -118,7 +118,7 @@ def open_netcdf(path: str | Path, mode: str = "r", **options: Any) -> Iterator[n
 
 @contextmanager
 def _raise_true_reason(path: str | Path) -> Iterator[None]:
-    """Say what the system says where a file cannot be written: the libraries say "HDF error" or -101 to a full disk."""
+    """Re-raise a failure to write with the system's reason: the libraries say "HDF error" or -101 to a full disk."""
     try:
         yield
     except (RuntimeError, OSError) as error:
@@ -133,7 +133,7 @@ def _raise_true_reason(path: str | Path) -> Iterator[None]:
 
 
 def _without_locks(error: Exception, path: str | Path) -> OSError | None:
-    """Return what is wrong where a file could not be locked."""
+    """Return the reason why a file could not be locked."""
     if isinstance(error, OSError) and keeps_no_locks(path):
         return OSError(errno.ENOLCK, FULL[errno.ENOLCK], str(path))
     return None
@@ -156,7 +156,7 @@ def _written(path: str | Path, mode: str, **options: Any) -> Iterator[netCDF4.Da
 def _fix_attributes(group: netCDF4.Dataset) -> None:
     """Store all texts as characters: of texts of any length (NC_STRING) other programs die, see `_WITH_TEXTS`.
 
-    netCDF4 makes such of lists, and of what is not ASCII.
+    netCDF4 makes such of lists, and of texts that are not ASCII.
     """
     holders: list[Any] = [group, *group.variables.values()] if group.data_model == "NETCDF4" else []
     for holder in holders:
@@ -186,7 +186,7 @@ def fixed_texts(dataset: xr.Dataset, width: int = 1) -> xr.Dataset:
 def _close(file: netCDF4.Dataset, path: str | Path) -> None:
     """Close a file once, if all of it can be written; a file that cannot stays open in the library till the process ends.
 
-    To close what cannot be written ends the process: HDF5 gives up in mid-close, and netCDF lists what the file still holds,
+    To close a file that cannot be written ends the process: HDF5 gives up in mid-close, and netCDF lists its contents,
     in memory that is free by then. netCDF4 would do so again as the object goes.
     """
     try:
@@ -217,7 +217,7 @@ def _opened(path: str, mode: str, **options: Any) -> netCDF4.Dataset:
 
 
 def _refuse_odd(path: Any) -> None:
-    """Refuse what is there but would be waited for, such as a pipe; a folder may be Zarr and is left to who opens it."""
+    """Refuse a path that would be waited for, such as a pipe; a folder may be Zarr and is left to who opens it."""
     fault = no_plain_file(os.fspath(path)) if isinstance(path, str | os.PathLike) and not os.path.isdir(path) else ""
     if fault:
         raise OSError(errno.EINVAL, fault, str(path))
@@ -284,7 +284,7 @@ def noted_as_open(ds: xr.Dataset) -> xr.Dataset:
 
 @contextmanager
 def closing_files(*, only_if_refused: bool = False) -> Iterator[None]:
-    """Close at its end what was opened lazily in this block, in all cases or only if it ends in an error.
+    """Close at its end the files opened lazily in this block, in all cases or only if it ends in an error.
 
     An error keeps the frames in which it was raised, and with them the files open there: a notebook holds its last error,
     so that a refused file could not be written anew. A dataset that is still in use opens its file again by itself.

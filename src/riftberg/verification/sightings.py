@@ -370,7 +370,7 @@ def drawn_anew(plan: Plan, weight: Floats, likelihood: Floats) -> tuple[dict[str
     )
     columns: dict[str, list[Any]] = {name: [plan.members[k][name] for k in parents] for name in plan.members[0]}
     for v in plan.varied:
-        if v.distribution is not None and not v.distribution.choices and v.parts == 1:
+        if v.distribution is not None and not v.distribution.choices and v.components == 1:
             columns[v.name] = _moved(v, np.array([values[v.name] for values in plan.members]), parents, weight, random)
     return columns, [float(likelihood[k]) for k in parents], len(np.unique(parents))
 
