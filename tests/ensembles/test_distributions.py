@@ -14,7 +14,7 @@ from riftberg import Forcing, Iceberg, Model, Parameters, Steady, open_sweep, sw
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, run_member
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, designed, list_members, read_design, read_varied
+from riftberg.ensembles.vary import Draws, list_members, plan_from_design, read_design, read_varied
 from riftberg.errors import InputError
 from riftberg.experiments.registry import Options
 
@@ -191,7 +191,7 @@ def test_a_design_of_another_tool_has_one_row_for_each_member(tmp_path: Path) ->
     other = read_design(file)
     file.write_text(text)
     assert read_design(file) == other
-    varied, members = designed(read_design(file))
+    varied, members = plan_from_design(read_design(file))
     assert [v.name for v in varied] == [STRENGTH, "start.east"]
     assert members == [
         {STRENGTH: 18e3, "start.east": 1e3}, {STRENGTH: 12e3, "start.east": 1e3}, {STRENGTH: 18e3, "start.east": -2e3}
@@ -222,17 +222,17 @@ def test_a_bad_design_is_refused(text: str, message: str, tmp_path: Path) -> Non
 
 
 def test_a_design_names_keys_of_the_experiment_file_too() -> None:
-    _, members = designed({"start": ["2020-12-09", "2020-12-10"], "forcing.uniform.current.0": ["0.1", "0.2"]})
+    _, members = plan_from_design({"start": ["2020-12-09", "2020-12-10"], "forcing.uniform.current.0": ["0.1", "0.2"]})
     assert list(members) == [{"start": "2020-12-09", "forcing.uniform.current.0": 0.1},
                              {"start": "2020-12-10", "forcing.uniform.current.0": 0.2}]  # fmt: skip
 
 
 def test_each_row_of_a_design_has_random_fields_of_its_own_unless_it_names_the_seed() -> None:
-    _, members = designed({"current_error.speed": ["0.1", "0.1", "0.2"]})
+    _, members = plan_from_design({"current_error.speed": ["0.1", "0.1", "0.2"]})
     assert len({m["errors.seed"] for m in members}) == 3
-    _, drawn = designed({"wind_error.speed": ["1", "2"], "start.east": ["0", "1 km"]})
+    _, drawn = plan_from_design({"wind_error.speed": ["1", "2"], "start.east": ["0", "1 km"]})
     assert [m["errors.seed"] for m in drawn] == [m["errors.seed"] for m in members[:2]]  # they depend on the row alone
-    _, given = designed({"current_error.speed": ["0.1", "0.2"], "errors.seed": ["7", "7"]})
+    _, given = plan_from_design({"current_error.speed": ["0.1", "0.2"], "errors.seed": ["7", "7"]})
     assert [m["errors.seed"] for m in given] == [7, 7]
 
 

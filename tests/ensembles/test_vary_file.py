@@ -11,7 +11,7 @@ from riftberg import forecast, open_sweep, sweep
 from riftberg.cli.compare import opened_result
 from riftberg.ensembles.forecast import forecast_errors
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, designed, grouped, list_members, read_varied, vary_with_file
+from riftberg.ensembles.vary import Draws, grouped, list_members, plan_from_design, read_varied, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed_document, parse_settings
@@ -241,6 +241,8 @@ def test_a_column_of_a_design_has_units_everywhere_or_nowhere(tmp_path: Path) ->
         with pytest.raises(
             InputError, match=r"--design, fracture.normal_strength: (20|2e4) has no unit, but 18 kPa has"
         ):
-            designed({"fracture.normal_strength": column})
-    _, members = designed({"fracture.normal_strength": ["18 kPa", "20000 Pa", "0"], "bonds.packing": ["square"] * 3})
+            plan_from_design({"fracture.normal_strength": column})
+    _, members = plan_from_design(
+        {"fracture.normal_strength": ["18 kPa", "20000 Pa", "0"], "bonds.packing": ["square"] * 3}
+    )
     assert [row["fracture.normal_strength"] for row in members] == [18e3, 20e3, 0.0]

@@ -18,7 +18,7 @@ from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.probability import effective
 from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import InputError
-from riftberg.verification.sightings import drawn_anew, log_likelihood, weighted
+from riftberg.verification.sightings import log_likelihood, redraw_members, weighted
 
 KM = 1.0 / 111.195  # degrees of latitude
 DAYS = np.datetime64("2020-12-09", "ns") + np.arange(3) * np.timedelta64(1, "D")
@@ -130,7 +130,7 @@ def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() 
     weight = np.exp(likelihood - likelihood.max())
     weight /= weight.sum()
     assert effective(weight) < 2000
-    columns, base, parents = drawn_anew(plan, weight, likelihood)
+    columns, base, parents = redraw_members(plan, weight, likelihood)
     assert 1000 < parents < 4096
     new = np.array(columns["start.turn"])
     mean = weight @ turn
@@ -149,7 +149,7 @@ def test_members_around_a_single_one_are_no_copies_of_it() -> None:
     varied = read_varied(["start.turn~normal(0, 5)"])
     plan: Any = SimpleNamespace(varied=varied, members=list_members(varied, Draws(64)))
     weight = np.eye(64)[3]
-    columns, _, parents = drawn_anew(plan, weight, np.log(weight + 1e-300))
+    columns, _, parents = redraw_members(plan, weight, np.log(weight + 1e-300))
     assert parents == 1
     assert np.std(columns["start.turn"]) == pytest.approx(0.3 * 5.0, rel=0.25)  # the kernel, of the spread of all
 

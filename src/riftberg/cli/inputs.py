@@ -78,7 +78,7 @@ def sensitivity(
     """Show which input matters: Morris effects or Sobol' indices of stress, break-up, grounding, area and drift."""
     from riftberg.ensembles.forecast import forecast_errors
     from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, select_results
-    from riftberg.ensembles.sweep import planned, read_draws
+    from riftberg.ensembles.sweep import make_plan, read_draws
     from riftberg.system.atomic_files import write_text
     from riftberg.verification.sightings import drift_error, during, select_sightings
 
@@ -89,7 +89,7 @@ def sensitivity(
     def make(experiment: str) -> Plan:
         errors = forecast_errors(experiment, vary or [], defaults=default_errors)
         drawn = read_draws({"members": draws or USUAL_DRAWS[method], "plan": METHODS[method], "seed": shared.seed})
-        return planned(experiment, errors, shared.checked(), None, None, drawn)
+        return make_plan(experiment, errors, shared.checked(), None, None, drawn)
 
     with allow_large(shared.large):
         announce_compilation(shared.quiet)

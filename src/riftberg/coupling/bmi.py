@@ -130,7 +130,7 @@ class BmiRiftberg(Bmi):
             if cf_name in GIVEN or cf_name not in self._values:
                 raise InputError(f"unknown field {name!r}", where=f"{config_file}, ocean", remedy="See TAKEN")
             self._values[cf_name][:] = number(value, TAKEN[cf_name].units, where=f"{config_file}, ocean, {name}")
-        handed = self._handed_over()
+        handed = self._given_inputs()
         # Only for the check: values that cannot be are refused here and not in the first step.
         taken(handed, {TAKEN[name].field: (self._shape,) for name in handed}, np.ones(self._shape))
 
@@ -143,11 +143,11 @@ class BmiRiftberg(Bmi):
 
     def update(self) -> None:
         """Take one step."""
-        fields = self.exchange.step(self._handed_over())
+        fields = self.exchange.step(self._given_inputs())
         for name, quantity in GIVEN.items():
             self._values[name][:] = fields[quantity.short].values
 
-    def _handed_over(self) -> dict[str, NDArray[np.float64]]:
+    def _given_inputs(self) -> dict[str, NDArray[np.float64]]:
         """Return the input fields that have been given."""
         self._lacking = {name for name in self._lacking if np.isnan(self._values[name]).all()}
         return {name: q for name, q in self._values.items() if name in TAKEN and name not in self._lacking}

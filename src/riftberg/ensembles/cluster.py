@@ -38,7 +38,7 @@ def cores() -> int:
 
 
 @contextmanager
-def connected(scheduler: Any) -> Iterator[Any]:
+def connect_client(scheduler: Any) -> Iterator[Any]:
     """Give a client of dask.distributed for the address of a scheduler; a client itself passes through unchanged."""
     try:
         import distributed
@@ -63,15 +63,15 @@ def connected(scheduler: Any) -> Iterator[Any]:
         yield client
 
 
-def computed(jobs: Iterable[Job], client: Any, workers: int, hold: Hold) -> Iterator[Outcome]:
+def compute_members(jobs: Iterable[Job], client: Any, workers: int, hold: Hold) -> Iterator[Outcome]:
     """Give the outcomes of members as they come, until all have come or a signal waits.
 
     ``client``: of dask, or None for ``workers`` processes of this machine; 0 runs one member after another in this one.
     """
     if client is not None:
-        yield from _distributed(jobs, client, hold)
+        yield from _run_distributed(jobs, client, hold)
     elif workers:
-        yield from (_outcome(future, job) for future, job in pooled(run_member, jobs, workers, hold))
+        yield from (_outcome(future, job) for future, job in run_pool(run_member, jobs, workers, hold))
     else:
         for job in jobs:
             if hold.requested:
@@ -87,7 +87,9 @@ ALONE: Final = {
 """Environment of a process that runs one member at a time."""
 
 
-def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, hold: Hold) -> Iterator[tuple[Any, Any]]:
+def run_pool(
+    function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, hold: Hold
+) -> Iterator[tuple[Any, Any]]:
     """Run a function of each job in processes of the standard library; give the futures as they end, with their jobs.
 
     As many jobs are under way as there are processes, so the jobs that may have ended a lost process are known:
@@ -109,7 +111,7 @@ def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, ho
         while waiting and not hold.requested:
             executor = ProcessPoolExecutor(workers, context, initializer=_begin_worker, initargs=(started,))
             try:
-                for future, job in _through(executor, function, waiting, workers, hold):
+                for future, job in _submit_all(executor, function, waiting, workers, hold):
                     if script and future.exception() is not None and not started.is_set():
                         raise InputError(
                             f"no worker has begun: each reads {script} anew, and that failed", where="sweep",
@@ -160,7 +162,7 @@ def _script_needed(function: Callable[[Any], Any], waiting: Line) -> str:
         return ""
     first = waiting.next()
     waiting.again.append(first)
-    if b"__main__" not in _packed(function, first) or sys.modules.get("cloudpickle") is not None:
+    if b"__main__" not in _pack_call(function, first) or sys.modules.get("cloudpickle") is not None:
         return ""
     main = sys.modules["__main__"]
     script = getattr(main, "__file__", None)
@@ -187,7 +189,7 @@ class Line:
         return self.again.pop() if self else None
 
 
-def _through(
+def _submit_all(
     executor: ProcessPoolExecutor, function: Callable[[Any], Any], waiting: Line, workers: int, hold: Hold
 ) -> Iterator[tuple[Any, Any]]:
     """Send jobs through an executor and give the futures that have ended, until none is left or the executor is broken."""
@@ -198,7 +200,7 @@ def _through(
         while len(flying) < workers and not (broken or hold.requested) and waiting:
             job = waiting.next()
             try:
-                flying[executor.submit(_called, _packed(function, job))] = job
+                flying[executor.submit(_run_packed, _pack_call(function, job))] = job
             except BrokenProcessPool:
                 waiting.again.append(job)
                 broken = True
@@ -209,7 +211,7 @@ def _through(
         broken = broken or any(isinstance(future.exception(), BrokenProcessPool) for future, _ in ended)
 
 
-def _packed(function: Callable[[Any], Any], job: Any) -> bytes:
+def _pack_call(function: Callable[[Any], Any], job: Any) -> bytes:
     """Return a call as bytes; functions of a notebook travel too where cloudpickle is installed (dask needs it)."""
     try:
         import cloudpickle as pickler
@@ -224,7 +226,7 @@ def _packed(function: Callable[[Any], Any], job: Any) -> bytes:
         ) from error  # fmt: skip
 
 
-def _called(packed: bytes) -> Any:
+def _run_packed(packed: bytes) -> Any:
     function, job = pickle.loads(packed)
     return function(job)
 
@@ -260,7 +262,7 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _distributed(jobs: Iterable[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
+def _run_distributed(jobs: Iterable[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
     import time
 
     from distributed import as_completed
@@ -284,12 +286,12 @@ def _distributed(jobs: Iterable[Job], client: Any, hold: Hold) -> Iterator[Outco
             yield _outcome(future, job)
             future.release()
         if hold.requested:
-            yield from _ended(futures, client)
+            yield from _drain_members(futures, client)
             return
         time.sleep(WAIT_SECONDS)
 
 
-def _ended(futures: dict[Any, Job], client: Any) -> Iterator[Outcome]:
+def _drain_members(futures: dict[Any, Job], client: Any) -> Iterator[Outcome]:
     """Drop the members that have not begun, and wait for the others, which save their states."""
     import distributed
 

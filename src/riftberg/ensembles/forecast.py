@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
 
 from riftberg.config.values import check_names, number
 from riftberg.ensembles.distributions import PLANS, POINTS
-from riftberg.ensembles.sweep import MEMBER, Plan, SweepOptions, common_options, planned, read_draws, run_plan
+from riftberg.ensembles.sweep import MEMBER, Plan, SweepOptions, common_options, make_plan, read_draws, run_plan
 from riftberg.ensembles.vary import Draws, Varied, read_varied, vary_with_file
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import EXPERIMENTS, Options
@@ -122,7 +122,7 @@ def forecast_plan(
         )  # fmt: skip
     merged = forecast_errors(experiment, vary, defaults=defaults, data=options.data)
     drawn = Draws(draws.number or MEMBERS, draws.plan, draws.seed)
-    return planned(experiment, merged, options, every_hours, cells, drawn, forecast=True)
+    return make_plan(experiment, merged, options, every_hours, cells, drawn, forecast=True)
 
 
 def forecast_errors(

@@ -24,11 +24,11 @@ from shapely.geometry.polygon import orient
 from riftberg.config.units import minute_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.probability import (
+    beyond_last_position,
     counted,
     effective,
     ellipse_axes,
     enough,
-    out_of_sight,
     quantiles,
     share_until,
     with_interval,
@@ -61,7 +61,7 @@ class IceLimit:
 def ice_limits(ds: xr.Dataset) -> list[IceLimit]:
     """Return the limits of ice of each day and of the whole time."""
     members, weight = counted(ds, "unfinished")
-    time, beyond = members["time"].values, out_of_sight(members)
+    time, beyond = members["time"].values, beyond_last_position(members)
     days = [k for k, t in enumerate(time) if (t - time[0]) % np.timedelta64(1, "D") == np.timedelta64(0, "D")]
     if days[-1] != len(time) - 1:
         days.append(len(time) - 1)
@@ -120,10 +120,12 @@ def smallest_line(points: list[Floats], weight: Floats, share: float) -> tuple[F
     corners = np.concatenate(hulls)
     flat = corners * [math.cos(float(corners[:, 1].mean()) * DEGREE), 1.0]
     reach = np.maximum.reduceat(flat @ _WAYS.T, np.cumsum([0, *map(len, hulls)])[:-1], axis=0)
-    starts = [_nearest(reach, w, needed, k) for k in np.unique(np.linspace(0, len(w) - 1, STARTS).round().astype(int))]
+    starts = [
+        _gather_nearest(reach, w, needed, k) for k in np.unique(np.linspace(0, len(w) - 1, STARTS).round().astype(int))
+    ]
     if (np.cumsum(np.sort(w)) <= w.sum() - needed).sum() <= MOST_LEFT_OUT:
         starts.append((list(range(len(w))), []))  # few are left out: one after another, from all
-    _, chosen = min((_exchanged(reach, w, needed, *start) for start in starts), key=lambda result: result[0])
+    _, chosen = min((_swap_members(reach, w, needed, *start) for start in starts), key=lambda result: result[0])
     line = _hull(np.concatenate([hulls[k] for k in chosen]))
     return np.concatenate([line, line[:1]]), none + float(w[chosen].sum())
 
@@ -142,13 +144,13 @@ MOST_LEFT_OUT: Final = 20
 """Members that are left out one after another, of all; more take too long."""
 
 
-def _spanned(reach: Floats) -> Floats:
+def _hull_area(reach: Floats) -> Floats:
     """Return the area inside of lines that reach so far along each direction (last axis)."""
     beside = np.roll(reach, 1, axis=-1) + np.roll(reach, -1, axis=-1) - 2.0 * math.cos(_ANGLE) * reach
     return np.asarray(0.5 * (reach * beside).sum(axis=-1) / math.sin(_ANGLE))
 
 
-def _nearest(reach: Floats, w: Floats, needed: float, start: int) -> tuple[list[int], list[int]]:
+def _gather_nearest(reach: Floats, w: Floats, needed: float, start: int) -> tuple[list[int], list[int]]:
     """Return members around one of them that weigh enough, and those that come next.
 
     First by their distance, then by how much the line around those that are kept would have to grow, until it shrinks no more
@@ -160,16 +162,18 @@ def _nearest(reach: Floats, w: Floats, needed: float, start: int) -> tuple[list[
         order = np.argsort(((reach - _WAYS @ centre) / shape).max(axis=1), kind="stable").tolist()
         enough = 1 + int(np.searchsorted(np.cumsum(w[order]), needed))
         line = reach[order[:enough]].max(axis=0)
-        if not _spanned(line) < least * (1.0 - 1e-9):
+        if not _hull_area(line) < least * (1.0 - 1e-9):
             return selection
-        least, selection = float(_spanned(line)), (order[:enough], order[enough : enough + NEXT])
+        least, selection = float(_hull_area(line)), (order[:enough], order[enough : enough + NEXT])
         centre = 2.0 / len(_WAYS) * line @ _WAYS  # inside of any convex line (its Steiner point)
         shape = line - _WAYS @ centre
 
 
-def _exchanged(reach: Floats, w: Floats, needed: float, chosen: list[int], rest: list[int]) -> tuple[float, list[int]]:
+def _swap_members(
+    reach: Floats, w: Floats, needed: float, chosen: list[int], rest: list[int]
+) -> tuple[float, list[int]]:
     """Leave members out, or exchange them for others, as long as the area shrinks; return the area and who is inside."""
-    current = float(_spanned(reach[chosen].max(axis=0)))
+    current = float(_hull_area(reach[chosen].max(axis=0)))
     while len(chosen) > 1:
         inside = reach[chosen]
         second, largest = np.partition(inside, -2, axis=0)[-2:]
@@ -178,7 +182,7 @@ def _exchanged(reach: Floats, w: Floats, needed: float, chosen: list[int], rest:
         least, change = current * (1.0 - 1e-6), None
         for k in np.unique(outermost).tolist():
             without = np.where(outermost == k, second, largest)
-            area = _spanned(np.vstack([without, np.maximum(without, reach[rest])]))
+            area = _hull_area(np.vstack([without, np.maximum(without, reach[rest])]))
             area[w[chosen].sum() - w[chosen[k]] + gained < needed] = np.inf
             j = int(area.argmin())
             if area[j] < least:
@@ -286,7 +290,7 @@ class Approach:
         ]  # fmt: skip
 
 
-def _the_short_way(p: Floats) -> Floats:
+def _unwrap_shape(p: Floats) -> Floats:
     """Return positions in a row whose longitudes do not jump at the date line; once around the Earth is no jump."""
     jump = np.diff(p[:, 0], prepend=p[0, 0])
     turns = np.where(np.abs(jump) < 360.0, np.round(jump / 360.0), 0.0)
@@ -303,7 +307,7 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     members, weight = members.isel(member=weight > 0.0), weight[weight > 0.0]
     if shape.is_empty:
         raise InputError("an empty shape", where=name, remedy="Give a point, a line or an area")
-    shape = shapely.transform(shape, _the_short_way)
+    shape = shapely.transform(shape, _unwrap_shape)
     x0, y0 = (float(c) for c in shape.representative_point().coords[0])
     metres = DEGREE * EARTH_RADIUS_A68
 

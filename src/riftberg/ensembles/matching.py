@@ -351,7 +351,7 @@ def posterior(matched: Matched, *, seed: int = 1) -> Posterior:
     if exact.any():
         factor = np.linalg.cholesky(targets.covariance[np.ix_(exact, exact)])
         white = np.linalg.solve(factor, (f - targets.values)[:, exact].T).T
-        kernel, corrected, spread = _regressed(z, white, weight, parent, random)
+        kernel, corrected, spread = _regress_inputs(z, white, weight, parent, random)
     total = weight[parent] * kernel
     total /= total.sum()
     by_member = np.zeros(len(matched.inputs))
@@ -367,7 +367,7 @@ def posterior(matched: Matched, *, seed: int = 1) -> Posterior:
     return Posterior(norm.cdf(corrected), total, by_member, number)
 
 
-def _regressed(
+def _regress_inputs(
     z: Floats, white: Floats, weight: Floats, parent: Ints, random: np.random.Generator
 ) -> tuple[Floats, Floats, Floats]:
     """Return kernel weights and corrected inputs of members with errors added, and the covariance by linear regression alone.

@@ -174,7 +174,7 @@ def run_member(job: Job) -> Outcome:
         with allow_large(job.large), sharing_forcings():
             if (job.folder / STOP).exists():
                 raise StoppedError("the sweep was asked to stop")
-            model, fresh = _begun(job)
+            model, fresh = _prepare_member(job)
             left = job.days - model.time / SECONDS_PER_DAY
             status, message = "done", ""
             if left * SECONDS_PER_DAY > 0.5 * model.parameters.stepping.time_step:
@@ -206,15 +206,15 @@ def _sentence(error: Exception) -> str:
     return text if isinstance(error, RiftbergError) else f"{type(error).__name__}: {text}"
 
 
-def _begun(job: Job) -> tuple[Model, tuple[Any, Any, Any]]:
+def _prepare_member(job: Job) -> tuple[Model, tuple[Any, Any, Any]]:
     """Return the model at the state that was saved last, or at its start, and ids and positions of the elements at the start."""
     fresh = build_member(job)
     e = fresh.elements
     start = e.id.copy(), e.lon.copy(), e.lat.copy()
-    return _gone_on(job, fresh), start
+    return _resume_member(job, fresh), start
 
 
-def _gone_on(job: Job, fresh: Model) -> Model:
+def _resume_member(job: Job, fresh: Model) -> Model:
     if not job.state_file.exists():
         return fresh
     try:

@@ -162,11 +162,11 @@ def share_until(members: xr.Dataset, weight: Floats, yes: Any) -> tuple[Floats, 
     ``yes``: whether it has happened to each member (members, times). Of an unfinished one that it has not happened to, nothing
     is known after its last position.
     """
-    unknown = weight @ (out_of_sight(members) & ~yes)
+    unknown = weight @ (beyond_last_position(members) & ~yes)
     return weight @ yes / np.maximum(1.0 - unknown, 1e-300), unknown
 
 
-def out_of_sight(members: xr.Dataset) -> Any:
+def beyond_last_position(members: xr.Dataset) -> Any:
     """Return which members are unfinished and beyond their last position, by date (members, times)."""
     beyond = np.zeros((members.sizes["member"], members.sizes["time"]), bool)
     for k in np.flatnonzero(members["status"].values == STATUS["unfinished"]):
@@ -274,7 +274,7 @@ def _add_presence(ds: xr.Dataset, members: xr.Dataset, weight: Floats) -> None:
                 (near(subset["lon"].values, first), subset["lat"].values),
             )
             add_ellipses(position, axes, w[rows], (x, y), cosine, presence, passes)
-    presence /= np.maximum(1.0 - weight @ out_of_sight(members), 1e-300)[:, None, None]
+    presence /= np.maximum(1.0 - weight @ beyond_last_position(members), 1e-300)[:, None, None]
     passes = passed.sum(axis=0) / (1.0 - (weight[~finished].sum() - passed[1]))
     ds.coords["cell_lon"] = ("cell_lon", x, {"units": "degrees_east", "standard_name": "longitude"})
     ds.coords["cell_lat"] = ("cell_lat", y, {"units": "degrees_north", "standard_name": "latitude"})

@@ -450,7 +450,7 @@ def _loaded(file: Path, remedy: str) -> xr.Dataset:
 
 def _without_tracks(file: Path, remedy: str) -> xr.Dataset:
     """Return a result in memory but for its tracks and tables of fragments."""
-    with reading(file, "not readable as NetCDF", remedy), _little_kept():
+    with reading(file, "not readable as NetCDF", remedy), _small_chunk_cache():
         ds: xr.Dataset = open_lazily(file)
         for name, variable in ds.variables.items():
             if "member" not in variable.dims or variable.ndim == 1:
@@ -459,7 +459,7 @@ def _without_tracks(file: Path, remedy: str) -> xr.Dataset:
 
 
 @contextmanager
-def _little_kept() -> Iterator[None]:
+def _small_chunk_cache() -> Iterator[None]:
     """Let files that are opened meanwhile cache one chunk of each variable; the default of netCDF is 16 MB of each."""
     previous_cache = netCDF4.get_chunk_cache()
     netCDF4.set_chunk_cache(2 * CHUNK_BYTES, *previous_cache[1:])

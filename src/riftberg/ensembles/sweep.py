@@ -22,7 +22,7 @@ import xarray as xr
 from riftberg.config.units import count_text, duration_text
 from riftberg.config.values import check_names, native, number
 from riftberg.constants import SECONDS_PER_DAY
-from riftberg.ensembles.cluster import computed, connected, cores
+from riftberg.ensembles.cluster import compute_members, connect_client, cores
 from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import (
     CELLS,
@@ -48,7 +48,7 @@ from riftberg.ensembles.result import (
     write_sweep,
 )
 from riftberg.ensembles.uncertain import check_sizes, with_errors
-from riftberg.ensembles.vary import Draws, Varied, designed, grouped, list_members, read_varied, vary_with_file
+from riftberg.ensembles.vary import Draws, Varied, grouped, list_members, plan_from_design, read_varied, vary_with_file
 from riftberg.errors import InputError, without_secrets
 from riftberg.experiments.changes import changed, origin, settings_of
 from riftberg.experiments.registry import Options
@@ -184,7 +184,7 @@ def sweep(
     """
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
-    plan = planned(experiment, vary, common_options(days, options), every, options.get("cells"), read_draws(options))
+    plan = make_plan(experiment, vary, common_options(days, options), every, options.get("cells"), read_draws(options))
     return run_plan(plan, output, resume, progress, options)
 
 
@@ -289,7 +289,7 @@ class Plan:
         )  # fmt: skip
 
 
-def planned(
+def make_plan(
     experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float | None, cells: float | None = None,
     draws: Draws | None = None, *, forecast: bool = False, design: bool = False,
 ) -> Plan:  # fmt: skip
@@ -299,7 +299,7 @@ def planned(
         source = str(Path(source).absolute())
     draws = draws or Draws()
     if design:
-        varied, members = designed(vary, free=callable(experiment))
+        varied, members = plan_from_design(vary, free=callable(experiment))
         check_sizes([v.name for v in varied])
     else:
         varied = read_varied(vary_with_file(experiment, vary, options.data), free=callable(experiment))
@@ -670,11 +670,11 @@ def run_sweep(
     processes = min(cores() if workers is None else workers, len(numbers))
     with (
         held() as hold,
-        connected(scheduler) if scheduler is not None and numbers else nullcontext() as client,
+        connect_client(scheduler) if scheduler is not None and numbers else nullcontext() as client,
         store.taken(),
     ):
         try:
-            _collect(store, computed(jobs, client, processes, hold), hold, bar)
+            _collect(store, compute_members(jobs, client, processes, hold), hold, bar)
         finally:  # what is done is kept, also after Ctrl-C
             forget_forcings()
             (store.members / STOP).unlink(missing_ok=True)

@@ -121,7 +121,7 @@ def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
     if not keys:
         return model
     sections: dict[str, Any] = {group: kind(**keys.get(group, {})) for group, kind in UNCERTAIN.items()}
-    started_model = _started(model, sections["start"])
+    started_model = _change_start(model, sections["start"])
     c, w, f = sections["current_error"], sections["wind_error"], sections["floor_error"]
     size = None
     if c.field is not None:
@@ -144,7 +144,7 @@ def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
     return started_model
 
 
-def _started(model: Model, start: StartError) -> Model:
+def _change_start(model: Model, start: StartError) -> Model:
     """Return the model anew with its berg moved, turned and changed."""
     if start == StartError():
         return model
@@ -332,7 +332,7 @@ class Estimate(NamedTuple):
         return options + ([f"current_error.time={self.time / 86400.0:.2g} day"] if np.isfinite(self.time) else [])
 
 
-def estimated(
+def estimate_errors(
     first: str | Path | Sequence[str], second: str | Path | Sequence[str], *,
     longitude: tuple[float, float] | None = None, latitude: tuple[float, float] | None = None,
 ) -> Estimate:  # fmt: skip

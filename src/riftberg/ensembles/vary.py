@@ -376,7 +376,7 @@ def read_design(path: Path) -> dict[str, list[str]]:
     return {name.strip(): [row[name].strip() for row in rows] for name in rows[0]}
 
 
-def designed(
+def plan_from_design(
     columns: Mapping[str, Sequence[Any]], *, free: bool = False
 ) -> tuple[tuple[Varied, ...], list[dict[str, Any]]]:
     """Return the inputs that a plan made elsewhere varies, and its members: one of each row.

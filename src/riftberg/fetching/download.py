@@ -65,7 +65,7 @@ def reached(error: Exception) -> bool:
     return not isinstance(getattr(cause, "reason", cause), NewConnectionError)
 
 
-def _kept(partial: PartFile) -> str:
+def _describe_kept(partial: PartFile) -> str:
     """Describe the part that is kept of a file that could not be fetched whole."""
     version = partial.version
     continued = partial.size and version is not None and version.validator
@@ -142,7 +142,7 @@ class Resuming:
                     raise ForcingError(
                         f"could not be fetched, no connection is to be had ({reason})",
                         where=partial.url,
-                        remedy=f"Check the network and run again{_kept(partial)}",
+                        remedy=f"Check the network and run again{_describe_kept(partial)}",
                     ) from error
             except OSError as error:
                 # The error that tells what the disk said.
@@ -162,7 +162,7 @@ class Resuming:
         raise ForcingError(
             f"could not be fetched, {self.attempts} attempts in a row brought nothing ({reason})",
             where=partial.url,
-            remedy=f"Check the network and run again{_kept(partial)}",
+            remedy=f"Check the network and run again{_describe_kept(partial)}",
         )
 
     def changed(self, url: str, path: Path) -> str | None:
@@ -234,7 +234,7 @@ class Resuming:
     def _write(self, answer: requests.Response, path: Path, start: int, total: int) -> int:
         """Write the answer behind the first ``start`` bytes of ``path``; return the size reached."""
         written = start
-        with opened_part(path, start) as stream:
+        with open_partial(path, start) as stream:
             for block in answer.iter_content(BLOCK):
                 stream.write(block)
                 written += len(block)
@@ -243,7 +243,7 @@ class Resuming:
         return written
 
 
-def opened_part(path: Path, start: int) -> BinaryIO:
+def open_partial(path: Path, start: int) -> BinaryIO:
     """Open a part for writing behind its first ``start`` bytes."""
     stream = path.open("r+b" if start else "wb")
     stream.seek(start)
@@ -336,7 +336,7 @@ class Bar:
 
 
 @contextmanager
-def progressing(progress: Progress | bool) -> Iterator[Progress | None]:
+def show_progress(progress: Progress | bool) -> Iterator[Progress | None]:
     """Give a display of progress: a bar (True), the given one, or none (False); the bar ends with the block."""
     bar = Bar() if progress is True else None
     try:

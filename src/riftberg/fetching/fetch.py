@@ -17,7 +17,16 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.fetching.download import Progress, Resuming, checksum, fetch_one, is_pointer, made, progressing, unpacked
+from riftberg.fetching.download import (
+    Progress,
+    Resuming,
+    checksum,
+    fetch_one,
+    is_pointer,
+    made,
+    show_progress,
+    unpacked,
+)
 from riftberg.fetching.services import fetch_product
 from riftberg.system.atomic_files import only_writer, refusal, replacing, write_text
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
@@ -93,7 +102,7 @@ def fetch_a68a(
     """Fetch the inputs of the A68a experiment of Huth et al. (2022); about 1.3 GB, resumed if cut."""
     folder = made(Path(folder))
     registry = FILES if files is None else files
-    with progressing(progress) as show:
+    with show_progress(progress) as show:
         downloader = Resuming(show, large_files=lambda url: url.replace(base_url, large_files_url))
         fetched = [fetch_one(name, digest, folder, base_url, downloader) for name, digest in registry.items()]
         fetched += [_fetch_hourly(field, folder, base_url, downloader) for field in hourly]
@@ -257,13 +266,13 @@ SOURCES: Final = {
 def fetch_positions(database: str, folder: str | Path, *, progress: Progress | bool = True) -> list[Path]:
     """Fetch a database of positions; returns its tables."""
     source, folder = SOURCES[database], made(Path(folder))
-    with progressing(progress) as show:
+    with show_progress(progress) as show:
         path = fetch_one(source.name, None, folder, source.base, Resuming(show), renew=True)
     with path.open("rb") as stream:
-        return unpacked_tables(path, folder) if stream.read(2) == b"PK" else [path]
+        return unpack_tables(path, folder) if stream.read(2) == b"PK" else [path]
 
 
-def unpacked_tables(path: Path, folder: Path) -> list[Path]:
+def unpack_tables(path: Path, folder: Path) -> list[Path]:
     """Unpack the tables of a database, all into one folder; a file there that it did not unpack before is not touched."""
     record = folder / f".{path.name}.json"
     written: dict[str, str] = json.loads(record.read_text()) if record.exists() else {}

@@ -28,7 +28,7 @@ from riftberg.fetching.download import (
     fetch_one,
     made,
     missing_package,
-    progressing,
+    show_progress,
     tell_terminal,
     unpacked,
 )
@@ -133,7 +133,7 @@ def fetch_product(
         # Fetch NCEP/NCAR R1 10 m wind of whole years; files that have changed at their source since are fetched again.
         base_url = addresses.get("ncep_url", NCEP_URL)
         names = [f"{component}.10m.gauss.{year}.nc" for year in years for component in ("uwnd", "vwnd")]
-        with progressing(progress) as show:
+        with show_progress(progress) as show:
             downloader = Resuming(show)
             return [fetch_one(name, None, folder, base_url, downloader, renew=True, tell=tell) for name in names]
     clients = {"oscar": _fetch_oscar, "era5": _fetch_era5}
@@ -313,7 +313,7 @@ def fetch_gebco(
             remedy=f"Ask for at most {_LARGEST / 1e6:.0f} MB, or get the whole grid from https://www.gebco.net",
         )
     tell(f"{target.name}: {cells[0]} x {cells[1]} cells, {size / 1e6:.1f} MB")
-    with progressing(progress) as show:
+    with show_progress(progress) as show:
         Resuming(show)(base_url + gebco_query(lon, lat), target, checked=True)
     fault = _floor_fault(target, lon, lat)
     if fault:

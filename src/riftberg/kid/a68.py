@@ -71,7 +71,7 @@ class HourlyFile:
         self._stamp, self._stress, self._bare_gaps = stamp, stress, bare_gaps
         cells = (grid.arrays.nj, grid.arrays.ni)
         with opened_dataset(path) as dataset:
-            shapes = {name: _fitting(read_shape(dataset, path, name), cells, path, name) for name in self.names}
+            shapes = {name: _check_shape(read_shape(dataset, path, name), cells, path, name) for name in self.names}
             self._packing = {name: read_packing(dataset, path, name) for name in self.names}
             self._block = min(_block_length(dataset.variables[name]) for name in self.names)
         self.count = min(shape[0] for shape in shapes.values())
@@ -209,7 +209,7 @@ class HourlyFile:
         self._first = first
 
 
-def _fitting(shape: tuple[int, ...], cells: tuple[int, int], path: Path, name: str) -> tuple[int, ...]:
+def _check_shape(shape: tuple[int, ...], cells: tuple[int, int], path: Path, name: str) -> tuple[int, ...]:
     if len(shape) != 3 or shape[0] < 1 or shape[1:] != cells:
         raise ForcingError(
             f"shape {shape} does not fit the grid of {cells[0]} x {cells[1]} cells",

@@ -122,7 +122,7 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     restarts = namelist.restarts
     earth = parameters.earth
     elements = read_restart(restarts / RESTART, grid, seam=not earth.latlon and earth.period <= 0.0)
-    bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
+    bonds = _form_or_read_bonds(elements, namelist.icebergs, parameters, restarts)
     check_bond_lengths(elements, bonds, parameters.bonds.packing)
     check_footloose(elements, namelist.icebergs)
     parameters = without_idle_life(parameters, elements, bonds, namelist.icebergs.flag("passive_mode"))
@@ -148,7 +148,7 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     return KidCase(folder, namelist, parameters, clock, grid, model, notes, fed_back)
 
 
-def _formed_or_read(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
+def _form_or_read_bonds(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
     """Form the bonds by rule or read them, as the namelist says; none if bonds are off."""
     if not group.flag("iceberg_bonds_on"):
         none: Ints = np.zeros(0, dtype=np.int64)
@@ -244,7 +244,7 @@ def _advance(case: KidCase, recorders: list[Recorder], paths: dict[str, Path], w
             case.exchange.advance(recorders)
     except (KeyboardInterrupt, SystemExit):
         progress = f"{case.model.step_number} of {case.clock.steps} steps"
-        say(f"Stopped after {progress}; {_rescued(case, paths)}")
+        say(f"Stopped after {progress}; {_write_rescue(case, paths)}")
         raise
     except Exception as error:
         # Elements of KID are known by two numbers and a run of it may allow what the model refuses.
@@ -257,10 +257,10 @@ def _advance(case: KidCase, recorders: list[Recorder], paths: dict[str, Path], w
                 raise RunError(f"the run failed in its first step: {error}. Nothing was written") from error
         if not isinstance(error, RunError):
             raise
-        raise RunError(f"{error}; {_rescued(case, paths, 'last good ')}") from error
+        raise RunError(f"{error}; {_write_rescue(case, paths, 'last good ')}") from error
 
 
-def _rescued(case: KidCase, paths: dict[str, Path], which: str = "") -> str:
+def _write_rescue(case: KidCase, paths: dict[str, Path], which: str = "") -> str:
     """Write the state and say how to go on from it."""
     try:
         saved = _write_restarts(case, paths)

@@ -33,7 +33,7 @@ from riftberg.products.records import (
 )
 from riftberg.products.registry import Choice, expand, joined_files, product_named, read_named
 from riftberg.products.repair import VALID
-from riftberg.products.vectors import paired_vectors
+from riftberg.products.vectors import pair_vectors
 from riftberg.system.input_files import because
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
@@ -127,7 +127,7 @@ def _opened_entries(entries: Sequence[tuple[str, Choice]], report: Report) -> li
         except ForcingError as error:
             report.unreadable[name] = _other_kind(name) or _without_place(error)
     try:
-        return paired_vectors(joined_files([pair for opened in usable for pair in opened]))
+        return pair_vectors(joined_files([pair for opened in usable for pair in opened]))
     except ForcingError as error:  # each is good by itself, together they do not go
         report.clashes.append(f"{error.where}: {_without_place(error)}")
         return [ds for opened in usable for ds in joined_files(opened)]

@@ -238,7 +238,7 @@ def above_ellipsoid(variable: xr.Variable | xr.DataArray) -> bool:
     return "ellipsoid" in standard or ("ellipsoid" in words and "geoid" not in standard + words)
 
 
-def turned_away(ds: xr.Dataset) -> str:
+def misnamed_fields(ds: xr.Dataset) -> str:
     """Return which variables have a usual name and a standard name of something else, in words; empty if none."""
     usual = {name: ds.variables[name] for name in map(str, ds.variables) if name in USUAL_NAMES}
     others = {
@@ -281,7 +281,7 @@ _ASIDE = re.compile(r"error|deviation|quality|flag|mask|number_of|_at_|status|un
 """Words of what stands beside a field and says nothing of its own."""
 
 
-def unread(ds: xr.Dataset, quantities: Iterable[str], names: Iterable[str]) -> list[str]:
+def unread_fields(ds: xr.Dataset, quantities: Iterable[str], names: Iterable[str]) -> list[str]:
     """Return in words which variables speak of something that a run takes and that nothing else in the file gives."""
     provided, read = set(quantities), set(names)
     by_family: dict[str, list[str]] = {}

@@ -50,7 +50,7 @@ _POINT = re.compile(r"\btime\s*:\s*(\w+\s*:\s*)*point\b")
 _MEAN = re.compile(r"\b(\w*time\w*|t)\s*:\s*(\w+\s*:\s*)*mean\b", re.I)
 
 
-def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> tuple[xr.DataArray, str]:
+def date_field(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> tuple[xr.DataArray, str]:
     """Return a field with its dates on the dimension ``time``, or without any if the file tells none, and a remark."""
     for dim in _spare(ds, name):
         ds = ds.isel({dim: 0})
@@ -409,7 +409,7 @@ _NEAR = re.compile(
 _PAST = re.compile(r"re-?analysis|multi-?year|hindcast|delayed[ _-]time|(?<![a-z])(my|rep|dt)(?![a-z])", re.I)
 
 
-def told_kind(raw: xr.Dataset, path: str) -> str:
+def describe_kind(raw: xr.Dataset, path: str) -> str:
     """Return a remark where heading or name of a file say that it is an analysis, a forecast or near real time."""
     more = ("product_id", "processing_level", "experiment", "summary", "field_type", "name")
     keys = ("title", "id", "source", "product", *more)
@@ -444,16 +444,16 @@ def in_mid_month(ds: xr.Dataset) -> xr.Dataset:
     """Return monthly means with their stamps in the middle of the month, whatever day the file wrote."""
     months = ds["time"].values.astype("datetime64[M]")
     start, end = months.astype("datetime64[ns]"), (months + 1).astype("datetime64[ns]")
-    return _standing_for(ds, (end - start) / np.timedelta64(1, "s"), start + (end - start) / 2)
+    return _centre_means(ds, (end - start) / np.timedelta64(1, "s"), start + (end - start) / 2)
 
 
-def _standing_for(ds: xr.Dataset, seconds: NDArray[np.float64], dates: Any) -> xr.Dataset:
+def _centre_means(ds: xr.Dataset, seconds: NDArray[np.float64], dates: Any) -> xr.Dataset:
     """Return means of so many seconds each, in the middle of them."""
     ds = ds.assign_coords({"time": ("time", dates, ds["time"].attrs), MEAN_OF: ("time", seconds, {"units": "s"})})
     return ds.assign_attrs(averaging_seconds=float(np.median(seconds)))
 
 
-def means_at_middle(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
+def place_means(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
     """Put means without bounds where they hold, and say so, once all records of all files are known.
 
     Months stamped on their first or last day are put in mid-month, days stamped 00:00 at noon of the day that begins there:
@@ -498,7 +498,7 @@ def means_at_middle(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
             return in_mid_month(ds)
         middle[:] = np.nan
     elif step == SECONDS_PER_DAY and not into.any():
-        ds = _standing_for(ds, np.full(records.size, step), records + np.timedelta64(12, "h"))
+        ds = _centre_means(ds, np.full(records.size, step), records + np.timedelta64(12, "h"))
         return noted(
             ds,
             told=f"daily means ({means}) without bounds, stamped 00:00, are put at noon of the day that begins there",
@@ -506,6 +506,6 @@ def means_at_middle(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
     elif 0.0 < step < SECONDS_PER_DAY:
         into = into % step
     if step and bool((into == middle).all()):
-        return _standing_for(ds, np.full(records.size, step), records)
+        return _centre_means(ds, np.full(records.size, step), records)
     over = f"over about {step / 3600.0:.3g} h" if step else "over a time that nothing says"
     return noted(ds, doubt=f"means ({means}) {over} without bounds are taken as values of their stamps")

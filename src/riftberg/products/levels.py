@@ -36,7 +36,7 @@ _TOLD = re.compile(
 )
 
 
-def judged(
+def judge_levels(
     ds: xr.Dataset, name: str, field: xr.DataArray, quantity: str, *, where: str
 ) -> tuple[xr.DataArray, list[str]]:
     """Return a field on ``depth`` or without levels, and remarks on it."""
@@ -56,7 +56,7 @@ def judged(
         )  # fmt: skip
     scalars = [c for c in levels if ds[c].ndim == 0]
     # A level of the air beside a field of the sea belongs to another variable of the same file.
-    native = [c for c in levels if not _of_air(ds[c], quantity)]
+    native = [c for c in levels if not _is_air_level(ds[c], quantity)]
     for scalar in scalars:
         if scalar not in native and (native or quantity == "ssh"):  # of the other variables of the file
             remarks.append(f"{scalar} = {_level_value(ds[scalar]):g} says nothing of {name}")
@@ -103,7 +103,7 @@ def level_kind(axis: xr.DataArray) -> Kind:
     return "number"
 
 
-def _of_air(axis: xr.DataArray, quantity: str) -> bool:
+def _is_air_level(axis: xr.DataArray, quantity: str) -> bool:
     """Tell whether a level of a field of the sea can only be one of the air: a pressure, a sigma above 0, a height."""
     if quantity not in (*_WATER, "ssh"):
         return False

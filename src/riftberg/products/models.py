@@ -577,7 +577,7 @@ def _is_a68a(heading: Heading) -> bool:
     )
 
 
-def _positioned(ds: xr.Dataset) -> xr.Dataset:
+def _add_positions(ds: xr.Dataset) -> xr.Dataset:
     """Give the file its latitudes and longitudes, at cell centres where the field lives there."""
     centred = bool(_AT_CENTRES & set(map(str, ds.data_vars)))
     if {"actual_lon", "actual_lat"} <= set(ds.variables) and centred:
@@ -622,7 +622,7 @@ def _dated(ds: xr.Dataset) -> xr.Dataset:
 
 def _mend_a68a(ds: xr.Dataset) -> xr.Dataset:
     """Give the file the positions and dates that it leaves out."""
-    return _dated(_positioned(ds))
+    return _dated(_add_positions(ds))
 
 
 def _without_zeros(ds: xr.Dataset) -> xr.Dataset:

@@ -10,7 +10,7 @@ import xarray as xr
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.products.dates import in_mid_month
 from riftberg.products.place import projected
-from riftberg.products.product import DAY, Evidence, Heading, Product, Source, noted, stamped_at_noon, without_single
+from riftberg.products.product import DAY, Evidence, Heading, Product, Source, noted, stamp_noon, without_single
 from riftberg.products.quantities import QUANTITIES, labelled
 from riftberg.products.records import usual_interval
 
@@ -68,7 +68,7 @@ OSCAR_V2 = Product(
     matches=_is_oscar_v2,
     sources=_OSCAR_CURRENTS,
     reshape=_by_coordinate,
-    finish=stamped_at_noon,
+    finish=stamp_noon,
     averaging=DAY,
     notes=(*_OSCAR_NOTES, "daily means: stamps put at 12:00 UTC", "file order is (time, longitude, latitude)"),
 )
@@ -199,11 +199,11 @@ def _in_mid_day_or_month(ds: xr.Dataset) -> xr.Dataset:
         doubt = (
             "one record, and nothing in the file tells whether it is the mean of a day or of a month: taken as a day"
         )
-        return noted(stamped_at_noon(ds), doubt=doubt)
+        return noted(stamp_noon(ds), doubt=doubt)
     if step < SECONDS_PER_DAY:  # hourly products are instants at their stamp
         return ds.assign_attrs(averaging_seconds=0.0)
     if step < 20 * SECONDS_PER_DAY:
-        return stamped_at_noon(ds)
+        return stamp_noon(ds)
     return in_mid_month(ds)
 
 
@@ -341,7 +341,7 @@ OSISAF = Product(
     sources=(Source("ice_fraction", ("ice_conc",), "%"),),
     reshape=lambda ds: projected(ds, _standard_projection(ds)),
     variants=(("EASE2, 25 km", "documentation"),),
-    finish=stamped_at_noon,
+    finish=stamp_noon,
     averaging=DAY,
     notes=("daily, stamped 12:00 UTC", "percent in the file, fraction here"),
 )

@@ -57,7 +57,7 @@ STRAIGHT = 1e-5
 """Two-dimensional positions that differ by less (degrees) along a row or column make ordinary axes."""
 
 
-def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str, point: str = "t") -> xr.DataArray:
+def place_field(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str, point: str = "t") -> xr.DataArray:
     """Return a field on ``lat`` and ``lon``, on ``y`` and ``x`` with positions, or on ``node``.
 
     The point of a cell ("t", "u" or "v") decides where a file has positions of several and the field names none.

@@ -120,7 +120,7 @@ def noted(ds: xr.Dataset, **remarks: str) -> xr.Dataset:
     return ds.assign_attrs({key: text for key, text in merged.items() if text})
 
 
-def stamped_at_noon(ds: xr.Dataset) -> xr.Dataset:
+def stamp_noon(ds: xr.Dataset) -> xr.Dataset:
     """Return daily means with their stamp at 12:00 UTC, the middle of the day, whatever hour the file wrote."""
     if "time" not in ds.dims:
         return ds

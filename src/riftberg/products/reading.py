@@ -21,18 +21,18 @@ from riftberg.products.cf import (
     find_coordinates,
     find_role,
     is_height,
+    misnamed_fields,
     read_units,
     role_by_name,
     standard_name,
     statistic,
     strange_height,
-    turned_away,
-    unread,
+    unread_fields,
 )
-from riftberg.products.dates import dated, declared_mean, stated_interval, told_kind
-from riftberg.products.levels import LEVEL, judged, on_depths
+from riftberg.products.dates import date_field, declared_mean, describe_kind, stated_interval
+from riftberg.products.levels import LEVEL, judge_levels, on_depths
 from riftberg.products.models import with_static_grid
-from riftberg.products.place import positioned, tidy_axes
+from riftberg.products.place import place_field, tidy_axes
 from riftberg.products.product import Product, noted
 from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF, REMARKS, VECTORS
@@ -45,7 +45,7 @@ from riftberg.products.repair import (
     without_flags,
     without_land,
 )
-from riftberg.products.sea_ice import thickness_of_ice
+from riftberg.products.sea_ice import true_ice_thickness
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 from riftberg.system.input_files import check_file, hidden, is_address, is_folder, reading, whole_address
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily, whole_size
@@ -243,9 +243,9 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
     ds.encoding["source"] = path
     ds = with_static_grid(ds)
     # The undecoded heading says these: decoding takes units and bounds out of the attributes.
-    stated, kind = stated_interval(raw, path), told_kind(raw, path) if product.kind_matters else ""
+    stated, kind = stated_interval(raw, path), describe_kind(raw, path) if product.kind_matters else ""
     datasets = []
-    for dataset in gathered(ds, product, where=path):
+    for dataset in gather_fields(ds, product, where=path):
         dataset = noted(tidy_axes(dataset, where=path), told=kind)
         if "time" in dataset.dims and stated:
             dataset = dataset.assign_attrs(stated_seconds=stated)
@@ -320,7 +320,7 @@ _NOT_OF_THE_SEA = frozenset({"ua", "va", "taux", "tauy", "depth_below_surface"})
 """Fields that are known over land too."""
 
 
-def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset]:
+def gather_fields(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset]:
     """Return the canonical fields of a decoded file, one dataset for each grid and set of dates."""
     groups: dict[tuple[object, ...], dict[str, xr.DataArray]] = {}
     levels: dict[tuple[object, ...], bytes] = {}
@@ -352,18 +352,20 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
         if "ice_thickness" in fields:
             field = fields["ice_thickness"]
             cover = next((others["ice_fraction"] for others in groups.values() if "ice_fraction" in others), None)
-            fields["ice_thickness"], remarks = thickness_of_ice(field, ds[str(field.attrs["original_name"])], cover)
+            fields["ice_thickness"], remarks = true_ice_thickness(field, ds[str(field.attrs["original_name"])], cover)
             remarks_by_field[key].extend(remarks)
         dataset = xr.Dataset(fields)
         misleading = (
-            turned_away(ds.drop_vars(product.names.values(), errors="ignore")) if product.select is not None else ""
+            misnamed_fields(ds.drop_vars(product.names.values(), errors="ignore")) if product.select is not None else ""
         )
         text = "; ".join(
             dict.fromkeys(filter(None, [str(ds.attrs.get("told", "")), *remarks_by_field[key], misleading]))
         )
         attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": text}
         if not datasets:  # what concerns the whole file is said once
-            attributes["unread"] = "; ".join(unread(ds, [q for q, _, _ in chosen], [name for _, name, _ in chosen]))
+            attributes["unread"] = "; ".join(
+                unread_fields(ds, [q for q, _, _ in chosen], [name for _, name, _ in chosen])
+            )
         methods = [
             str(ds[str(field.attrs["original_name"])].attrs.get("cell_methods", "")) for field in fields.values()
         ]
@@ -405,7 +407,7 @@ def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str,
                 choice.append((quantity, name, f"{quantity} is taken from {name} by its standard name"))
     if not choice:
         names = sorted(map(str, ds.data_vars))
-        others = f" ({misleading})" if (misleading := turned_away(ds)) else ""
+        others = f" ({misleading})" if (misleading := misnamed_fields(ds)) else ""
         raise ForcingError(
             f"holds no field that {product.name} offers ({', '.join(product.gives)}); it has "
             f"{', '.join(names) or 'nothing'}{others}",
@@ -435,19 +437,19 @@ def _canonical(
         )  # fmt: skip
     attributes = dict(ds[name].attrs)
     # In this order: the dimensions that dates, members and levels leave over are those of the place.
-    field, when = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
+    field, when = date_field(ds, name, where=where, moves=quantity != "depth_below_surface")
     field = without_flags(ds[name], field)
     field = field if quantity in _NOT_OF_THE_SEA else without_land(ds, field)
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
     notes = _one_member(ds, name, field, where)
-    field, remarks = judged(ds, name, field, quantity, where=where)
+    field, remarks = judge_levels(ds, name, field, quantity, where=where)
     point = "t" if quantity not in COMPONENTS else "u" if quantity in dict(VECTORS) else "v"
-    field = positioned(ds, name, field, where=where, point=point)
+    field = place_field(ds, name, field, where=where, point=point)
 
     def locate(other: str) -> xr.DataArray:
         # ANGLET, gcost and cos_rot stand in the middle of the cells, ANGLE where the components stand.
         target = "t" if other.lower().endswith("t") else point
-        return positioned(ds, other, dated(ds, other, where=where, moves=False)[0], where=where, point=target)
+        return place_field(ds, other, date_field(ds, other, where=where, moves=False)[0], where=where, point=target)
 
     wkt, placed = field.attrs.get("crs_wkt", ""), str(field.attrs.pop("placed", ""))
     field = field.assign_attrs({**attributes, **({"crs_wkt": wkt} if wkt else {})})

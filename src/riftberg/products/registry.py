@@ -12,13 +12,13 @@ import xarray as xr
 
 from riftberg.errors import ForcingError, nearest
 from riftberg.products import cf, models, oceans
-from riftberg.products.dates import means_at_middle
+from riftberg.products.dates import place_means
 from riftberg.products.levels import uppermost
 from riftberg.products.product import Heading, Product, noted
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import COORDINATES, NAMING, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
-from riftberg.products.vectors import paired_vectors
+from riftberg.products.vectors import pair_vectors
 from riftberg.system.input_files import at_home, files_matching, hidden, is_address
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
@@ -101,7 +101,7 @@ def recognise(path: str | Path) -> Product:
         if product := find_product(ds):
             return product
         variables = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items())
-        strange = cf.turned_away(ds)
+        strange = cf.misnamed_fields(ds)
     if not variables and (group := _group_with_fields(str(path))):
         raise ForcingError(
             f"its variables stand in the group {group}, which is not looked into", where=str(path),
@@ -188,7 +188,7 @@ def open_named(entries: Iterable[tuple[str, Choice]], member: int | None = None)
     ``entries``: files ((path, choice)); ``member``: of files with members of an ensemble, from 0.
     """
     read_files = (read_named(path, product, number, member) for number, (path, product) in enumerate(entries))
-    return paired_vectors(joined_files([dataset for datasets in read_files for dataset in datasets]))
+    return pair_vectors(joined_files([dataset for datasets in read_files for dataset in datasets]))
 
 
 def read_named(path: str, product: Choice, number: int, member: int | None = None) -> list[tuple[xr.Dataset, Product]]:
@@ -229,8 +229,8 @@ def joined_files(files: Sequence[tuple[xr.Dataset, Product]]) -> list[xr.Dataset
     for ds, product in files:
         groups.setdefault((product.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
     # Where means hold follows from the time between the records of all files: these are joined in time first.
-    joined = [(dataset, products[str(key[0])]) for key, group in groups.items() for dataset in _concatenated(group)]
-    return _merged([_settled(dataset, product) for dataset, product in joined])
+    joined = [(dataset, products[str(key[0])]) for key, group in groups.items() for dataset in _join_in_time(group)]
+    return _merge_fields([_settle_means(dataset, product) for dataset, product in joined])
 
 
 def in_memory(datasets: Sequence[xr.Dataset], names: Mapping[str, str] | None = None) -> list[xr.Dataset]:
@@ -251,15 +251,15 @@ def in_memory(datasets: Sequence[xr.Dataset], names: Mapping[str, str] | None = 
         title = ds.attrs.get("title")
         titled = " ".join(title.replace("/", " ").split())[:LONGEST_NAME] if isinstance(title, str) else ""
         label = str(ds.encoding.get("source") or titled or f"dataset {number}")
-        canonical += [_settled(dataset, product) for dataset in canonical_parts(ds.copy(), product, label)]
-    return paired_vectors(_merged(canonical))
+        canonical += [_settle_means(dataset, product) for dataset in canonical_parts(ds.copy(), product, label)]
+    return pair_vectors(_merge_fields(canonical))
 
 
-def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
+def _settle_means(ds: xr.Dataset, product: Product) -> xr.Dataset:
     """Return joined files with the interval of all their records noted, which a window would no longer show."""
     if "time" not in ds.dims:
         return ds
-    ds = means_at_middle(product.settle(ds), known=product.longest_step is not None)
+    ds = place_means(product.settle(ds), known=product.longest_step is not None)
     _, first = np.unique(ds["time"].values, return_index=True)
     if first.size < ds.sizes["time"]:  # days written 00:00 in one file and 12:00 in another
         lost = ds.sizes["time"] - first.size
@@ -277,7 +277,7 @@ def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
     return (*dims, *values)
 
 
-def _concatenated(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
+def _join_in_time(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
     """Join files with the same variables and grid in order of time.
 
     Of files that share dates the one named later counts, from its first to its last record: mixed, the series would jump to
@@ -286,7 +286,7 @@ def _concatenated(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
     if len(datasets) == 1 or any("time" not in ds.dims for ds in datasets):
         return datasets
     originals = sorted(datasets, key=lambda ds: ds["time"].values[0])
-    datasets, remark = _later_counts(datasets)
+    datasets, remark = _drop_earlier(datasets)
     if any(MEAN_OF in ds.coords for ds in datasets):
         datasets = [
             ds if MEAN_OF in ds.coords
@@ -299,12 +299,12 @@ def _concatenated(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
     stated = [ds.attrs["stated_seconds"] for ds in datasets if "stated_seconds" in ds.attrs]
     series = series.assign_attrs(stated_seconds=min(stated)) if stated else series
     order = np.argsort(series["time"].values, kind="stable")
-    series = _sourced(series if np.all(np.diff(order) == 1) else series.isel(time=order), originals)
+    series = _join_sources(series if np.all(np.diff(order) == 1) else series.isel(time=order), originals)
     last = max(int(field.attrs.get(PLACE, 0)) for ds in originals for field in ds.data_vars.values())
     return [noted(_placed(series, last), told=remark)]
 
 
-def _later_counts(datasets: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:
+def _drop_earlier(datasets: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:
     """Where two files overlap in time, keep the one named later for the whole overlap, and note it.
 
     Of OSCAR's issues of one day (final, interim, nrt) the most final counts, in whatever order a pattern names them.
@@ -336,7 +336,7 @@ def _later_counts(datasets: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:
     return [dataset.isel(time=flags) for dataset, flags in zip(datasets, masks, strict=True) if flags.any()], remark
 
 
-def _merged(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
+def _merge_fields(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
     """Merge datasets of one product with different variables on the same grid and records."""
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
     for dataset in datasets:
@@ -350,11 +350,11 @@ def _merged(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
         fields = {name: ds[[name]] for ds in reversed(group) for name in ds.data_vars}  # of two the first
         fresh = [group[0], *(field for name, field in fields.items() if name not in group[0])]
         same: Any = {"compat": "override", "join": "override", "combine_attrs": "override"}
-        merged.append(group[0] if len(group) == 1 else _sourced(xr.merge(fresh, **same), group))
+        merged.append(group[0] if len(group) == 1 else _join_sources(xr.merge(fresh, **same), group))
     return merged
 
 
-def _sourced(ds: xr.Dataset, datasets: list[xr.Dataset]) -> xr.Dataset:
+def _join_sources(ds: xr.Dataset, datasets: list[xr.Dataset]) -> xr.Dataset:
     for key in ("told", "unread"):
         if text := "; ".join(dict.fromkeys(str(dataset.attrs[key]) for dataset in datasets if key in dataset.attrs)):
             ds = ds.assign_attrs({key: text})

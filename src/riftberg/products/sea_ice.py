@@ -37,7 +37,7 @@ def is_per_cell(variable: xr.DataArray | xr.Variable) -> bool:
     return bool(_WHOLE_AREA.search(methods) or _OF_CELL.search(words))
 
 
-def thickness_of_ice(
+def true_ice_thickness(
     field: xr.DataArray, variable: xr.DataArray, concentration: xr.DataArray | None
 ) -> tuple[xr.DataArray, list[str]]:
     """Return the thickness of the ice itself, from a ``field`` of the ``variable`` of a file, and remarks on it.

@@ -173,10 +173,10 @@ def interpolate_like(field: xr.DataArray, like: xr.DataArray | xr.Dataset) -> xr
             "of the one are not on the other", remedy="Give both components on grids of the same place",
         )  # fmt: skip
     coords = {name: c for name, c in like.coords.items() if set(c.dims) <= set(horizontal_dims(like))}
-    return regridded(field, points, horizontal_dims(like)).assign_coords(coords)
+    return interpolate_field(field, points, horizontal_dims(like)).assign_coords(coords)
 
 
-def regridded(field: xr.DataArray, points: Located, dims: tuple[str, ...]) -> xr.DataArray:
+def interpolate_field(field: xr.DataArray, points: Located, dims: tuple[str, ...]) -> xr.DataArray:
     """Return a field at positions whose dimensions are ``dims``, lazily if it is lazy."""
     plane = horizontal_dims(field)
 
@@ -197,7 +197,7 @@ def regridded(field: xr.DataArray, points: Located, dims: tuple[str, ...]) -> xr
     return result.rename(dict(zip(temporary, dims, strict=True)))
 
 
-def paired_vectors(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+def pair_vectors(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     """Bring both components of each vector to the same points, and turn those along a grid to east and north."""
     paired = list(datasets)
     for east, north in VECTORS:
@@ -218,7 +218,7 @@ def paired_vectors(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
                 )
                 ds = ds.assign({north: across}).assign_attrs(source=source)
                 paired[partner] = other.drop_vars(north)
-            paired[k] = _turned(ds, east, north)
+            paired[k] = _turn_vectors(ds, east, north)
     for ds in paired:
         for name in [name for pair in VECTORS for name in pair if name in ds.data_vars]:
             if ds[name].attrs.get("along") == "grid":
@@ -249,7 +249,7 @@ def _fits(field: xr.DataArray, other: xr.Dataset, name: str) -> bool:
     return True
 
 
-def _turned(ds: xr.Dataset, east: str, north: str) -> xr.Dataset:
+def _turn_vectors(ds: xr.Dataset, east: str, north: str) -> xr.Dataset:
     along = {ds[name].attrs.get("along") for name in (east, north)}
     if along == {None}:
         return ds

@@ -32,7 +32,7 @@ from riftberg.ensembles.sweep import (
     SweepOptions,
     WorkerOptions,
     common_options,
-    planned,
+    make_plan,
     read_draws,
     run_sweep,
 )
@@ -295,11 +295,11 @@ class Runner:
 
     def plan(self, wave: int, u: Floats) -> Plan:
         """Return the sweep of a wave, checked."""
-        return self._planned(self.columns(wave, u), self.options)
+        return self._make_plan(self.columns(wave, u), self.options)
 
-    def _planned(self, columns: dict[str, list[Any]], options: Options) -> Plan:
+    def _make_plan(self, columns: dict[str, list[Any]], options: Options) -> Plan:
         every = EVERY if options.days is None else min(EVERY, 24.0 * options.days)
-        return planned(self.experiment, columns, options, every, design=True)
+        return make_plan(self.experiment, columns, options, every, design=True)
 
     def __call__(self, wave: int, u: Floats) -> Floats:
         """Run a wave and return its results (members, targets)."""
@@ -316,7 +316,7 @@ class Runner:
         start = track_dates(ds)[0]
         # Until the record that follows the last date: beyond it nobody asks.
         days = min((np.datetime64(max(dates), "ns") - start) / DAY + 0.25, self._days(ds))
-        firm = self._run(f"wave-{wave + 1}-firm", self._planned(columns, replace(self.options, days=float(days))))
+        firm = self._run(f"wave-{wave + 1}-firm", self._make_plan(columns, replace(self.options, days=float(days))))
         unbroken = firm.isel(
             member=np.cumsum(broke) - 1
         )  # members that did not break get some other's, which is not used
@@ -334,7 +334,7 @@ class Runner:
         return run_sweep(store, bar=bar, **self.where).load()
 
 
-def checked_inputs(
+def check_inputs(
     experiment: Any, vary: Mapping[str, Any] | Iterable[str]
 ) -> tuple[tuple[Varied, ...], tuple[Varied, ...]]:
     """Return the inputs to calibrate, and those that scatter beside them: the lattice, which is no property of the ice."""
@@ -453,7 +453,7 @@ def calibrate(
     """
     check_names(options, CalibrateOptions)
     waves = options.get("waves", WAVES)
-    varied, nuisance = checked_inputs(experiment, vary)
+    varied, nuisance = check_inputs(experiment, vary)
     if not 1 <= waves <= MOST_WAVES:
         raise InputError(f"{waves} waves", where="waves", remedy=f"Give 1 to {MOST_WAVES}")
     seed = read_draws({"seed": options.get("seed")}).seed
@@ -483,10 +483,10 @@ def calibrate(
         broke = np.concatenate([ds["first_breakup"].values for ds in runner.waves])
     after = posterior(matched, seed=seed)
     best = likeliest(matched.region, len(inputs), seed=seed)
-    return _described(inputs, matched, after, best, broke, runner.seen)
+    return _describe_calibration(inputs, matched, after, best, broke, runner.seen)
 
 
-def _described(
+def _describe_calibration(
     inputs: Sequence[Varied], matched: Matched, after: Posterior, best: Floats, broke: Any, seen: Seen
 ) -> xr.Dataset:
     """Return all of a calibration as one dataset."""

@@ -259,7 +259,7 @@ def _broken(
     return result
 
 
-def _together(rows: Iterable[Mapping[int, list[Any]]]) -> dict[int, list[Any]]:
+def _merge_by_lead(rows: Iterable[Mapping[int, list[Any]]]) -> dict[int, list[Any]]:
     """Return lists by lead time of several forecasts as one."""
     merged: dict[int, list[Any]] = {}
     for row in rows:
@@ -271,12 +271,12 @@ def _together(rows: Iterable[Mapping[int, list[Any]]]) -> dict[int, list[Any]]:
 def report(forecasts: Sequence[Verified], error: float) -> dict[str, Any]:
     """Return all scores of forecasts, several bergs together, with and without the error of the observation (km)."""
     pooled, areas = (
-        _together(forecast.points for forecast in forecasts),
-        _together(forecast.own_areas for forecast in forecasts),
+        _merge_by_lead(forecast.points for forecast in forecasts),
+        _merge_by_lead(forecast.own_areas for forecast in forecasts),
     )
-    outlines = _together(forecast.outlines for forecast in forecasts)
+    outlines = _merge_by_lead(forecast.outlines for forecast in forecasts)
     names = list(dict.fromkeys(name for forecast in forecasts for name in forecast.baselines))
-    others = {name: _together(forecast.baselines.get(name, {}) for forecast in forecasts) for name in names}
+    others = {name: _merge_by_lead(forecast.baselines.get(name, {}) for forecast in forecasts) for name in names}
 
     def scored(points: dict[int, list[Point]], added: float) -> list[dict[str, Any]]:
         rows = [

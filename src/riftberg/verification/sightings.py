@@ -358,7 +358,7 @@ def read_base(store: Store, count: int) -> Floats:
     return np.array(store.weights().get("base", [0.0] * count))
 
 
-def drawn_anew(plan: Plan, weight: Floats, likelihood: Floats) -> tuple[dict[str, list[Any]], list[float], int]:
+def redraw_members(plan: Plan, weight: Floats, likelihood: Floats) -> tuple[dict[str, list[Any]], list[float], int]:
     """Return inputs of new members around those that count, the logarithms of their parents' likelihood, and how many these are.
 
     Numbers move by the kernel of Liu and West (2001) in the normal scores of their distributions, which keeps mean and

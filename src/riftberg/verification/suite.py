@@ -348,7 +348,7 @@ def _holds(text: str, start: Start, where: str, bergs: Collection[str]) -> bool:
 # ---- entrants ---------------------------------------------------------------------------------------------------------------
 
 
-def advected(factor: float) -> DriftModel:
+def make_advected(factor: float) -> DriftModel:
     """Return the model of a point that goes with a share of the current."""
 
     def model(start: Start, dates: Sequence[datetime], forcing: Any) -> Floats:
@@ -385,10 +385,10 @@ def entrant(definition: str, suite_case: SuiteCase) -> DriftModel:
     if definition in BASELINES:
         return BASELINES[definition]
     if definition == "current":
-        return advected(1.0)
+        return make_advected(1.0)
     share = re.fullmatch(r"current x ([\d.]+)", definition)
     if share:
-        return advected(float(share[1]))
+        return make_advected(float(share[1]))
     if word == RIFTBERG:
         return _riftberg(suite_case, rest.split())
     if word == "forecasts" and rest:
@@ -416,7 +416,7 @@ def _riftberg(suite_case: SuiteCase, settings: Sequence[str]) -> Forecasts:
         _changed_section(suite_case, forcing), suite_case.folder, [case.start for case in suite_case.cases]
     )
     has_floor = any("depth" in each.provides for each in series.values())
-    batch = _most_together(suite_case) if has_floor else len(suite_case.cases)
+    batch = _largest_batch(suite_case) if has_floor else len(suite_case.cases)
     for first in range(0, len(suite_case.cases), batch):
         cases = suite_case.cases[first : first + batch]
         middles = -180.0 + 360.0 * (np.arange(len(cases)) + 0.5) / len(cases)
@@ -437,7 +437,7 @@ def _without_notices() -> Iterator[None]:
         log.setLevel(level)
 
 
-def _most_together(suite_case: SuiteCase) -> int:
+def _largest_batch(suite_case: SuiteCase) -> int:
     """Return for how many bergs a parallel has room, each in a sector that the fastest does not leave."""
     north = max(abs(case.start.lat) for case in suite_case.cases) + 2.0
     half = np.degrees(FASTEST * max(suite_case.leads) / (EARTH_KM * np.cos(np.radians(min(north, 89.0)))))
