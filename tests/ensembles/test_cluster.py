@@ -170,18 +170,18 @@ sys.modules["cloudpickle"] = None
 
 OF_ELSEWHERE = """
 import math
-from riftberg.ensembles.cluster import pooled
+from riftberg.ensembles.cluster import run_pool
 from riftberg.system.process import Hold
 print("script", flush=True)
-print(sorted(future.result() for future, _ in pooled(math.sqrt, [4.0, 9.0], 2, Hold())))
+print(sorted(future.result() for future, _ in run_pool(math.sqrt, [4.0, 9.0], 2, Hold())))
 """
 OF_ITS_OWN = """
-from riftberg.ensembles.cluster import pooled
+from riftberg.ensembles.cluster import run_pool
 from riftberg.system.process import Hold
 print("script", flush=True)
 def half(x):
     return x / 2
-{}print(sorted(future.result() for future, _ in pooled(half, [4.0, 6.0], 2, Hold())))
+{}print(sorted(future.result() for future, _ in run_pool(half, [4.0, 6.0], 2, Hold())))
 """
 UNGUARDED, GUARDED = OF_ITS_OWN.format(""), OF_ITS_OWN.format('if __name__ == "__main__": ')
 MEMBERS = """
