@@ -185,7 +185,7 @@ def test_a_file_of_the_user_is_not_overwritten_by_a_table_of_its_name(tmp_path: 
     for name in ("mine", "MINE", "link", "nowhere"):
         archive = zipped(tmp_path / "d.zip", {"a/new.csv": "new", f"a/{name}.csv": "other"})
         with pytest.raises(ForcingError, match=rf"{name.lower()}\.csv: is there already.*Move it away"):
-            fetch.unpacked_tables(archive, tmp_path)
+            fetch.unpack_tables(archive, tmp_path)
         assert not (tmp_path / "new.csv").exists()
     assert (tmp_path / "mine.csv").read_text() == (tmp_path / "victim.txt").read_text() == "PRECIOUS"
     assert not (tmp_path / "made.txt").exists()
@@ -193,11 +193,11 @@ def test_a_file_of_the_user_is_not_overwritten_by_a_table_of_its_name(tmp_path: 
 
 def test_tables_of_a_newer_database_take_the_place_of_the_older_ones_but_not_of_edited_ones(tmp_path: Path) -> None:
     for text in ("first", "second", "second"):
-        (table,) = fetch.unpacked_tables(zipped(tmp_path / "d.zip", {"a/x.csv": text}), tmp_path)
+        (table,) = fetch.unpack_tables(zipped(tmp_path / "d.zip", {"a/x.csv": text}), tmp_path)
         assert table.read_text() == text
     table.write_text("edited")
     with pytest.raises(ForcingError, match=r"x\.csv: is there already"):
-        fetch.unpacked_tables(zipped(tmp_path / "d.zip", {"a/x.csv": "third"}), tmp_path)
+        fetch.unpack_tables(zipped(tmp_path / "d.zip", {"a/x.csv": "third"}), tmp_path)
     assert table.read_text() == "edited"
 
 
@@ -219,7 +219,7 @@ def test_a_damaged_database_is_removed_and_told(fault: str, tmp_path: Path) -> N
     with pytest.raises(
         ForcingError, match=r"d\.zip: a damaged zip archive.*It was removed: run the same command again"
     ):
-        fetch.unpacked_tables(archive, tmp_path)
+        fetch.unpack_tables(archive, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -233,7 +233,7 @@ def test_a_damaged_database_is_removed_and_told(fault: str, tmp_path: Path) -> N
 )
 def test_a_database_that_cannot_be_unpacked_is_refused(members: dict[str, str], words: str, tmp_path: Path) -> None:
     with pytest.raises(ForcingError, match=words):
-        fetch.unpacked_tables(zipped(tmp_path / "d.zip", members), tmp_path)
+        fetch.unpack_tables(zipped(tmp_path / "d.zip", members), tmp_path)
     assert not list(tmp_path.glob("*.csv"))
 
 

@@ -26,7 +26,15 @@ from shapely.geometry import shape
 from riftberg.bergs.seams import NO_BERG, fault_of_ring, whole_shapes
 from riftberg.errors import BergError, line_of_fault
 from riftberg.state import Floats
-from riftberg.system.input_files import MOST_TEXT, check_archive, check_file, needed, reading, rows_of_csv, value_shown
+from riftberg.system.input_files import (
+    MOST_TEXT,
+    check_archive,
+    check_file,
+    needed,
+    read_csv_rows,
+    reading,
+    value_shown,
+)
 
 DATES_BY_BELIEF: Final = (
     ("acquired", "acq_date", "acqdate", "img_date", "image_date", "obs_date", "sensing"),
@@ -461,7 +469,7 @@ Points = list[tuple[float, float]]
 
 def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
     """Return the features of a table of vertices, one row each."""
-    rows, separator = rows_of_csv(path, BergError)
+    rows, separator = read_csv_rows(path, BergError)
     columns = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     lon, lat = (next((columns[n] for n in names if n in columns), None) for names in (LON_NAMES, LAT_NAMES))
     if lon is None or lat is None:
@@ -496,7 +504,7 @@ def table_of_points(path: Path) -> dict[str, Floats]:
     BergError
         If there is no place in it, or a number is none.
     """
-    rows, separator = rows_of_csv(path, BergError)
+    rows, separator = read_csv_rows(path, BergError)
     columns = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     names = {"lon": LON_NAMES, "lat": LAT_NAMES, **{size: (size,) for size in ("length", "width", "thickness")}}
     read = {key: next((columns[n] for n in known if n in columns), None) for key, known in names.items()}

@@ -242,11 +242,14 @@ def rerun(
             kept, own = dict(dataset.attrs), list[str]()
     else:
         # What a sweep keeps of its command, and what is set for one of its members.
-        from riftberg.ensembles.result import values_of
+        from riftberg.ensembles.result import varied_values
         from riftberg.experiments.changes import setting
 
         one = opened_result(run)
-        run, kept, own = member[0], *(dict(one.attrs), [setting(name, value) for name, value in values_of(one).items()])
+        run, kept, own = (
+            member[0],
+            *(dict(one.attrs), [setting(name, value) for name, value in varied_values(one).items()]),
+        )
     name = Path(str(kept["experiment"])).stem
     folder = output_folder(output, name if member is None else f"{name}-member-{member[1]}")
     more = [part for option, values in (("--set", [*own, *(settings or ())]), ("--without", without)) for value in values or ()

@@ -93,7 +93,7 @@ def sweep(
     shared: EnsembleOptions,
 ) -> None:  # fmt: skip
     """Run an ensemble: an experiment for every combination of parameter values, collected in one result."""
-    from riftberg.ensembles.sweep import draws_of, planned
+    from riftberg.ensembles.sweep import make_plan, read_draws
     from riftberg.ensembles.vary import Draws, read_design
 
     with allow_large(shared.large):
@@ -104,14 +104,14 @@ def sweep(
             return
 
         def make(experiment: str) -> Plan:
-            draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
+            draws = read_draws({"members": members, "plan": plan, "seed": shared.seed})
             if design is not None and (vary or draws != Draws()):
                 raise InputError(
                     "a design says itself what varies", where="--design",
                     remedy="Leave --vary, --members, --plan and --seed out",
                 )  # fmt: skip
             what = (vary or []) if design is None else read_design(design)
-            return planned(experiment, what, shared.checked(), every, cells, draws, design=design is not None)
+            return make_plan(experiment, what, shared.checked(), every, cells, draws, design=design is not None)
 
         store = opened(context, "sweep", experiment, make, SWEEP_FILES, shared, members, part)
         _run(store, shared, draw=map_)
@@ -157,7 +157,7 @@ def joined(context: typer.Context, folder: Path, kind: str) -> Store:
     if missing:
         parts = ", ".join(map(str, missing[:10])) + (", ..." if len(missing) > 10 else "")
         say(f"Missing: part{'s' if len(missing) > 1 else ''} {parts}; {len(store.waiting())} members wait")
-    store.own = []
+    store.assigned = []
     return store
 
 
@@ -184,7 +184,7 @@ def options_given(context: typer.Context, *names: str) -> list[str]:
 
 def resumed(folder: Path, experiment: str | None = None, members: int | None = None, kind: str = "sweep") -> Store:
     """Return the sweep in a folder with what is done; members that are drawn may be more than before."""
-    from riftberg.ensembles.sweep import Store, draws_of, planned, read_plan
+    from riftberg.ensembles.sweep import Store, make_plan, read_draws, read_plan
     from riftberg.experiments.registry import Options
 
     known = read_plan(folder)
@@ -202,8 +202,10 @@ def resumed(folder: Path, experiment: str | None = None, members: int | None = N
         without=frozenset(known["without"]), numerics=known["numerics"],
     )  # fmt: skip
     every = known["every"] / 3600.0
-    draws = draws_of({"members": members or known.get("members"), "plan": known.get("plan"), "seed": known.get("seed")})
-    plan = planned(known["experiment"], known["vary"], options, every, known.get("cells"), draws,
+    draws = read_draws(
+        {"members": members or known.get("members"), "plan": known.get("plan"), "seed": known.get("seed")}
+    )
+    plan = make_plan(known["experiment"], known["vary"], options, every, known.get("cells"), draws,
                    forecast=bool(known.get("forecast")), design=bool(known.get("design")))  # fmt: skip
     return Store(folder, plan, resume=True)
 
@@ -230,7 +232,7 @@ def _run(store: Store, shared: EnsembleOptions, *, draw: bool) -> None:
     for line in summary_lines(result):
         tell(line)
     tell(f"Written to {store.folder}: {', '.join(files)}")
-    if store.own and not (result["status"] == 0).any():
+    if store.assigned and not (result["status"] == 0).any():
         raise RunError("no member came to its end")
 
 
@@ -305,11 +307,11 @@ def forecast(
     """Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs."""
     from riftberg.ensembles.forecast import errors_line, forecast_plan
     from riftberg.ensembles.probability import notes, told
-    from riftberg.ensembles.sweep import WEIGHTS, draws_of
+    from riftberg.ensembles.sweep import WEIGHTS, read_draws
     from riftberg.ensembles.vary import order_line
 
     def make(experiment: str) -> Plan:
-        draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
+        draws = read_draws({"members": members, "plan": plan, "seed": shared.seed})
         return forecast_plan(experiment, vary or [], shared.checked(), every, draws, defaults=default_errors)
 
     with allow_large(shared.large):
@@ -334,7 +336,7 @@ def forecast(
             say("Weights of earlier sightings do not hold for members that were added: use riftberg update once more")
         files = [name for name in FORECAST_FILES[:-1] if (store.folder / name).exists()]
         some_done = bool((result["status"] == 0).any())
-        if store.own and not some_done:
+        if store.assigned and not some_done:
             message = next((str(text) for text in result["message"].values if text), "")
             raise RunError(f"no member came to its end{': ' if message else ''}{message}")
         if map_ and "presence" in result:
@@ -365,9 +367,9 @@ def product_errors(
     lat: Annotated[str | None, typer.Option("--lat", metavar="SOUTH,NORTH", help="Box.")] = None,
 ) -> None:  # fmt: skip
     """Estimate the error of the current by the differences of two products: size, length, time."""
-    from riftberg.ensembles.uncertain import estimated
+    from riftberg.ensembles.uncertain import estimate_errors
 
-    found = estimated(first, second, longitude=pair(lon, "--lon"), latitude=pair(lat, "--lat"))
+    found = estimate_errors(first, second, longitude=pair(lon, "--lon"), latitude=pair(lat, "--lat"))
     tell(f"{found.points} points, {found.records} dates; half of the squared difference, if both err alike:")
     tell("  " + " ".join(f"--vary '{text}'" for text in found.vary))
     tell("  A lower bound: errors that both products share are not in their difference.")
@@ -404,9 +406,9 @@ def update(
     from riftberg.config.values import parse_date
     from riftberg.ensembles.probability import told
     from riftberg.ensembles.result import open_sweep
-    from riftberg.ensembles.sweep import Store, planned, read_plan, run_sweep
+    from riftberg.ensembles.sweep import Store, make_plan, read_plan, run_sweep
     from riftberg.runs.progress import SweepBar
-    from riftberg.verification.sightings import FEWEST, drawn_anew, log_likelihood, weighted
+    from riftberg.verification.sightings import FEWEST, log_likelihood, redraw_members, weighted
 
     within(error, "--error", 0.01, 1000.0)
     within(azimuth_error, "--azimuth-error", 0.1, 90.0)
@@ -444,9 +446,9 @@ def update(
     if number < FEWEST * done and resample:
         check_folder(new, ("sweep.json", "forecast.nc"))
         announce_compilation(quiet)
-        columns, base, parents = drawn_anew(store.plan, weight, known)
+        columns, base, parents = redraw_members(store.plan, weight, known)
         plan = store.plan
-        again = planned(plan.experiment, columns, replace(plan.options, days=plan.days), plan.every / 3600.0,
+        again = make_plan(plan.experiment, columns, replace(plan.options, days=plan.days), plan.every / 3600.0,
                         forecast=True, design=True)  # fmt: skip
         store = Store(new, again, resume=False)
         bar = None if quiet else SweepBar(len(again.members) + 1)

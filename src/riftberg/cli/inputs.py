@@ -77,10 +77,10 @@ def sensitivity(
 ) -> None:  # fmt: skip
     """Show which input matters: Morris effects or Sobol' indices of stress, break-up, grounding, area and drift."""
     from riftberg.ensembles.forecast import forecast_errors
-    from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, results_of
-    from riftberg.ensembles.sweep import draws_of, planned
+    from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, select_results
+    from riftberg.ensembles.sweep import make_plan, read_draws
     from riftberg.system.atomic_files import write_text
-    from riftberg.verification.sightings import drift_error, during, sightings_of
+    from riftberg.verification.sightings import drift_error, during, select_sightings
 
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="--method", remedy=f"Use {' or '.join(METHODS)}")
@@ -88,8 +88,8 @@ def sensitivity(
 
     def make(experiment: str) -> Plan:
         errors = forecast_errors(experiment, vary or [], defaults=default_errors)
-        drawn = draws_of({"members": draws or USUAL_DRAWS[method], "plan": METHODS[method], "seed": shared.seed})
-        return planned(experiment, errors, shared.checked(), None, None, drawn)
+        drawn = read_draws({"members": draws or USUAL_DRAWS[method], "plan": METHODS[method], "seed": shared.seed})
+        return make_plan(experiment, errors, shared.checked(), None, None, drawn)
 
     with allow_large(shared.large):
         announce_compilation(shared.quiet)
@@ -101,7 +101,7 @@ def sensitivity(
                     "runs in metres", where="--observed", remedy="Observations need longitude and latitude"
                 )
             end = plan.start + timedelta(days=plan.days)
-            during(*sightings_of(seen, berg, plan.start, None), plan.start, end, str(observed))
+            during(*select_sightings(seen, berg, plan.start, None), plan.start, end, str(observed))
         for day in at_day or ():
             positive(day, "--at-day", "days", most=plan.days)
         if not shared.quiet:
@@ -112,7 +112,7 @@ def sensitivity(
             ds = run_members(store, "sensitivity", shared)
             if not (ds["status"] == 0).any():
                 raise RunError("no run came to its end")
-            results = results_of(ds, at_day or ())
+            results = select_results(ds, at_day or ())
             if seen is not None:
                 results["drift error"] = Result(drift_error(ds, seen, berg=berg), "km")
             found = indices(ds, results)

@@ -377,7 +377,7 @@ def as_named(files: Sequence[str], product: str | None, names: str | None) -> tu
     if not names:
         return files, dict.fromkeys(files, product)
     from riftberg.products.reading import open_raw
-    from riftberg.products.registry import choice_of, expand
+    from riftberg.products.registry import choose_product, expand
 
     if not files:
         raise InputError(
@@ -385,7 +385,7 @@ def as_named(files: Sequence[str], product: str | None, names: str | None) -> tu
         )
     pairs = [part.partition("=") for part in names.split(",")]
     asked = {key.strip(): name.strip() for key, _, name in pairs}
-    choice_of(None, asked, where="--names")
+    choose_product(None, asked, where="--names")
     files = expand(files)
     held = {file: set(map(str, open_raw(file, chunked=False).variables)) for file in files}
     if missing := set(asked.values()) - set().union(*held.values()):
@@ -393,7 +393,7 @@ def as_named(files: Sequence[str], product: str | None, names: str | None) -> tu
         remedy = f"{nearest(min(missing), everything)}They hold {', '.join(everything)}"
         raise InputError(f"no file has a variable {min(missing)!r}", where="--names", remedy=remedy)
     own = {file: {key: name for key, name in asked.items() if name in held[file]} for file in files}
-    return files, {file: choice_of(product, own[file], where="--names") for file in files}
+    return files, {file: choose_product(product, own[file], where="--names") for file in files}
 
 
 def named_files(experiment: str, names: str, data: Path | None) -> tuple[Any, ...]:

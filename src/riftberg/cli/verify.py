@@ -74,7 +74,7 @@ def verify(
     from riftberg.system.atomic_files import write_json
     from riftberg.system.input_files import is_folder
     from riftberg.verification.forecast import report, verified
-    from riftberg.verification.sightings import pieces_of
+    from riftberg.verification.sightings import read_pieces
 
     within(error, "--error", 0.0, 100.0)
     within(hour, "--hour", 0.0, 24.0)
@@ -90,7 +90,7 @@ def verify(
         verified(
             open_sweep(pairs[2 * k]), observed_in(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
             whole_until=seen_whole[k], hour=hour, dressed=dressed, outline=_outline(pairs[2 * k]),
-            pieces=partial(pieces_of, pairs[2 * k]),
+            pieces=partial(read_pieces, pairs[2 * k]),
         )
         for k in range(count)
     ]  # fmt: skip
@@ -128,10 +128,10 @@ def _dressed(tracks: Path) -> Callable[[str], dict[str, Any]]:
 def _outline(ensemble: Path) -> Any:
     """Return the outline of the berg at the start, from the control of a forecast; None where there is none."""
     from riftberg.ensembles.member import CONTROL_RUN
-    from riftberg.verification.sightings import outline_of_run
+    from riftberg.verification.sightings import read_first_outline
 
     file = (ensemble if ensemble.is_dir() else ensemble.parent) / CONTROL_RUN
-    return outline_of_run(file) if file.exists() else None
+    return read_first_outline(file) if file.exists() else None
 
 
 SHOWN = {
@@ -355,7 +355,7 @@ def _imported(name: str) -> Any:
 
 def _scored(models: dict[str, DriftModel], cases: list[Case], bergs: str, error: float) -> dict[str, Any]:
     """Return the tables of all models: errors on the bergs chosen, and scores of ensembles on those held out."""
-    from riftberg.verification.tracks import BASELINES, Dressed, ensemble_table, errors_of, forecast, table
+    from riftberg.verification.tracks import BASELINES, Dressed, compute_errors, ensemble_table, forecast, table
 
     held, training = ([case for case in cases if case.held_out is wanted] for wanted in (True, False))
     chosen = {"all": cases, "held-out": held, "training": training}[bergs]
@@ -363,7 +363,7 @@ def _scored(models: dict[str, DriftModel], cases: list[Case], bergs: str, error:
         raise InputError("no case of these bergs", where=f"--bergs {bergs}", remedy="Use all, or other dates")
     result: dict[str, Any] = {"bergs": bergs, "error_km": error, "errors": {}, "ensembles": {}, "tuned": {}}
     for name, model in models.items():
-        rows = errors_of(model, chosen)
+        rows = compute_errors(model, chosen)
         result["errors"][name] = table(rows)
         tuned = [row for row in rows if row.tuned]
         result["tuned"][name] = {"bergs": sorted({row.berg for row in tuned}), "starts": len(tuned)}

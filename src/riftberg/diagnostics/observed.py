@@ -32,7 +32,7 @@ from riftberg.diagnostics.outlines import (
 )
 from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
-from riftberg.system.input_files import check_file, is_seen, reading, rows_of_csv, value_shown
+from riftberg.system.input_files import check_file, is_seen, read_csv_rows, reading, value_shown
 
 SENSORS: Final = ("ascat", "qscat", "oscat", "seawinds", "ers", "nscat", "sass", "nic")
 """Sources of positions in the BYU/NIC tables, the ones preferred first; NIC positions are given once a week."""
@@ -102,7 +102,7 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
             raise InputError(
                 f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}"
             )
-        table = rows_of_csv(path)[0]
+        table = read_csv_rows(path)[0]
         names = {k: str(k).strip().lower() for k in (table[0] if table else ()) if k is not None}
         rows = [{name: row[k].strip() for k, name in names.items() if row[k] is not None} for row in table]
         if not rows:
