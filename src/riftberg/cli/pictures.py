@@ -1,4 +1,4 @@
-"""``riftberg plot``, ``animate`` and ``replay``: figures of a run, a film, one web page; and what commands that draw share."""
+"""``riftberg plot``, ``animate`` and ``replay``: figures of a run, a film, one web page; and helpers of commands that draw."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from riftberg.cli.options import (
     OutputBeside,
     Quiet,
     check_output,
-    observed_in,
+    load_observed,
     positive,
     reported,
     results_folder,
@@ -74,7 +74,7 @@ def check_picture_format(name: str) -> None:
 
 
 def folder_beside(run: Path, wished: Path | None) -> Path:
-    """Return the folder where results go: the one asked for, else that of the run."""
+    """Return the folder where results go: the one asked for, else the folder of the run."""
     return wished if wished is not None else run if is_folder(run) else run.parent
 
 
@@ -94,7 +94,7 @@ def seen(path: Path | None) -> Observations:
 
     if path is None:
         return Observations("")
-    observations = observed_in(path)
+    observations = load_observed(path)
     if not observations.outlines:
         raise InputError(
             "no outlines, only positions", where=f"--observed {path}", remedy="Use them with riftberg score"
@@ -160,10 +160,10 @@ def plot(
         kinds = kind or usual_kinds(dataset)
         files = [f"{name}.{picture}" for name in dict.fromkeys(kinds)]
         when = moments(date, dataset, observations)
-        shown = observations.rings_by_day()
-        with results_folder(folder_beside(run, output), files, taken=files) as folder:
+        rings = observations.rings_by_day()
+        with results_folder(folder_beside(run, output), files, locked=files) as folder:
             for name in kinds:
-                tell(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, known(projection), dpi))
+                tell(_drawn(name, dataset, folder / f"{name}.{picture}", when, rings, known(projection), dpi))
 
 
 def known(name: str) -> Projection:
@@ -184,7 +184,7 @@ def usual_kinds(run: xr.Dataset) -> list[str]:
 
 
 def _drawn(
-    name: str, run: xr.Dataset, path: Path, when: list[np.datetime64], shown: dict[str, list[Any]],
+    name: str, run: xr.Dataset, path: Path, when: list[np.datetime64], rings: dict[str, list[Any]],
     projection: Projection, dpi: int,
 ) -> Path:  # fmt: skip
     """Draw one figure."""
@@ -192,11 +192,11 @@ def _drawn(
     from riftberg.viz import plots
 
     if name == "map":
-        return maps.draw_map(run, path, observed=shown, projection=projection, dpi=dpi)
+        return maps.draw_map(run, path, observed=rings, projection=projection, dpi=dpi)
     if name == "timeline":
         return plots.draw_fragments(run, path, dpi=dpi)
     if name == "dates":
-        return plots.draw_dates(run, path, dates=when, observed=shown, projection=projection, dpi=dpi)
+        return plots.draw_dates(run, path, dates=when, observed=rings, projection=projection, dpi=dpi)
     if name == "melt":
         return plots.draw_melt(run, path, date=when[-1] if when else None, projection=projection, dpi=dpi)
     draw = plots.draw_stress if name == "stress" else plots.draw_damage
@@ -228,13 +228,13 @@ def animate(
     from riftberg.viz.animate import default_ending
 
     positive(hours, "--hours", "hours", most=1e6)
-    shown = outlines(observed)
+    rings = outlines(observed)
     with (
         open_run(run) as dataset,
         picture_path(run, output, "film" + default_ending(), observed=observed) as goal,
     ):
         check_frames(dataset["time"].values, hours)
-        path = _filmed(dataset, goal, hours, fps, dpi, shown, known(projection), quiet)
+        path = _filmed(dataset, goal, hours, fps, dpi, rings, known(projection), quiet)
     tell(path)
 
 
@@ -253,7 +253,7 @@ def check_frames(times: Any, hours: float | None) -> None:
 
 
 def _filmed(
-    dataset: Any, goal: Path, hours: float | None, fps: int | None, dpi: int | None, shown: Any,
+    dataset: Any, goal: Path, hours: float | None, fps: int | None, dpi: int | None, rings: Any,
     projection: Projection, quiet: bool,
 ) -> Path:  # fmt: skip
     from rich.console import Console
@@ -264,8 +264,8 @@ def _filmed(
     with Progress(console=Console(stderr=True), disable=quiet) as bar:
         task = bar.add_task("frames", total=None)
         return write_film(
-            dataset, goal, hours=hours, fps=fps, dpi=dpi, observed=shown, projection=projection,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
+            dataset, goal, hours=hours, fps=fps, dpi=dpi, observed=rings, projection=projection,
+            progress=lambda finished, total: bar.update(task, completed=finished, total=total),
         )  # fmt: skip
 
 
@@ -294,13 +294,13 @@ def replay(
     within(largest, "--largest", 0.5, 1000.0)
     if output is not None and output.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{output.name[:60]!r} is no name of a web page", where="--output", remedy="Name it PAGE.html")
-    shown = outlines(observed)
+    rings = outlines(observed)
     run, members = _of_forecast(run)
     with (
         open_run(run) as dataset,
         picture_path(run, output, "replay.html", observed=observed) as goal,
     ):
-        path = write_replay(dataset, goal, title=title, observed=shown, largest=largest * 1e6, members=members)
+        path = write_replay(dataset, goal, title=title, observed=rings, largest=largest * 1e6, members=members)
     tell(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     if show:
         typer.launch(str(path))
