@@ -10,7 +10,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.diagnostics.summary import melt_by_fragment, melt_lines, summarize
 from riftberg.diagnostics.why import explain, words
-from riftberg.life.process import PROCESSES, melt_of
+from riftberg.life.process import PROCESSES, read_melt
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
@@ -57,15 +57,15 @@ def test_fragments_add_up_to_the_ledger_and_each_loses_its_own_ice(done) -> None
 
 @pytest.mark.slow
 def test_a_fragment_that_has_lost_nothing_has_zeros_and_a_resumed_run_goes_on(done, tmp_path: Path) -> None:
-    assert (melt_of({}, np.array([1, 2])) == 0.0).all()
+    assert (read_melt({}, np.array([1, 2])) == 0.0).all()
     model = two_bergs()
     model.run(steps=3)
     model.save(tmp_path / "r.nc")
     resumed = Model.resume(tmp_path / "r.nc", SEA)
     resumed.run(steps=3)
     numbers = np.array([1, 2, 99])
-    np.testing.assert_array_equal(melt_of(resumed.remembered, numbers), melt_of(done[0].remembered, numbers))
-    assert (melt_of(resumed.remembered, numbers)[2] == 0.0).all()
+    np.testing.assert_array_equal(read_melt(resumed.remembered, numbers), read_melt(done[0].remembered, numbers))
+    assert (read_melt(resumed.remembered, numbers)[2] == 0.0).all()
 
 
 def test_summary_words_map_and_replay_tell_of_it(done) -> None:

@@ -1,4 +1,4 @@
-"""``riftberg compare``, ``rerun``, ``why`` and ``score``: results of runs and their causes, beside each other and observations."""
+"""``riftberg compare``, ``rerun``, ``why`` and ``score``: results of runs and their causes, side by side and with observations."""
 
 from __future__ import annotations
 

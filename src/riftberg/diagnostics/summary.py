@@ -73,8 +73,8 @@ from riftberg.config.values import finding_text
 from riftberg.engines.common.fragments.tree import centroid
 from riftberg.engines.common.reserves import CAVEAT, Reserve, berg_reserve
 from riftberg.errors import InputError
-from riftberg.life.footloose import edge_moduli, growth_of
-from riftberg.life.process import PROCESSES, melt_of
+from riftberg.life.footloose import edge_moduli, find_growth
+from riftberg.life.process import PROCESSES, read_melt
 from riftberg.runs.groundings import summarize_ground
 from riftberg.runs.layout import called, read_start
 from riftberg.runs.progress import Stopwatch
@@ -139,7 +139,7 @@ def ledger_of(model: BareModel) -> dict[str, Any] | None:
         return None
     balance = model.life.balance(model)
     rows = model.fragments.rows
-    water = melt_of(model.remembered, np.array([row.number for row in rows], np.int64))
+    water = read_melt(model.remembered, np.array([row.number for row in rows], np.int64))
     order = np.argsort(-water.sum(axis=1), kind="stable")[:MOST_FRAGMENTS].tolist()
     by_fragment = [
         {
@@ -203,7 +203,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
 
     rows = {row.number: row for row in model.fragments.rows}
     e, p = model.elements, model.parameters
-    youngs = edge_moduli(e, p, growth_of(e, model.remembered)[0]) if p.footloose.enabled else None
+    youngs = edge_moduli(e, p, find_growth(e, model.remembered)[0]) if p.footloose.enabled else None
     area, earth, origin = e.length * e.width, model.parameters.earth, model.fragments.origin
     way = e.lon + earth.period * model.turns if earth.period > 0.0 else e.lon
 
@@ -213,7 +213,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     melted: dict[int, float] = {}
     if model.life is not None:
         for number, water in zip(
-            rows, melt_of(model.remembered, np.array(list(rows), np.int64)).sum(axis=1), strict=True
+            rows, read_melt(model.remembered, np.array(list(rows), np.int64)).sum(axis=1), strict=True
         ):
             melted[origin(number)] = melted.get(origin(number), 0.0) + float(water)
     entries: list[dict[str, Any]] = []

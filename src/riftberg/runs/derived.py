@@ -15,7 +15,7 @@ from riftberg.engines.common.forces.media import FORCES
 from riftberg.errors import RunError
 from riftberg.life.melt import mass_in_bits
 from riftberg.life.motion import GIVERS, bonds_vibrate
-from riftberg.life.process import PROCESSES, SOURCES, melt_of
+from riftberg.life.process import PROCESSES, SOURCES, read_melt
 from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats, Variable
 from riftberg.state.population import by_identifier
@@ -277,4 +277,4 @@ def write_fragment_melt(file: netCDF4.Dataset, model: BareModel) -> None:
     """Write the melt water of all fragments so far, where something melts."""
     if model.life is not None and len(model.fragments.rows):
         numbers = np.array([row.number for row in model.fragments.rows], np.int64)
-        file[FRAGMENT_MELT][: numbers.size] = melt_of(model.remembered, numbers)
+        file[FRAGMENT_MELT][: numbers.size] = read_melt(model.remembered, numbers)
