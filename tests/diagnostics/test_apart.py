@@ -18,7 +18,7 @@ from riftberg import open_run, open_sweep
 from riftberg.cli.main import app
 from riftberg.diagnostics.compare import shown_records
 from riftberg.errors import InputError
-from riftberg.runs.accessor import Course, aligned, apart, course_of
+from riftberg.runs.accessor import Course, aligned, apart, find_course
 from riftberg.runs.run_file import memory_run
 
 YAML = """start: 2020-12-09
@@ -61,7 +61,7 @@ def test_a_periodic_channel_is_measured_the_short_way_round() -> None:
     # As in files of 0.2.0, in which positions were taken back at the seam.
     here, there = (run.assign(x=((run["x"] + x) % 100e3).assign_attrs(comment="")) for x in (10e3, 99e3))
     np.testing.assert_allclose(here.riftberg.compare(there)["distance"], 11e3, rtol=1e-6)
-    assert np.ptp(course_of(there).x) == pytest.approx(0.2 * 86400.0, rel=1e-3)
+    assert np.ptp(find_course(there).x) == pytest.approx(0.2 * 86400.0, rel=1e-3)
     event = {"time": "2020-12-10T13:00:00", "lat": 0.0, "area_km2": 54.0, "grounded": False}
     rows = aligned([[{**event, "lon": 1e3}], [{**event, "lon": 399e3}]], {**earth, "radius": 6.371e6, "period": 400e3})
     assert [len(row) for row in rows] == [1, 1]  # one event of both

@@ -1,4 +1,4 @@
-"""``riftberg compare``, ``rerun``, ``why`` and ``score``: results of runs and their causes, side by side and with observations."""
+"""``riftberg compare``, ``rerun``, ``why`` and ``score``: results of runs and their causes, side by side with observations."""
 
 from __future__ import annotations
 
@@ -373,7 +373,7 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
 
     from riftberg.diagnostics.why import removed_by
     from riftberg.experiments import EXPERIMENTS
-    from riftberg.runs.layout import COMMAND, parameters_of
+    from riftberg.runs.layout import COMMAND, run_parameters
     from riftberg.runs.run_file import open_run
 
     words = shlex.split(str(run.attrs.get(COMMAND, "")))
@@ -382,7 +382,7 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
     changes = {
         f"without {component}": ["--without", component] for component in components if component not in left_out
     }
-    stepping = parameters_of(run).stepping
+    stepping = run_parameters(run).stepping
     half: dict[str, object] = {"time_step": stepping.time_step / 2.0}
     substeps = getattr(stepping, "substeps", None)
     if substeps is not None and stepping.scheme == "mts":  # the sub-step stays

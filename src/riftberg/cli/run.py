@@ -350,11 +350,13 @@ def built(
     fresh = with_errors(fresh, run_options.errors)
     if is_folder(resume):
         interval = 3600.0 * run_options.hours(info)
-        resume = last_good(resume, interval, lambda state, path: check_same_run(state, fresh, path, named=experiment))
+        resume = last_good(
+            resume, interval, lambda state, path: check_same_run(state, fresh, path, experiment=experiment)
+        )
         if not run_options.quiet:
             say(f"Going on from {resume}")
     else:
-        check_same_run(load_state(resume), fresh, resume, named=experiment)
+        check_same_run(load_state(resume), fresh, resume, experiment=experiment)
     return Model.resume(resume, fresh.forcing), info, fresh.parameters
 
 

@@ -27,8 +27,8 @@ from riftberg.diagnostics.score import root_mean_square
 from riftberg.diagnostics.summary import read_summary
 from riftberg.ocean.grid import haversine
 from riftberg.parameters import GROUPS
-from riftberg.runs.accessor import Course, Event, aligned, apart, course_of
-from riftberg.runs.layout import COMMAND, FILE, parameters_of
+from riftberg.runs.accessor import Course, Event, aligned, apart, find_course
+from riftberg.runs.layout import COMMAND, FILE, run_parameters
 from riftberg.runs.opendrift import Trajectory
 from riftberg.runs.run_file import open_run
 from riftberg.runs.scene import Scene
@@ -224,7 +224,7 @@ def run_compared(folder: Path, dataset: xr.Dataset, name: str, fixes: Sequence[F
     days = [day for fix in fixes if (day := _day_of_fix(scene, fix)) is not None] if scene.latlon else []
     numerics = summary["numerics"] | _set_beside_parameters(str(dataset.attrs.get(COMMAND, "")), summary["numerics"])
     return ComparedRun(
-        name, {**summary, "numerics": numerics}, days, course_of(dataset), str(dataset.attrs.get(FILE, ""))
+        name, {**summary, "numerics": numerics}, days, find_course(dataset), str(dataset.attrs.get(FILE, ""))
     )
 
 
@@ -252,8 +252,8 @@ def _set_beside_parameters(command: str, numerics: Mapping[str, Any]) -> dict[st
 
 def member_compared(member: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Compare one member of a sweep, of which there are tracks and break-ups, but no elements."""
-    course = course_of(member)
-    numerics = parameters_of(member).model_dump(mode="json")
+    course = find_course(member)
+    numerics = run_parameters(member).model_dump(mode="json")
     for coordinate in member.coords.values():
         group, _, parameter = str(coordinate.attrs.get("parameter", "")).partition(".")
         if parameter:

@@ -331,7 +331,7 @@ class _Judge:
         cost = np.full((len(rest), len(others)), np.inf)
         for (k, name), (i, number) in product(enumerate(rest), enumerate(others)):
             apart = self._mean_distance(number, seen[name])
-            reach = max(FIX_REACH, REACH * 2.0 * math.sqrt(self.scene.area_of(number) / math.pi))
+            reach = max(FIX_REACH, REACH * 2.0 * math.sqrt(self.scene.final_area(number) / math.pi))
             if apart <= reach:
                 cost[k, i] = apart + DRIFT * self._wait(number, seen[name][0][0])
         # To leave a name alone costs as much as the worst match, so that every name that can be matched is.

@@ -19,7 +19,7 @@ from riftberg.diagnostics.summary import melt_lines
 from riftberg.diagnostics.whole import WholeBerg, whole_berg, whole_lines
 from riftberg.engines.common.rift_tips import tip_lines
 from riftberg.runs.groundings import read_stays, why_lines
-from riftberg.runs.layout import heading_of
+from riftberg.runs.layout import run_heading
 from riftberg.runs.scene import SMALL, Scene
 from riftberg.system.atomic_files import write_json
 
@@ -106,7 +106,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         breakup.collision = collision_of(scene, breakup)
         breakups.append(breakup)
     return Reasons(
-        experiment=heading_of(run, ""),
+        experiment=run_heading(run, ""),
         forcing=str(run.attrs.get("forcing_title", "")),
         breakups=breakups,
         small=small,

@@ -14,7 +14,7 @@ from riftberg.config.values import required
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
 from riftberg.runs.groundings import title_lines
-from riftberg.runs.layout import heading_of
+from riftberg.runs.layout import run_heading
 from riftberg.runs.scene import Scene, Statics
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -193,7 +193,7 @@ def draw_tracks(run: xr.Dataset, *, title: str = "", projection: Projection = "a
 
 def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
     """Return a title that names the run, its dates, its forcing and what melted."""
-    first = title or heading_of(run, "Iceberg drift")
+    first = title or run_heading(run, "Iceberg drift")
     second = str(run.attrs.get("forcing_title", "")).strip()
     melted = "".join(f"\n{line}" for line in [*title_lines(scene.stays), *melt_lines(run)[:1]])
     return f"{first}, {style.span_text(scene.times)}" + (f"\nForcing: {second}" if second else "") + melted

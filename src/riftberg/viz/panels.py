@@ -18,7 +18,7 @@ from riftberg.engines.common.rift_tips import tip_label
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.plane import ConformalPlane, near
-from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, stretch, water_of
+from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, find_water, stretch
 from riftberg.runs.tracks import is_channel
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -94,7 +94,7 @@ def on_a_map(run: xr.Dataset, projection: Projection = "auto", water: Any = None
     if projection not in PROJECTIONS:
         raise InputError(f"{projection!r} is not known", where="projection", remedy=f"Use {', '.join(PROJECTIONS)}")
     scene = Scene(run)
-    water = water or water_of(run)
+    water = water or find_water(run)
     middle = 0.5 * float(scene.y.min() + scene.y.max())
     if projection == "polar" and (not scene.latlon or middle == 0.0):
         raise InputError(
@@ -519,7 +519,7 @@ def fragment_patches(scene: Scene) -> list[Patch]:
 
 def fragment_name(scene: Scene, number: int) -> str:
     """Return what a fragment is, in a few words."""
-    size, birth = area_text(scene.area_of(number), squared="²"), scene.birth(number)
+    size, birth = area_text(scene.final_area(number), squared="²"), scene.birth(number)
     if birth is None:
         return f"{scene.name(number)}: {size} at the end"
     when = moment_text(scene.times, birth[0])

@@ -12,7 +12,7 @@ import xarray as xr
 
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
-from riftberg.runs.layout import heading_of
+from riftberg.runs.layout import run_heading
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -58,7 +58,7 @@ CRACK = 1.3
 def figure_title(run: xr.Dataset, what: str) -> str:
     """Return the title of a figure; its second line says what the forcing is."""
     note = str(run.attrs.get("forcing_title", "")).strip()
-    return f"{heading_of(run)}: {what}" + (f"\nForcing: {note}" if note else "")
+    return f"{run_heading(run)}: {what}" + (f"\nForcing: {note}" if note else "")
 
 
 def chosen(scene: Scene, dates: Sequence[np.datetime64] | None, most: int = 6) -> list[int]:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from riftberg.diagnostics.summary import melt_lines, melted_words
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane, ellipses, ranges
-from riftberg.runs.layout import heading_of
+from riftberg.runs.layout import run_heading
 from riftberg.runs.scene import Scene, StoredWater, on_even_grid, stored_water
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import write_text
@@ -139,7 +139,7 @@ class ReplayContent:
         """Read the geometry of the run and choose the records."""
         self.scene = Scene(self.run)
         self.water: StoredWater | None = stored_water(self.run)
-        self.title = self.title or heading_of(self.run) + " replay"
+        self.title = self.title or run_heading(self.run) + " replay"
         self.records: Ints = chosen_records(self.run.sizes["time"], self.run.sizes["trajectory"], self.largest)
 
     @cached_property
@@ -267,7 +267,7 @@ class ReplayContent:
                     "grounded": bool(run["fragment_grounded"].values[k] == 1),
                     "bonds": int(run["fragment_bonds_broken"].values[k]),
                     "area": float(run["fragment_area"].values[k]),
-                    "end": scene.area_of(number),
+                    "end": scene.final_area(number),
                     **({"melted": melted[number]} if number in melted else {}),
                 }
             )
