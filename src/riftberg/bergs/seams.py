@@ -56,7 +56,7 @@ TALLEST: Final = 20.0
 NO_BERG: Final = "No berg is like that: look for a missing sign, or swapped longitude and latitude"
 
 
-def fault_of_ring(ring: Any) -> str:
+def ring_fault(ring: Any) -> str:
     """Return why no berg can have an outline (longitude and latitude, shape (n, 2)), empty where one can."""
     lon, lat = np.asarray(ring, float)[:, :2].T
     steps = np.diff(lon, append=lon[:1])
@@ -79,17 +79,17 @@ def _turned(polygon: Any, turns: int) -> Any:
     return shapely.transform(polygon, lambda lonlat: lonlat + np.array([360.0 * turns, 0.0])) if turns else polygon
 
 
-def _share_an_edge(one: Any, other: Any, along_meridian: bool) -> bool:
+def _share_an_edge(first: Any, second: Any, along_meridian: bool) -> bool:
     """Whether two polygons, on axes of equal scale, run along each other, or lie across each other as badly cut ones do."""
-    if not along_meridian and shapely.overlaps(one, other) and shapely.intersection(one, other).area > METRE**2:
+    if not along_meridian and shapely.overlaps(first, second) and shapely.intersection(first, second).area > METRE**2:
         return True
     (west, south), (east, north) = (
-        np.maximum(one.bounds[:2], other.bounds[:2]),
-        np.minimum(one.bounds[2:], other.bounds[2:]),
+        np.maximum(first.bounds[:2], second.bounds[:2]),
+        np.minimum(first.bounds[2:], second.bounds[2:]),
     )
     box = west - 2 * METRE, south - 2 * METRE, east + 2 * METRE, north + 2 * METRE
-    near, far = (shapely.clip_by_rect(polygon.boundary, *box) for polygon in (one, other))
-    seam = shapely.intersection(far, shapely.buffer(near, METRE))
+    first_edge, second_edge = (shapely.clip_by_rect(polygon.boundary, *box) for polygon in (first, second))
+    seam = shapely.intersection(second_edge, shapely.buffer(first_edge, METRE))
     if seam.length < SHORTEST * METRE:
         return False
     return not along_meridian or seam.bounds[2] - seam.bounds[0] < 4.0 * METRE

@@ -209,7 +209,7 @@ def split_settings(settings: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
 
 
 def _run_one(experiment: str, options: Options, run_options: RunOptions, resume: Path | None) -> None:
-    from riftberg.experiments.changes import settings_of
+    from riftberg.experiments.changes import format_settings
 
     goes_on = resume is not None and is_folder(resume)
     if goes_on and run_options.output not in (None, resume):
@@ -227,7 +227,7 @@ def _run_one(experiment: str, options: Options, run_options: RunOptions, resume:
         g: {name: value for name, value in values.items() if value != old.get(g, {}).get(name)}
         for g, values in new.items()
     }
-    run_options = run_options._replace(settings=[*run_options.settings, *settings_of(changed)])
+    run_options = run_options._replace(settings=[*run_options.settings, *format_settings(changed)])
     folder = resume if goes_on and resume is not None else output_folder(run_options.output, info.name)
     placed = goes_on or run_options.output is not None
     session = Session(model, info, folder, run_options, placed=placed, goes_on=goes_on)

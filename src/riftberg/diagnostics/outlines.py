@@ -26,7 +26,7 @@ from shapely.validation import explain_validity
 
 from riftberg.bergs.outline import DATE_KEYS, DATES_BY_BELIEF, Feature, polygons_joined, read_features
 from riftberg.bergs.raster import Raster, read_raster, unbroken
-from riftberg.bergs.seams import NO_BERG, fault_of_ring
+from riftberg.bergs.seams import NO_BERG, ring_fault
 from riftberg.config.values import parse_date
 from riftberg.errors import BergError, InputError
 from riftberg.plane import ConformalPlane
@@ -84,7 +84,7 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
         raise InputError("a latitude beyond 90 degrees", where=where, remedy=remedy)
     if (np.abs(ring[:, 0]) > 540.0).any():
         raise InputError("a longitude beyond 540 degrees", where=where, remedy=remedy)
-    if fault := fault_of_ring(ring):
+    if fault := ring_fault(ring):
         raise NoBergError(fault, where=where, remedy=NO_BERG)
     # Across the date line the corners jump by 360 degrees; unwrapped, the polygon is whole.
     drawn = Polygon(np.column_stack([np.unwrap(ring[:, 0], period=360.0), ring[:, 1]]))
