@@ -227,10 +227,10 @@ def test_small_pieces_are_counted_not_told(run: xr.Dataset) -> None:
 @pytest.mark.slow
 def test_a_control_removes_a_break_or_delays_it(run: xr.Dataset, tmp_path: Path) -> None:
     (breakup,) = why.explain(run).breakups
-    assert why.removed_by(breakup, run) == "breaks off at 2020-12-10T13:00:00"
+    assert why.control_fate(breakup, run) == "breaks off at 2020-12-10T13:00:00"
     later = made(tmp_path / "later.nc", break_time=1.5 * 86_400.0)
-    assert why.removed_by(breakup, later) == "breaks off at 2020-12-11T01:00:00"
-    assert why.removed_by(breakup, made(tmp_path / "never.nc", break_time=math.inf)) == "removed"
+    assert why.control_fate(breakup, later) == "breaks off at 2020-12-11T01:00:00"
+    assert why.control_fate(breakup, made(tmp_path / "never.nc", break_time=math.inf)) == "removed"
 
 
 @pytest.mark.slow
@@ -240,15 +240,15 @@ def test_a_control_in_which_another_piece_breaks_off_is_told_with_both_areas(run
     away = [n for n in whole if n not in inside]
     breakup.members = inside[:2]
     told = "breaks off at 2020-12-10T13:00:00 with another area, 54 km2 instead of 18 km2"
-    assert why.removed_by(breakup, run) == told
+    assert why.control_fate(breakup, run) == told
     breakup.members = inside + away[:5]
     told = "breaks off at 2020-12-10T13:00:00 with another area, 54 km2 instead of 99 km2"
-    assert why.removed_by(breakup, run) == told
+    assert why.control_fate(breakup, run) == told
     breakup.members = inside[:2] + away[:3]
     told = "breaks off only in part, 18 of 45 km2 at 2020-12-10T13:00:00"
-    assert why.removed_by(breakup, run) == told
+    assert why.control_fate(breakup, run) == told
     breakup.members = away
-    assert why.removed_by(breakup, run) == "removed"
+    assert why.control_fate(breakup, run) == "removed"
 
 
 @pytest.mark.slow
@@ -258,7 +258,7 @@ def test_a_piece_that_differs_by_less_than_a_tenth_is_the_same(tmp_path: Path) -
     whole = breakup.members
     breakup.members = [*whole, next(int(n) for n in run["trajectory"].values if n not in whole)]
     assert len(breakup.members) == 25
-    assert why.removed_by(breakup, run) == "breaks off at 2020-12-10T13:00:00"
+    assert why.control_fate(breakup, run) == "breaks off at 2020-12-10T13:00:00"
 
 
 @pytest.mark.quick(1)
@@ -418,7 +418,7 @@ def test_a_break_up_is_of_a_collision_while_it_lasts_and_one_step_longer(minutes
             run=run, parameters=SimpleNamespace(stepping=stepping), name=lambda number: f"berg {number}"
         )
         broken = SimpleNamespace(parent=1, first_break=str(moment + np.timedelta64(minutes, "m")))
-        found = why.collision_of(scene, broken)
+        found = why.find_collision(scene, broken)
         assert (found is not None) == counts
         if found is not None:
             assert (found.berg, found.speed) == ("berg 7", 0.3)

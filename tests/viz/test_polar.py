@@ -20,7 +20,7 @@ from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Box
 from riftberg.viz import colours, style
-from riftberg.viz.coast import SIZE, coast_on
+from riftberg.viz.coast import SIZE, project_coast
 from riftberg.viz.map import draw_map, draw_tracks
 from riftberg.viz.panels import Map, PolarScene, PolarWater, depth_bar, on_a_map
 
@@ -187,7 +187,7 @@ def test_northward_current_runs_along_the_meridians(pole: float) -> None:
 def test_land_is_where_it_is() -> None:
     """On the plane as on the sphere; cut edges of the continent's stored parts do not bend over the sea."""
     box = Box(-1.5e6, 1.5e6, 0.6e6, 3.4e6)  # the Weddell Sea, its shelves and the Peninsula
-    areas, _ = coast_on(box, SOUTH)
+    areas, _ = project_coast(box, SOUTH)
 
     def under(lon: float, lat: float) -> set[str]:
         point = shapely.Point(*(float(v) for v in SOUTH.forward(np.array(lon), np.array(lat))))
@@ -201,7 +201,7 @@ def test_land_is_where_it_is() -> None:
 
 
 def test_map_around_the_pole_is_covered() -> None:
-    areas, _ = coast_on(Box(-5e5, 5e5, -5e5, 5e5), SOUTH)
+    areas, _ = project_coast(Box(-5e5, 5e5, -5e5, 5e5), SOUTH)
     assert all(
         any(a.contains(shapely.Point(x, y)) for a, _ in areas) for x, y in ((3e5, 3e5), (-4e5, 1e5), (2e5, -4e5))
     )

@@ -754,7 +754,7 @@ def test_longitude_180_is_neither_east_nor_west() -> None:
 
 
 def test_members_with_the_same_value_have_the_first_colour_of_the_scale() -> None:
-    same, apart = (ensemble._scale_of(np.array(values)) for values in ([3.0, 3.0], [3.0, 4.0]))
+    same, apart = (ensemble._colour_scale(np.array(values)) for values in ([3.0, 3.0], [3.0, 4.0]))
     assert same.to_rgba(3.0) == apart.to_rgba(3.0) != apart.to_rgba(4.0)
 
 

@@ -371,7 +371,7 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
     """
     import numpy as np
 
-    from riftberg.diagnostics.why import removed_by
+    from riftberg.diagnostics.why import control_fate
     from riftberg.experiments import EXPERIMENTS
     from riftberg.runs.layout import COMMAND, run_parameters
     from riftberg.runs.run_file import open_run
@@ -399,7 +399,7 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
                 run_again(path, run.attrs, folder, more, {"--days": repr(days)}, data)
             with open_run(folder) as control:
                 for breakup in reasons.breakups:
-                    breakup.controls[change] = removed_by(breakup, control)
+                    breakup.controls[change] = control_fate(breakup, control)
 
 
 def _print_breakup(b: Breakup) -> None:

@@ -33,7 +33,7 @@ from riftberg.errors import InputError, RiftbergError
 from riftberg.system.input_files import in_folder
 
 if TYPE_CHECKING:
-    from riftberg.diagnostics.observed import Known
+    from riftberg.diagnostics.observed import Sighting
     from riftberg.products.registry import Choice
 
 
@@ -336,7 +336,7 @@ def new(
     """Write an experiment file for a named berg: place, size, products to fetch."""
     from riftberg.bergs.outline import check_outline, read_features, select_outline
     from riftberg.config.values import number, parse_date
-    from riftberg.diagnostics.observed import known_at, read_berg
+    from riftberg.diagnostics.observed import find_sighting, read_berg
     from riftberg.experiments.yaml_file import read_file
     from riftberg.system.atomic_files import write_text
 
@@ -358,7 +358,7 @@ def new(
             "no folder of tables" if folder is None else "no such folder", where="--tables",
             remedy="'riftberg fetch byu' or 'riftberg fetch usnic' gets them",
         )  # fmt: skip
-    sighting = known_at(berg, read_berg(berg, folder), start, sized=given_axes is None and outline is None)
+    sighting = find_sighting(berg, read_berg(berg, folder), start, sized=given_axes is None and outline is None)
     file = output or Path(f"{berg.lower()}-{start:%Y%m%d}.yaml")
     check_output(file)
     axes = given_axes or (sighting.size.axes if sighting.size else None)
@@ -397,8 +397,8 @@ def ring_file(file: Path) -> Path:
 
 
 def _experiment(
-    berg: str, start: datetime, days: float, sighting: Known, axes: tuple[float, float] | None, shape: str, outline: Path | None,
-    azimuth: float, thickness: float, file: Path,
+    berg: str, start: datetime, days: float, sighting: Sighting, axes: tuple[float, float] | None, shape: str,
+    outline: Path | None, azimuth: float, thickness: float, file: Path,
 ) -> tuple[str, list[tuple[float, float]]]:  # fmt: skip
     """Return the text of the file, and the outline that goes beside it where the berg is an ellipse."""
     from riftberg.config.units import place_text

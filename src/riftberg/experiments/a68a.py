@@ -274,8 +274,8 @@ MELT_THICKNESS: Final = 190.0
 class TrackSea(Steady):
     """A sea that carries a berg along its track, with the season's temperature.
 
-    The current is uniform: the velocity of the track, and a part that brings the centre of the berg back to it within two days. The
-    sea surface slopes in balance with it. The wind turns, so that it raises waves and carries the berg nowhere.
+    The current is uniform: the velocity of the track, and a part that brings the berg back to it within two days. The sea
+    surface slopes in balance with it. The wind turns, so that it raises waves and carries the berg nowhere.
 
     ``warmest``: temperature of the surface in the middle of February at 55 degrees south, degrees Celsius.
     """
