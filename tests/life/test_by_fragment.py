@@ -9,7 +9,7 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.diagnostics.summary import melt_by_fragment, melt_lines, summarize
-from riftberg.diagnostics.why import explain, words
+from riftberg.diagnostics.why import explain, reason_lines
 from riftberg.life.process import PROCESSES, read_melt
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
@@ -79,7 +79,7 @@ def test_summary_words_map_and_replay_tell_of_it(done) -> None:
         assert "Gt (base " in first
         assert "North" in second
         assert "South" in second
-        assert words(explain(run))[-3:-1] == [first, second]  # before the strength of the ice
+        assert reason_lines(explain(run))[-3:-1] == [first, second]  # before the strength of the ice
         figure = draw_map(run)
         assert any("Melted: " in text.get_text() for text in figure.findobj(lambda a: hasattr(a, "get_text")))
         write_replay(run, folder / "replay.html")
@@ -115,7 +115,7 @@ def test_bits_and_children_are_told_in_words_maps_replay_and_reasons(tmp_path: P
     ] * children
     with open_run(tmp_path / "run.nc") as run:
         reasons = explain(run)
-        assert line in words(reasons)
+        assert line in reason_lines(reasons)
         draw_reasons(reasons, tmp_path / "why.svg")
         figure = draw_map(run)
         shown = [text.get_text().replace("\u00a0", " ") for text in figure.findobj(lambda a: hasattr(a, "get_text"))]

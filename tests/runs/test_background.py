@@ -16,7 +16,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.analytic import Steady
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, memory_run, open_own, open_run
-from riftberg.runs.scene import GROUP, KeptWater, _axes, find_water, on_even_grid, stored_water
+from riftberg.runs.scene import GROUP, KeptWater, _axes, find_water, interpolate_evenly, stored_water
 
 
 class Turning(FakeForcing):
@@ -101,7 +101,7 @@ def test_bilinear_is_exact_for_bilinear_fields_and_blind_outside() -> None:
     px, py = np.array([0.3, 2.0, 0.0, 2.1]), np.array([0.7, 1.0, -1.0, 0.0])
     expected = (1.0 + px) * (2.0 - py)
     expected[3] = np.nan
-    np.testing.assert_allclose(on_even_grid(x, y, field, px, py), expected)
+    np.testing.assert_allclose(interpolate_evenly(x, y, field, px, py), expected)
 
 
 def test_a_run_in_memory_knows_its_water(tmp_path: Path) -> None:

@@ -176,10 +176,12 @@ def test_ice_that_floats_over_land_is_noticed(data: Path) -> None:
 
     ashore = run([[-39.2, -39.0], [-39.1, -38.87]], floor)
     found = "from 2020-12-09 12:00 on ice of this run floats over land of the map, at 54.9 S, 38.9 W"
-    assert basemap.over_land(ashore).startswith(f"{found}: its sea floor is 600 m deep there")
-    assert "it has no sea floor" in basemap.over_land(run([[-39.2, -39.0], [-39.1, -38.87]], np.full((2, 2), 10000.0)))
-    assert not basemap.over_land(run([[-39.2, -39.0], [-39.1, -38.95]], floor))  # beside it
-    assert not basemap.over_land(run([[-39.2, -39.0], [-39.1, -38.87]], np.full((2, 2), 150.0)))  # aground
+    assert basemap.ice_over_land(ashore).startswith(f"{found}: its sea floor is 600 m deep there")
+    assert "it has no sea floor" in basemap.ice_over_land(
+        run([[-39.2, -39.0], [-39.1, -38.87]], np.full((2, 2), 10000.0))
+    )
+    assert not basemap.ice_over_land(run([[-39.2, -39.0], [-39.1, -38.95]], floor))  # beside it
+    assert not basemap.ice_over_land(run([[-39.2, -39.0], [-39.1, -38.87]], np.full((2, 2), 150.0)))  # aground
 
 
 def test_a_run_in_metres_has_no_coast(data: Path) -> None:

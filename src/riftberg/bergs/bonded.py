@@ -16,9 +16,9 @@ from riftberg.bergs.bonding import (
     find_crossed,
     given_strengths,
     inscribed_radius,
-    mapped,
     mark_cracks,
     refuse_overlap,
+    sample_bonds,
     scatter,
     separations,
     share_outside,
@@ -315,7 +315,7 @@ class BondedBerg:
             record = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}
         else:
             if is_map(distribution) or isinstance(distribution, Path):
-                factors = mapped(distribution, elements, bonds)
+                factors = sample_bonds(distribution, elements, bonds)
             else:
                 factors = given_strengths(distribution, len(bonds.first))
             record = {"distribution": "given", "least": float(factors.min()), "largest": float(factors.max())}
@@ -350,7 +350,7 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
             "a cloud whose bergs have dates stands alone", where="Iceberg.join",
             remedy="Leave its dates out, or run it by itself",
         )  # fmt: skip
-    counts = _named(members, names)
+    counts = _count_elements(members, names)
     all_names = [name for name, _ in counts]
     name_text = (
         ", ".join(all_names) if len(all_names) <= 6 else f"{', '.join(all_names[:5])} and {len(all_names) - 5} more"
@@ -375,7 +375,7 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
     return joined if None in outline_areas else joined._reported({**joined.report, "outline_area": sum(outline_areas)})
 
 
-def _named(bergs: Sequence[BondedBerg], names: Sequence[str] | None) -> list[tuple[str, int]]:
+def _count_elements(bergs: Sequence[BondedBerg], names: Sequence[str] | None) -> list[tuple[str, int]]:
     """Return name and number of elements of each berg; those without a name are called ``berg 1`` and so on."""
     if names is not None and len(names) != len(bergs):
         raise BergError(f"{len(names)} names for {len(bergs)} bergs", where="Iceberg.join", remedy="Give one name each")

@@ -474,7 +474,7 @@ def given_strengths(values: Any, size: int) -> Floats:
     return strengths
 
 
-def mapped(source: Any, elements: Elements, bonds: Bonds) -> Floats:
+def sample_bonds(source: Any, elements: Elements, bonds: Bonds) -> Floats:
     """Return the values of a map (Raster, DataArray, file) at the middles of the bonds."""
     raster = source if isinstance(source, Raster) else read_raster(source)
     lon, lat = (0.5 * (a[bonds.first] + a[bonds.second]) for a in (elements.lon, elements.lat))

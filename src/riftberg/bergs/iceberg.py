@@ -55,11 +55,11 @@ from riftberg.bergs.regions import (
     FillingPlane,
     IceMask,
     ReferencePlane,
-    centroid_moved,
     filling_plane,
     ice_cells,
     makeberg_lattice,
     mask_region,
+    move_centroid,
     outline_region,
     relax,
     turned,
@@ -453,7 +453,7 @@ class Iceberg(BondedBerg):
         reach = np.sqrt(0.25 * (aspect + 1.0 / aspect) * plan)
         metric = Metric(settings.latlon, settings.earth_radius, 360.0 if settings.latlon else 0.0)
         box = checked_box(area)
-        x, y = places(reach, lambda: _drawn(*box, metric.latlon, random), gap, metric, where="Iceberg.field")
+        x, y = place_discs(reach, lambda: _draw_point(*box, metric.latlon, random), gap, metric, where="Iceberg.field")
         berg = cls.from_points(
             x, y, thickness=heights, radius=0.5 * np.sqrt(plan), pieces=np.arange(n), **options
         )  # fmt: skip
@@ -540,7 +540,7 @@ class Iceberg(BondedBerg):
         if overlap:
             x, y = (np.array(coordinate) for coordinate in zip(*(drawn() for _ in range(n)), strict=True))
         else:  # rectangles of any turn keep clear of each other where their corners do
-            x, y = places(0.5 * np.hypot(long, wide), drawn, gap, metric, where="Iceberg.cloud")
+            x, y = place_discs(0.5 * np.hypot(long, wide), drawn, gap, metric, where="Iceberg.cloud")
         berg = cls._lone_bergs(x, y, long, wide, heights, rest, {}, overlap=overlap)
         return replace(berg, report={"source": f"cloud of {n} bergs", "seed": seed}, dates=berg_dates(dates, n))
 
@@ -619,7 +619,7 @@ class Iceberg(BondedBerg):
         x, y = turned(lattice.x - cx, lattice.y - cy, settings.rotation)
         if outline is not None:
             outline = shapely.affinity.rotate(outline, settings.rotation, origin=(float(cx[0]), float(cy[0])))
-        moved = centroid_moved(plane, centroid, settings.placement, settings.shift)
+        moved = move_centroid(plane, centroid, settings.placement, settings.shift)
         settings = settings.model_copy(
             update={"radius": radius, "thickness": heights, "pieces": region.piece_numbers(lattice)}
         )
@@ -831,7 +831,7 @@ def checked_box(box: tuple[float, float, float, float]) -> tuple[float, float, f
     return box
 
 
-def places(
+def place_discs(
     radius: Floats, drawn: Callable[[], tuple[float, float]], gap: float, metric: Metric, *, where: str
 ) -> tuple[Floats, Floats]:
     """Return places at which discs of these radii (m) keep a gap (m), the largest first placed.
@@ -857,7 +857,7 @@ def places(
     return lon, lat
 
 
-def _drawn(
+def _draw_point(
     west: float, east: float, south: float, north: float, latlon: bool, random: np.random.Generator
 ) -> tuple[float, float]:
     """Return a point of a box, each square metre as likely as any other."""

@@ -130,7 +130,7 @@ def fill(
     tried = [(a, b) for a in fractions for b in fractions] if offset is None else [offset]
     fits: list[tuple[float, int]] = []
     for k, shift in enumerate(tried):  # one lattice at a time: of a million elements all of them would take 800 MB
-        lattice = _filled(region, radius, packing, shift, angle)
+        lattice = _fill_region(region, radius, packing, shift, angle)
         if len(lattice):
             # Equal fits keep the first shift.
             fits.append((round(_misfit(lattice, region, radius, packing), 9), k))
@@ -168,7 +168,7 @@ def lone_element(region: Region, packing: Packing) -> tuple[Lattice, float]:
     return Lattice(x, y, cell, cell), math.sqrt(region.area / element_area(1.0, packing))
 
 
-def _filled(region: Region, radius: float, packing: Packing, shift: tuple[float, float], angle: float) -> Lattice:
+def _fill_region(region: Region, radius: float, packing: Packing, shift: tuple[float, float], angle: float) -> Lattice:
     """Return the lattice points in a region, the lattice turned by an angle (degrees) about the middle of its box."""
     if angle == 0.0:
         lattice = lattice_points(region.bounds, radius, packing, shift)
@@ -205,7 +205,7 @@ def _stretch_to_area(
     def excess(count: int, r: float) -> float:
         return count * element_area(r, packing) / region.area - 1.0
 
-    lattice = _filled(region, radius, packing, shift, angle)
+    lattice = _fill_region(region, radius, packing, shift, angle)
     start = excess(len(lattice), radius)
     if abs(start) < 1e-9:
         return lattice, radius
@@ -213,7 +213,7 @@ def _stretch_to_area(
     # Step by step first: area over radius is a saw, and bisection from far away would end at another tooth.
     for k in range(1, round(MOST_STRETCH / STRETCH_STEP) + 1):
         outer = radius * (1.0 + k * step)
-        few = len(_filled(region, outer, packing, shift, angle))
+        few = len(_fill_region(region, outer, packing, shift, angle))
         if (excess(few, outer) > 0.0) != (start > 0.0):
             break
         inner, many = outer, few
@@ -223,12 +223,12 @@ def _stretch_to_area(
     for _ in range(40):
         if many == few:
             fitting = math.sqrt(region.area / (many * element_area(1.0, packing)))
-            fitted = _filled(region, fitting, packing, shift, angle)
+            fitted = _fill_region(region, fitting, packing, shift, angle)
             # Between two teeth the number of elements stays, and the radius follows from the area.
             if len(fitted) == many:
                 return fitted, fitting
         middle = 0.5 * (inner + outer)
-        count = len(_filled(region, middle, packing, shift, angle))
+        count = len(_fill_region(region, middle, packing, shift, angle))
         if (excess(count, middle) > 0.0) == (start > 0.0):
             inner, many = middle, count
         else:

@@ -113,7 +113,7 @@ def read_features(source: Any, crs: str | None = None, *, lines: bool = False) -
         features = [Feature(_to_lonlat(f.geometry, crs, where), f.properties) for f in features]
     if not features:
         raise BergError("no geometry found", where=where, remedy="Give a file that holds at least one polygon or line")
-    return with_seams_closed(features)
+    return close_seams(features)
 
 
 def _read_source(source: Any, lines: bool) -> tuple[list[Feature], str | None]:
@@ -295,7 +295,7 @@ def select_outline(
     features: list[Feature], *, where: str, feature: int | str | None = None, date: str | None = None
 ) -> Feature:
     """Choose the one polygon feature that is meant."""
-    polygons = [Feature(area, f.properties) for f in features if (area := polygons_joined(f.geometry)) is not None]
+    polygons = [Feature(area, f.properties) for f in features if (area := join_polygons(f.geometry)) is not None]
     chosen = polygons
     if isinstance(feature, int):
         chosen = polygons[feature : feature + 1] if feature >= 0 else []
@@ -322,10 +322,10 @@ def _parts(geometry: Any) -> Iterator[Any]:
         yield geometry
 
 
-def polygons_joined(geometry: Any) -> Any:
+def join_polygons(geometry: Any) -> Any:
     """Return the polygons of a geometry as one, None if it has none."""
     polygons = _polygons(geometry)
-    return _collected(polygons, []) if polygons else None
+    return _collect(polygons, []) if polygons else None
 
 
 def _polygons(geometry: Any) -> list[Any]:
@@ -339,14 +339,14 @@ def _polygons(geometry: Any) -> list[Any]:
     ]
 
 
-def _collected(polygons: list[Any], others: list[Any]) -> Any:
+def _collect(polygons: list[Any], others: list[Any]) -> Any:
     """Return polygons and other geometries as one."""
     if others:
         return shapely.GeometryCollection([*polygons, *others])
     return polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
 
 
-def with_seams_closed(features: list[Feature]) -> list[Feature]:
+def close_seams(features: list[Feature]) -> list[Feature]:
     """Return the features as whole shapes: the seams along which they were cut, as at 180 degrees, are closed.
 
     Polygons of one feature that share an edge are one shape. Those of several features are joined only along a meridian, and
@@ -368,7 +368,7 @@ def with_seams_closed(features: list[Feature]) -> list[Feature]:
             changed |= {k: [shape for members, shape in shapes if owner[members[0]] == k] for k in rows}
     for k, polygons in changed.items():
         others = [single for single in _parts(features[k].geometry) if single.geom_type != "Polygon"]
-        geometry = _collected(polygons, others) if polygons or others else None
+        geometry = _collect(polygons, others) if polygons or others else None
         features[k] = replace(features[k], geometry=geometry)
     # A piece that belongs to a feature on the other side of a seam is no feature.
     return [feature for feature in features if feature.geometry is not None]
@@ -526,7 +526,7 @@ def _read_number(text: str, separator: str) -> float:
 
 def whole_polygons(rings: list[Points], path: Path) -> list[Any]:
     """Return the polygons of the rings of one outline: a ring inside of another is a hole, seams are closed."""
-    return _polygons(with_seams_closed([Feature(_combine_rings(rings, path))])[0].geometry)
+    return _polygons(close_seams([Feature(_combine_rings(rings, path))])[0].geometry)
 
 
 def _combine_rings(rings: list[Points], path: Path) -> Any:

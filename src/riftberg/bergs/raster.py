@@ -118,7 +118,7 @@ _MOST_CELLS = 4_000_000
 """Cells of a grid of longitude and latitude to which a projected mask is brought at most."""
 
 
-def unprojected(raster: Raster, marked: Booleans) -> Raster:
+def reproject(raster: Raster, marked: Booleans) -> Raster:
     """Return the part of a projected raster around the marked cells on longitudes and latitudes.
 
     The new cells are half as wide as the old ones at the middle of the marked ones, for their edges lie askew; values are

@@ -21,7 +21,7 @@ import shapely
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.bonding import pieces as connected
 from riftberg.bergs.lattice import Booleans, Lattice, Region, lattice_points
-from riftberg.bergs.raster import Raster, unbroken, unprojected
+from riftberg.bergs.raster import Raster, reproject, unbroken
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
@@ -70,7 +70,7 @@ def filling_plane(
     return ReferencePlane(west, south, 0.5 * (south + north), earth_radius)
 
 
-def centroid_moved(
+def move_centroid(
     plane: FillingPlane,
     centroid: tuple[float, float],
     placement: tuple[float, float] | None,
@@ -194,7 +194,7 @@ class IceMask:
             fraction, level = replace(mask, values=values), threshold
         else:
             fraction, level = replace(mask, values=is_ice.astype(np.float64)), 0.5
-        return cls(unbroken(fraction, is_ice) if mask.crs is None else unprojected(fraction, is_ice), level)
+        return cls(unbroken(fraction, is_ice) if mask.crs is None else reproject(fraction, is_ice), level)
 
     @property
     def there(self) -> Booleans:

@@ -24,7 +24,7 @@ def whole_shapes(polygons: Sequence[Any], *, along_meridian: bool = False) -> li
     ``polygons``: shapely, degrees; ``along_meridian``: whether edges in other directions do not count.
     """
     narrow = max(math.cos(math.radians(float(np.mean(shapely.bounds(polygons)[:, 1::2])))), 1e-3)
-    every = [*polygons, *(_turned(polygon, 1) for polygon in polygons)]
+    every = [*polygons, *(_turn_east(polygon, 1) for polygon in polygons)]
     flat = [shapely.transform(polygon, lambda lonlat: lonlat * (narrow, 1.0)) for polygon in every]
     count, valid = len(polygons), shapely.is_valid(flat)
     beside: list[list[tuple[int, int]]] = [[] for _ in polygons]  # rows and turns of those that share an edge
@@ -44,7 +44,7 @@ def whole_shapes(polygons: Sequence[Any], *, along_meridian: bool = False) -> li
                 if j not in turn:
                     turn[j] = turn[i] + turns
                     members.append(j)
-                    shape = _closed(shapely.union(shape, _turned(polygons[j], turn[j])), narrow)
+                    shape = _close_gaps(shapely.union(shape, _turn_east(polygons[j], turn[j])), narrow)
         shapes.append((members, shape))
     return shapes
 
@@ -74,7 +74,7 @@ def ring_fault(ring: Any) -> str:
     )
 
 
-def _turned(polygon: Any, turns: int) -> Any:
+def _turn_east(polygon: Any, turns: int) -> Any:
     """Return a polygon some turns of the globe further east."""
     return shapely.transform(polygon, lambda lonlat: lonlat + np.array([360.0 * turns, 0.0])) if turns else polygon
 
@@ -95,7 +95,7 @@ def _share_an_edge(first: Any, second: Any, along_meridian: bool) -> bool:
     return not along_meridian or seam.bounds[2] - seam.bounds[0] < 4.0 * METRE
 
 
-def _closed(shape: Any, narrow: float) -> Any:
+def _close_gaps(shape: Any, narrow: float) -> Any:
     """Return a shape without the gaps that the ends of cuts leave where they differ in their last digits."""
     slit = shape.geom_type != "Polygon" or any(
         shapely.Polygon(hole).area < METRE * hole.length for hole in shape.interiors

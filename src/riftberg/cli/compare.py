@@ -27,16 +27,16 @@ from riftberg.cli.options import (
     Settings,
     Without,
     check_folder,
+    check_range,
     console,
     dates,
     load_observed,
     output_folder,
-    reported,
+    report_errors,
     results_folder,
     say,
     table,
     tell,
-    within,
     words_without,
 )
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
@@ -59,7 +59,7 @@ PICTURES: Final = ("comparison.json", "tracks.png")
 """Files that a comparison may write into its folder."""
 
 
-@reported
+@report_errors
 def compare(
     runs: Annotated[
         list[Path],
@@ -124,7 +124,7 @@ def run_folder(run: Path) -> Path:
 
 def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None = None) -> Comparison:
     """Read runs and members of sweeps, and put them side by side."""
-    from riftberg.diagnostics.compare import compare, member_compared, run_compared, trajectory_compared
+    from riftberg.diagnostics.compare import compare, compare_member, compare_run, compare_trajectory
     from riftberg.runs.opendrift import only_one, trajectories_if_any
 
     drifted = {
@@ -142,11 +142,11 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
             start = first["time"].values[0].astype("datetime64[s]").item()
             known_event = _known_event(str(first.attrs.get("experiment", "")), start, observed)
         compared = [
-            trajectory_compared(drifted[run], name, known_event.fixes)
+            compare_trajectory(drifted[run], name, known_event.fixes)
             if run in drifted
-            else member_compared(results[run], name, known_event.fixes)
+            else compare_member(results[run], name, known_event.fixes)
             if split_member(run)
-            else run_compared(run_folder(run), results[run], name, known_event.fixes)
+            else compare_run(run_folder(run), results[run], name, known_event.fixes)
             for run, name in zip(runs, names, strict=True)
         ]
     begin, end = (pick(pick(run.course.times) for run in compared) for pick in (min, max))
@@ -178,13 +178,13 @@ def opened_result(run: Path) -> xr.Dataset:
 
 def _known_event(experiment: str, start: datetime, observed: Path | None) -> RealEvent:
     """Return the observed event that the first run simulates, by its experiment and start."""
-    from riftberg.diagnostics.compare import RealEvent, with_hours
+    from riftberg.diagnostics.compare import RealEvent, set_hours
     from riftberg.diagnostics.observed import Fix
     from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
 
     fixes: list[Fix] = []
     if observed is not None:
-        fixes = with_hours(load_observed(observed).fixes, start.hour + start.minute / 60.0)
+        fixes = set_hours(load_observed(observed).fixes, start.hour + start.minute / 60.0)
         if not fixes:
             raise InputError("no positions", where=f"--observed {observed}", remedy="Outlines: see riftberg score")
     elif experiment.startswith("a68a"):
@@ -215,7 +215,7 @@ def show(result: Comparison) -> None:
         console(40 + 34 * (len(columns) - 1)).print(table, highlight=False)
 
 
-@reported
+@report_errors
 def rerun(
     run: Annotated[
         Path,
@@ -315,7 +315,7 @@ def run_again(
             file.unlink(missing_ok=True)
 
 
-@reported
+@report_errors
 def why(
     run: Run,
     output: OutputBeside = None,
@@ -333,7 +333,7 @@ def why(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress of the controls.")] = False,
 ) -> None:
     """Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls."""
-    from riftberg.diagnostics.why import explain, words
+    from riftberg.diagnostics.why import explain, reason_lines
     from riftberg.runs.layout import check_recorded
     from riftberg.runs.run_file import open_run
     from riftberg.runs.scene import SMALL
@@ -348,7 +348,7 @@ def why(
         if as_json:
             tell(json.dumps(reasons.as_dict(), indent=1))
         else:
-            for k, paragraph in enumerate(words(reasons)):
+            for k, paragraph in enumerate(reason_lines(reasons)):
                 tell(paragraph)
                 if k < len(reasons.breakups):
                     _print_breakup(reasons.breakups[k])
@@ -439,7 +439,7 @@ def _print_breakup(b: Breakup) -> None:
     console(120).print(table)
 
 
-@reported
+@report_errors
 def score(
     run: Run,
     observed: Annotated[
@@ -482,7 +482,7 @@ def score(
     from riftberg.runs.run_file import open_run
     from riftberg.viz.plots import figure_title
 
-    within(hour, "--hour", 0.0, 24.0)
+    check_range(hour, "--hour", 0.0, 24.0)
     check_picture_format(picture)
     names = ("score.json", f"score.{picture}") if figure else ("score.json",)
     with open_run(run) as dataset, results_folder(folder_beside(run, output), names, locked=names) as folder:

@@ -33,16 +33,16 @@ from riftberg.cli.options import (
     Workers,
     announce_compilation,
     check_folder,
+    check_positive,
+    check_range,
     load_observed,
     output_folder,
     pair,
-    positive,
-    reported,
+    report_errors,
     results_folder,
     say,
     tell,
     with_ensemble_options,
-    within,
 )
 from riftberg.config.units import duration_text, quantity_text
 from riftberg.errors import InputError, RunError
@@ -60,7 +60,7 @@ SWEEP_FILES = ("sweep.nc", "sweep.json", "sweep.png")
 """Files that a sweep writes into its folder, beside the folder ``members``."""
 
 
-@reported
+@report_errors
 @with_ensemble_options
 def sweep(
     context: typer.Context,
@@ -97,10 +97,10 @@ def sweep(
     from riftberg.ensembles.vary import Draws, read_design
 
     with allow_large(shared.large):
-        positive(every, "--every", "hours", most=1e6)
+        check_positive(every, "--every", "hours", most=1e6)
         announce_compilation(shared.quiet)
         if join is not None:
-            _run(joined(context, join, "sweep"), replace(shared, workers=0), draw=map_)
+            _run(join_store(context, join, "sweep"), replace(shared, workers=0), draw=map_)
             return
 
         def make(experiment: str) -> Plan:
@@ -113,15 +113,15 @@ def sweep(
             variations = (vary or []) if design is None else read_design(design)
             return planned(experiment, variations, shared.checked(), every, cells, draws, design=design is not None)
 
-        store = opened(context, "sweep", experiment, make, SWEEP_FILES, shared, members, part)
+        store = open_store(context, "sweep", experiment, make, SWEEP_FILES, shared, members, part)
         _run(store, shared, draw=map_)
 
 
-def opened(
+def open_store(
     context: typer.Context, command: str, experiment: str | None, make: Callable[[str], Plan], results: Sequence[str],
     shared: EnsembleOptions, members: int | None, part: str | None = None,
 ) -> Store:  # fmt: skip
-    """Return an ensemble at its start, checked, or one that goes on in its folder (see `resumed`)."""
+    """Return an ensemble at its start, checked, or one that goes on in its folder (see `resume_store`)."""
     from riftberg.ensembles.sweep import Store
 
     of_many = _part(part)
@@ -135,7 +135,7 @@ def opened(
                 "a sweep that goes on stays what it is, in its folder", where="--resume",
                 remedy=f"Leave out {', '.join(changed)}",
             )  # fmt: skip
-        return resumed(shared.resume, experiment, members, "forecast" if command == "forecast" else "sweep")
+        return resume_store(shared.resume, experiment, members, "forecast" if command == "forecast" else "sweep")
     if experiment is None:
         raise InputError(
             "no experiment is named", where=command, remedy="Name one, or go on with one by --resume FOLDER"
@@ -146,14 +146,14 @@ def opened(
     return Store(folder, plan, resume=False, part=of_many)
 
 
-def joined(context: typer.Context, folder: Path, kind: str) -> Store:
+def join_store(context: typer.Context, folder: Path, kind: str) -> Store:
     """Return the parts of a sweep or forecast in a folder as one that has nothing left to run; say what is missing."""
     from riftberg.ensembles.sweep import join_parts
 
     if options_given(context, *KEPT, "experiment", "resume", "part", "members"):
         raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
     missing = join_parts(folder)
-    store = resumed(folder, kind=kind)
+    store = resume_store(folder, kind=kind)
     if missing:
         numbers = ", ".join(map(str, missing[:10])) + (", ..." if len(missing) > 10 else "")
         say(f"Missing: part{'s' if len(missing) > 1 else ''} {numbers}; {len(store.waiting())} members wait")
@@ -182,7 +182,7 @@ def options_given(context: typer.Context, *names: str) -> list[str]:
     return [(p.secondary_opts or p.opts)[0] for p, source in sources.items() if source and source.name == "COMMANDLINE"]
 
 
-def resumed(folder: Path, experiment: str | None = None, members: int | None = None, kind: str = "sweep") -> Store:
+def resume_store(folder: Path, experiment: str | None = None, members: int | None = None, kind: str = "sweep") -> Store:
     """Return the sweep in a folder with the members that are done; more members may be drawn than before."""
     from riftberg.ensembles.sweep import Store, draws_of, planned, read_plan
     from riftberg.experiments.registry import Options
@@ -292,7 +292,7 @@ FORECAST_FILES = ("forecast.nc", "sweep.json", "control.nc", "forecast.png")
 """Files that a forecast writes into its folder, beside the folder ``members``."""
 
 
-@reported
+@report_errors
 @with_ensemble_options
 def forecast(
     context: typer.Context,
@@ -319,12 +319,12 @@ def forecast(
         return forecast_plan(experiment, vary or [], shared.checked(), every, draws, defaults=default_errors)
 
     with allow_large(shared.large):
-        positive(every, "--every", "hours", most=1e6)
+        check_positive(every, "--every", "hours", most=1e6)
         announce_compilation(shared.quiet)
         if join is not None:
-            store, shared = joined(context, join, "forecast"), replace(shared, workers=0)
+            store, shared = join_store(context, join, "forecast"), replace(shared, workers=0)
         else:
-            store = opened(context, "forecast", experiment, make, FORECAST_FILES, shared, members, part)
+            store = open_store(context, "forecast", experiment, make, FORECAST_FILES, shared, members, part)
         if not shared.quiet:
             say(errors_line(store.plan.varied))
             if note := order_line([text.partition("~")[0].partition("=")[0] for text in vary or ()]):
@@ -363,7 +363,7 @@ def first_picture(result: xr.Dataset, path: Path) -> None:
         say(f"{path}: a first picture, of {int((result['status'] == 0).sum())} members")
 
 
-@reported
+@report_errors
 def product_errors(
     first: Annotated[Path, typer.Argument(metavar="FIRST", help="File of a product with currents.")],
     second: Annotated[Path, typer.Argument(metavar="SECOND", help="File of another one, of the same days and area.")],
@@ -379,7 +379,7 @@ def product_errors(
     tell("  A lower bound: errors that both products share are not in their difference.")
 
 
-@reported
+@report_errors
 def update(
     folder: Annotated[Path, typer.Argument(help="Folder of a forecast.")],
     observed: Annotated[
@@ -414,13 +414,13 @@ def update(
     from riftberg.runs.progress import SweepBar
     from riftberg.verification.sightings import FEWEST, drawn_anew, log_likelihood, weighted
 
-    within(error, "--error", 0.01, 1000.0)
-    within(azimuth_error, "--azimuth-error", 0.1, 90.0)
-    within(doubt, "--doubt", 0.01, 50.0)
-    within(hour, "--hour", 0.0, 24.0)
+    check_range(error, "--error", 0.01, 1000.0)
+    check_range(azimuth_error, "--azimuth-error", 0.1, 90.0)
+    check_range(doubt, "--doubt", 0.01, 50.0)
+    check_range(hour, "--hour", 0.0, 24.0)
     if not read_plan(folder).get("forecast"):
         raise InputError("holds a sweep, no forecast", where=str(folder), remedy="Name a folder of 'riftberg forecast'")
-    store = resumed(folder, kind="forecast")
+    store = resume_store(folder, kind="forecast")
     new = output or folder.with_name(f"{folder.name}-updated")
     seen = None if observed is None else load_observed(observed)
     dates = {
@@ -473,7 +473,7 @@ HAZARDS = ("hazard.geojson", "hazard.kml", "hazard.nc", "hazard.csv", "near.csv"
 """Files of a folder of hazards; the last one where a place is named."""
 
 
-@reported
+@report_errors
 def hazard(
     folder: Annotated[Path, typer.Argument(help="Folder of a forecast, or its forecast.nc.")],
     output: Annotated[

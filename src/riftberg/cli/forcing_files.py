@@ -18,16 +18,16 @@ import typer
 from riftberg.cli.options import (
     Names,
     Quiet,
-    as_named,
     check_output,
+    check_positive,
+    check_range,
     dates,
     list_entries,
+    match_names,
     pair,
-    positive,
-    reported,
+    report_errors,
     results_folder,
     tell,
-    within,
 )
 from riftberg.errors import InputError, RiftbergError
 from riftberg.system.input_files import in_folder
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 EXIT_LACKING = 1
 
 
-@reported
+@report_errors
 def doctor(
     files: Annotated[
         list[str] | None,
@@ -76,7 +76,7 @@ def doctor(
     from riftberg.ocean.doctor import ASSUMED, NEEDED, Report
     from riftberg.ocean.doctor import doctor as examine
 
-    requirements = _required(experiment, bool(files)) if experiment else Requirements()
+    requirements = _read_requirements(experiment, bool(files)) if experiment else Requirements()
     if not files and not requirements.files and not requirements.spared >= {*NEEDED}:
         remedy = requirements.remedy or "riftberg doctor 'data/*.nc', or --for my.yaml"
         raise InputError("no files were named", where="FILES", remedy=remedy)
@@ -84,7 +84,7 @@ def doctor(
         (pair(lon, "--lon") or requirements.lon, pair(lat, "--lat") or requirements.lat),
         dates(time) or requirements.time,
     )
-    chosen_files, choices = as_named(files or (), product, names)
+    chosen_files, choices = match_names(files or (), product, names)
     report = examine(
         chosen_files or requirements.files, lon=box[0], lat=box[1], time=days,
         needed=[*(name for name in NEEDED if name not in requirements.spared), *(need or ())],
@@ -94,10 +94,10 @@ def doctor(
     ) if files or requirements.files else Report()  # fmt: skip
     # Another path, box or span than that of the experiment needs more than a run does.
     if experiment and not (run or lon or lat or time) and (not files or experiment.endswith(_YAML)):
-        report.refusal, report.assumed, floor = _tried(experiment, chosen_files, choices)
+        report.refusal, report.assumed, floor = _try_run(experiment, chosen_files, choices)
         report.notes += [floor] if floor else []
     elif not experiment and not run and box[0] and box[1] and days:
-        report.refusal = _served(chosen_files, (box[0], box[1]), days, choices) or None
+        report.refusal = _try_files(chosen_files, (box[0], box[1]), days, choices) or None
     tell(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
     if not report.ready:
         raise typer.Exit(EXIT_LACKING)
@@ -125,7 +125,7 @@ class Requirements(NamedTuple):
 _YAML = (".yaml", ".yml")
 
 
-def _tried(experiment: str, files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[str, list[str], str]:
+def _try_run(experiment: str, files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[str, list[str], str]:
     """Return why a run of an experiment does not start, the assumptions of ``riftberg run``, and keel and floor."""
     from riftberg.cli.run import check_start, collect_notices
     from riftberg.experiments import Options, build
@@ -140,7 +140,7 @@ def _tried(experiment: str, files: Sequence[str], choices: Mapping[str, Choice])
     return "", collect_notices(info, model, options, info.output_every_hours), keel_line(model)
 
 
-def _served(
+def _try_files(
     files: Sequence[str],
     box: tuple[tuple[float, float], tuple[float, float]],
     days: tuple[datetime, datetime],
@@ -161,7 +161,7 @@ def _served(
     return ""
 
 
-def _required(name: str, files_named: bool) -> Requirements:
+def _read_requirements(name: str, files_named: bool) -> Requirements:
     """Return the requirements of an experiment on its files; ``files_named`` if others are named."""
     if name.endswith(_YAML):
         from riftberg.experiments.yaml_file import read_file
@@ -234,7 +234,7 @@ PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")
 POSITIONS = ("byu", "usnic")
 
 
-@reported
+@report_errors
 def fetch(
     what: Annotated[
         str,
@@ -264,7 +264,7 @@ def fetch(
     quiet: Quiet = False,
 ) -> None:
     """Download forcing files; an interrupted download resumes where it stopped."""
-    positive(depth, "--depth", "m", most=12_000.0)
+    check_positive(depth, "--depth", "m", most=12_000.0)
     folder = folder or Path("riftberg-data") / what
     if what == "a68a":
         from riftberg.fetching.fetch import HOURLY, fetch_a68a
@@ -312,7 +312,7 @@ SUITABLE: Final = {"glorys": "", "era5": " --fields wind", "gebco": ""}
 """Products of a run, with the options of ``riftberg fetch``."""
 
 
-@reported
+@report_errors
 def new(
     berg: Annotated[str, typer.Argument(help="Name of a berg, such as A23a.")],
     date: Annotated[str, typer.Option("--date", help="Day of the start, such as 2025-01-10.")],
@@ -340,7 +340,7 @@ def new(
     from riftberg.experiments.yaml_file import read_file
     from riftberg.system.atomic_files import write_text
 
-    positive(days, "--days", "days", most=400.0)
+    check_positive(days, "--days", "days", most=400.0)
     start = parse_date(date, where="--date")[0]
     if shape not in ("ellipse", "rectangle"):
         raise InputError(f"{shape!r} is no shape", where="--shape", remedy="Use ellipse or rectangle")
@@ -348,7 +348,7 @@ def new(
     given_axes = None
     if size is not None:
         given_axes = _axes_given(size)
-    within(azimuth, "--azimuth", -360.0, 360.0)
+    check_range(azimuth, "--azimuth", -360.0, 360.0)
     if outline is not None:
         where = str(outline)
         check_outline(select_outline(read_features(outline), where=where).geometry, where=where)

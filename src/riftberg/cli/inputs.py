@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.ensembles import opened, run_members
+from riftberg.cli.ensembles import open_store, run_members
 from riftberg.cli.options import (
     AzimuthError,
     BergInFile,
@@ -24,16 +24,16 @@ from riftberg.cli.options import (
     WholeUntil,
     announce_compilation,
     check_folder,
+    check_positive,
+    check_range,
     load_observed,
     make_options,
     output_folder,
-    positive,
-    reported,
+    report_errors,
     results_folder,
     say,
     tell,
     with_ensemble_options,
-    within,
 )
 from riftberg.errors import InputError, RunError
 from riftberg.system.input_files import allow_large
@@ -47,7 +47,7 @@ RESULTS = ("sweep.nc", "sweep.json", "sensitivity.csv", "sensitivity.png")
 """Files that the command writes into its folder, beside the folder ``members``."""
 
 
-@reported
+@report_errors
 @with_ensemble_options
 def sensitivity(
     context: typer.Context,
@@ -93,7 +93,7 @@ def sensitivity(
 
     with allow_large(shared.large):
         announce_compilation(shared.quiet)
-        store = opened(context, "sensitivity", experiment, make, RESULTS, shared, draws)
+        store = open_store(context, "sensitivity", experiment, make, RESULTS, shared, draws)
         plan = store.plan
         if seen is not None:  # refused before the runs, not after them
             if not plan.first.parameters.earth.latlon:
@@ -103,7 +103,7 @@ def sensitivity(
             end = plan.start + timedelta(days=plan.days)
             during(*sightings_of(seen, berg, plan.start, None), plan.start, end, str(observed))
         for day in at_day or ():
-            positive(day, "--at-day", "days", most=plan.days)
+            check_positive(day, "--at-day", "days", most=plan.days)
         if not shared.quiet:
             say(
                 f"{len(plan.members)} runs of {plan.days:g} days: {plan.draws.number} draws by the plan {plan.draws.plan}"
@@ -162,7 +162,7 @@ ASKED = "calibration.json"
 """File that says what is calibrated, for `--resume`."""
 
 
-@reported
+@report_errors
 @with_ensemble_options
 def calibrate(
     context: typer.Context,
@@ -199,10 +199,10 @@ def calibrate(
     from riftberg.verification.calibrate import Errors
     from riftberg.verification.calibrate import calibrate as calibrated
 
-    within(error, "--error", 0.01, 1000.0)
-    within(azimuth_error, "--azimuth-error", 0.1, 90.0)
-    within(model_error, "--model-error", 0.0, 1000.0)
-    within(hour, "--hour", 0.0, 24.0)
+    check_range(error, "--error", 0.01, 1000.0)
+    check_range(azimuth_error, "--azimuth-error", 0.1, 90.0)
+    check_range(model_error, "--model-error", 0.0, 1000.0)
+    check_range(hour, "--hour", 0.0, 24.0)
     # What is calibrated, as it was given; where and how it runs may be another when it goes on.
     request: dict[str, Any] = {
         name: str(value.absolute()) if isinstance(value, Path) else value
@@ -260,7 +260,7 @@ def calibrate(
                 say(f"What is done stays. Go on with: riftberg calibrate --resume {folder}")
             raise
         write_results(calibration, folder, figure=figure)
-    for line in told(calibration, errors):
+    for line in calibration_lines(calibration, errors):
         tell(line)
     tell(f"Written to {folder}: {', '.join(names)}")
 
@@ -295,7 +295,7 @@ def write_results(calibration: Any, folder: Path, *, figure: bool = True) -> Non
         draw_predictive(calibration, folder / CALIBRATION[3])
 
 
-def told(calibration: Any, errors: Any) -> list[str]:
+def calibration_lines(calibration: Any, errors: Any) -> list[str]:
     """Return a calibration in a few lines."""
     from riftberg.verification.calibrate import MODEL_ERROR, UNKNOWN
 

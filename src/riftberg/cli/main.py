@@ -100,7 +100,7 @@ class Commands(TyperGroup):
         """Return a command, loaded."""
         if super().get_command(ctx, cmd_name) is None:
             return None
-        command = typer.main.get_command(_alone(cmd_name))
+        command = typer.main.get_command(_single_command(cmd_name))
         _take_flags_as_they_are(command, ctx)
         return command
 
@@ -132,7 +132,7 @@ def _refusal(finding: Any) -> str:
     return f"{finding_text(finding)}. Give {expected}{bounds}"
 
 
-def _alone(name: str) -> typer.Typer:
+def _single_command(name: str) -> typer.Typer:
     from riftberg.cli.options import verbose
 
     single = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -159,7 +159,7 @@ class App(typer.Typer):
         """All commands, loaded; none for typer itself, which would load them all before it runs one (`Commands` does that)."""
         if sys._getframe(1).f_globals.get("__name__") == "typer.main":
             return []
-        return [info for name in SUMMARIES for info in _alone(name).registered_commands]
+        return [info for name in SUMMARIES for info in _single_command(name).registered_commands]
 
     @registered_commands.setter
     def registered_commands(self, commands: list[CommandInfo]) -> None:

@@ -148,14 +148,14 @@ OutputFolder = Annotated[
 OutputBeside = Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")]
 
 
-def positive(value: float | None, option: str, unit: str, most: float = math.inf) -> None:
+def check_positive(value: float | None, option: str, unit: str, most: float = math.inf) -> None:
     """Refuse an option that is no finite number above 0."""
     if value is not None and not (0.0 < value <= most and math.isfinite(value)):
         to = f", at most {most:g}" if math.isfinite(most) else ""
         raise InputError(f"{value:g} {unit}", where=option, remedy=f"Give a number above 0{to or ', not infinity'}")
 
 
-def within(value: float | None, option: str, low: float, high: float) -> None:
+def check_range(value: float | None, option: str, low: float, high: float) -> None:
     """Refuse an option outside its limits; NaN is outside of all."""
     if value is not None and not low <= value <= high:
         raise InputError(f"{value:g} is not possible", where=option, remedy=f"Give a number from {low:g} to {high:g}")
@@ -219,7 +219,7 @@ def make_options(
         raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference, or both")
     if grid is not None and not 1e-4 <= grid <= 5.0:
         raise InputError(f"{grid:g} degrees", where="--grid", remedy="Give a number from 0.0001 (some 10 m) to 5")
-    positive(days, "--days", "days")
+    check_positive(days, "--days", "days")
     if data is not None and not is_folder(data) and not fetch:
         raise InputError("no such folder", where=f"--data {data}", remedy="Name a folder with data files")
     changes: dict[str, dict[str, Any]] = {}
@@ -372,7 +372,9 @@ def results_folder(
         raise
 
 
-def as_named(files: Sequence[str], product: str | None, names: str | None) -> tuple[Sequence[str], dict[str, Choice]]:
+def match_names(
+    files: Sequence[str], product: str | None, names: str | None
+) -> tuple[Sequence[str], dict[str, Choice]]:
     """Return the files that patterns name, and for each the product and the variable names that it holds."""
     if not names:
         return files, dict.fromkeys(files, product)
@@ -412,7 +414,7 @@ def named_files(experiment: str, names: str, data: Path | None) -> tuple[Any, ..
         file: entry.choice for file, entry in zip(paths, forcing.entries, strict=True) if entry.product or entry.names
     }
     free = [file for file in paths if file not in preset]
-    files, choices = as_named(free, None, names)
+    files, choices = match_names(free, None, names)
     return list_entries([*preset, *files], preset | choices)
 
 
@@ -431,7 +433,7 @@ EXIT_ERROR: Final = 2
 EXIT_INTERRUPTED: Final = 130
 
 
-def reported(command: Callable[P, R]) -> Callable[P, R]:
+def report_errors(command: Callable[P, R]) -> Callable[P, R]:
     """Turn errors that Riftberg raises on purpose, and refusals of the system, into a message and exit code 2.
 
     An interrupt has the code 130.
@@ -450,7 +452,7 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
             say(f"Error: {error}")
             raise typer.Exit(EXIT_ERROR) from error
         except OSError as error:
-            say(f"Error: {_refused(error)}")
+            say(f"Error: {_system_message(error)}")
             raise typer.Exit(EXIT_ERROR) from error
         except MemoryError as error:
             say(
@@ -465,7 +467,7 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
     return wrapped
 
 
-def _refused(error: OSError) -> str:
+def _system_message(error: OSError) -> str:
     """Return the message of a system error, with its file."""
     prefix = f"{error.filename}: " if error.filename is not None else ""
     remedy = "" if error.errno == errno.ENOLCK else ". Name a place that can be used, with room on its disk"

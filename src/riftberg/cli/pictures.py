@@ -13,12 +13,12 @@ from riftberg.cli.options import (
     OutputBeside,
     Quiet,
     check_output,
+    check_positive,
+    check_range,
     load_observed,
-    positive,
-    reported,
+    report_errors,
     results_folder,
     tell,
-    within,
 )
 from riftberg.errors import InputError
 from riftberg.system.atomic_files import only_writer
@@ -88,7 +88,7 @@ def picture_path(run: Path, wished: Path | None, name: str, *, observed: Path | 
         yield path
 
 
-def seen(path: Path | None) -> Observations:
+def observations_or_none(path: Path | None) -> Observations:
     """Return observed outlines, none where no file was named."""
     from riftberg.diagnostics.observed import Observations
 
@@ -104,7 +104,7 @@ def seen(path: Path | None) -> Observations:
 
 def outlines(path: Path | None) -> dict[str, list[Any]]:
     """Return observed outlines by day, empty where no file was named."""
-    return seen(path).rings_by_day()
+    return observations_or_none(path).rings_by_day()
 
 
 def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) -> list[np.datetime64]:
@@ -131,7 +131,7 @@ def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) ->
 KINDS = ("map", "dates", "stress", "timeline", "damage", "melt")
 
 
-@reported
+@report_errors
 def plot(
     run: Run,
     output: OutputBeside = None,
@@ -155,7 +155,7 @@ def plot(
         if name not in KINDS:
             raise InputError(f"{name!r} is not known", where="--kind", remedy=f"Use {', '.join(KINDS)}")
     check_picture_format(picture)
-    observations = seen(observed)
+    observations = observations_or_none(observed)
     with open_run(run) as dataset:
         kinds = kind or usual_kinds(dataset)
         files = [f"{name}.{picture}" for name in dict.fromkeys(kinds)]
@@ -163,10 +163,14 @@ def plot(
         rings = observations.rings_by_day()
         with results_folder(folder_beside(run, output), files, locked=files) as folder:
             for name in kinds:
-                tell(_drawn(name, dataset, folder / f"{name}.{picture}", when, rings, known(projection), dpi))
+                tell(
+                    _draw_kind(
+                        name, dataset, folder / f"{name}.{picture}", when, rings, find_projection(projection), dpi
+                    )
+                )
 
 
-def known(name: str) -> Projection:
+def find_projection(name: str) -> Projection:
     """Return a projection by its name."""
     from riftberg.viz.panels import PROJECTIONS
 
@@ -183,7 +187,7 @@ def usual_kinds(run: xr.Dataset) -> list[str]:
     return ["dates", *bonds, "timeline", *(["damage"] if "damage" in run else []), *(["melt"] if melts else [])]
 
 
-def _drawn(
+def _draw_kind(
     name: str, run: xr.Dataset, path: Path, when: list[np.datetime64], rings: dict[str, list[Any]],
     projection: Projection, dpi: int,
 ) -> Path:  # fmt: skip
@@ -203,7 +207,7 @@ def _drawn(
     return draw(run, path, dates=when, projection=projection, dpi=dpi)
 
 
-@reported
+@report_errors
 def animate(
     run: Run,
     output: Annotated[
@@ -227,14 +231,14 @@ def animate(
     from riftberg.runs.run_file import open_run
     from riftberg.viz.animate import default_ending
 
-    positive(hours, "--hours", "hours", most=1e6)
+    check_positive(hours, "--hours", "hours", most=1e6)
     rings = outlines(observed)
     with (
         open_run(run) as dataset,
         picture_path(run, output, "film" + default_ending(), observed=observed) as goal,
     ):
         check_frames(dataset["time"].values, hours)
-        path = _filmed(dataset, goal, hours, fps, dpi, rings, known(projection), quiet)
+        path = _film_run(dataset, goal, hours, fps, dpi, rings, find_projection(projection), quiet)
     tell(path)
 
 
@@ -252,7 +256,7 @@ def check_frames(times: Any, hours: float | None) -> None:
         )  # fmt: skip
 
 
-def _filmed(
+def _film_run(
     dataset: Any, goal: Path, hours: float | None, fps: int | None, dpi: int | None, rings: Any,
     projection: Projection, quiet: bool,
 ) -> Path:  # fmt: skip
@@ -269,7 +273,7 @@ def _filmed(
         )  # fmt: skip
 
 
-@reported
+@report_errors
 def replay(
     run: Annotated[
         Path,
@@ -291,11 +295,11 @@ def replay(
     from riftberg.runs.run_file import open_run
     from riftberg.viz.replay import write_replay
 
-    within(largest, "--largest", 0.5, 1000.0)
+    check_range(largest, "--largest", 0.5, 1000.0)
     if output is not None and output.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{output.name[:60]!r} is no name of a web page", where="--output", remedy="Name it PAGE.html")
     rings = outlines(observed)
-    run, members = _of_forecast(run)
+    run, members = _split_forecast(run)
     with (
         open_run(run) as dataset,
         picture_path(run, output, "replay.html", observed=observed) as goal,
@@ -306,7 +310,7 @@ def replay(
         typer.launch(str(path))
 
 
-def _of_forecast(run: Path) -> tuple[Path, ForecastMembers | None]:
+def _split_forecast(run: Path) -> tuple[Path, ForecastMembers | None]:
     """Return the run to play, and the members around it where a forecast was named."""
     file = run / "forecast.nc" if is_folder(run) and not (run / "run.nc").exists() else run
     if file.name != "forecast.nc" or not file.exists():

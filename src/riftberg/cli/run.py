@@ -25,15 +25,15 @@ from riftberg.cli.options import (
     announce_compilation,
     check_folder,
     check_output,
+    check_positive,
+    check_range,
     make_options,
     named_files,
     output_folder,
-    positive,
-    reported,
+    report_errors,
     results_folder,
     say,
     tell,
-    within,
     words_without,
 )
 from riftberg.errors import InputError, RiftbergError, RunError
@@ -68,7 +68,7 @@ MOST_BERGS: Final = 6
 BOTH: Final[tuple[Numerics, ...]] = ("reference", "own")
 
 
-@reported
+@report_errors
 def run(
     context: typer.Context,
     experiment: Annotated[
@@ -134,9 +134,9 @@ def run(
         options = make_options(plain, days, data, without, single_numerics, fetch, grid)
         if names is not None:
             options = replace(options, files=named_files(experiment, names, data))
-        positive(every, "--every", "hours", most=1e6)
-        positive(keep_days, "--keep-days", "days", most=1e6)
-        within(keep_minutes, "--keep-minutes", 0.0, 1e6)
+        check_positive(every, "--every", "hours", most=1e6)
+        check_positive(keep_days, "--keep-days", "days", most=1e6)
+        check_range(keep_minutes, "--keep-minutes", 0.0, 1e6)
         words = ["riftberg", *context.find_root().obj]
         run_options = RunOptions(
             output,
@@ -218,7 +218,7 @@ def _run_one(experiment: str, options: Options, run_options: RunOptions, resume:
             where="--output",
             remedy="Leave --output out, or name a file to resume",
         )
-    model, info, parameters = built(experiment, options, resume, run_options)
+    model, info, parameters = build_run(experiment, options, resume, run_options)
     info = run_options.extend_info(info)
     _print_notices(info, model, options, run_options)
     # A state knows the parameters that were set for it, and takes no others.
@@ -319,7 +319,7 @@ def experiments() -> None:
         tell(f"{entry.name:{width}}  {entry.summary}{options_text}")
 
 
-def _beside(folder: Path) -> Path:
+def _free_folder(folder: Path) -> Path:
     """Return a folder beside one, that holds nothing yet: the files of the part that was run stay as they are."""
     number = 2
     while (free := folder.with_name(f"{folder.name}-{number}")).exists():
@@ -327,7 +327,7 @@ def _beside(folder: Path) -> Path:
     return free
 
 
-def built(
+def build_run(
     experiment: str, options: Options, resume: Path | None, run_options: RunOptions
 ) -> tuple[Model, Info, Parameters]:
     """Return the model at its start or where it goes on, and the parameters of the experiment."""
@@ -434,7 +434,7 @@ class Session:
             ProgressRecorder(remaining, quiet=self.run_options.quiet),
         ]
         if self.info.output_cells is not None:
-            recorders.append(self._on_cells(self.info.output_cells, every_hours))
+            recorders.append(self._cell_recorder(self.info.output_cells, every_hours))
         first_step = self.model.step_number
         if not self.run_options.quiet:
             say(berg_line(self.model))
@@ -450,15 +450,15 @@ class Session:
             if self.model.step_number == first_step:
                 writer.discard()
                 raise RunError(f"the run failed in its first step: {error}. Nothing was written") from error
-            raise RunError(f"the run failed at {self._date()}: {error}. {self._saved('failed')}") from error
+            raise RunError(f"the run failed at {self._date()}: {error}. {self._save_state('failed')}") from error
         except Exception:
             if self.model.step_number == first_step:
                 writer.discard()
                 raise
-            say(f"The run failed at {self._date()}. {self._saved('failed')}")
+            say(f"The run failed at {self._date()}. {self._save_state('failed')}")
             raise
 
-    def _on_cells(self, width: float, every_hours: float) -> Recorder:
+    def _cell_recorder(self, width: float, every_hours: float) -> Recorder:
         """Return the recorder of fresh water, heat and mass on cells."""
         from riftberg.coupling.gridded import GridRecorder
 
@@ -472,14 +472,14 @@ class Session:
         try:
             self.model.advance(days, recorders=recorders, step=self.step)
         except (KeyboardInterrupt, SystemExit) as error:
-            say(f"Interrupted at {self._date()}. {self._saved('interrupted')}")
+            say(f"Interrupted at {self._date()}. {self._save_state('interrupted')}")
             self.report(draw=False)
             raise typer.Exit(getattr(error, "code", EXIT_INTERRUPTED)) from error
 
     def _date(self) -> str:
         return f"{self.model.date:%Y-%m-%d %H:%M} (day {self.model.time / 86400.0:.2f})"
 
-    def _saved(self, why: str) -> str:
+    def _save_state(self, why: str) -> str:
         """Save the state and say how to go on."""
         from riftberg.experiments.changes import setting
 
@@ -490,7 +490,7 @@ class Session:
         # The restart file knows the parameters; the files of the part that was run stay as they are.
         words = words_without(self.run_options.words, "--output", "-o", "--resume", "--set", "-s")
         words += [word for name, value in self.run_options.errors.items() for word in ("--set", setting(name, value))]
-        output_words = ["--output", str(_beside(self.folder))] if self.placed else []
+        output_words = ["--output", str(_free_folder(self.folder))] if self.placed else []
         return f"Go on with: {shlex.join([*words, *output_words, '--resume', str(path)])}"
 
     def report(self, *, draw: bool = True) -> None:
@@ -504,7 +504,7 @@ class Session:
         files = ["run.nc", "summary.json", *(path.name for path in self.gridded if path.exists())]
         if draw:
             from riftberg.runs.run_file import open_own
-            from riftberg.viz.coast import over_land
+            from riftberg.viz.coast import ice_over_land
             from riftberg.viz.map import draw_map
 
             with open_own(self.folder / "run.nc") as dataset:
@@ -512,7 +512,7 @@ class Session:
                     dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
                     observed=self.info.observed or self.info.statics,
                 )  # fmt: skip
-                if ashore := over_land(dataset):
+                if ashore := ice_over_land(dataset):
                     say(f"Notice: {ashore}")
             files.append("map.png")
         for line in short_summary(summary):
@@ -628,7 +628,7 @@ def _areas(km2: Sequence[float], count: int) -> str:
     return f"{areas}{' ...' if count > len(numbers) else ''} {name}"
 
 
-@reported
+@report_errors
 def kid(
     case: Annotated[Path, typer.Argument(help="Folder with input.nml and the restart files named in it.")],
     output: Annotated[

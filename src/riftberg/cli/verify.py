@@ -14,15 +14,15 @@ from riftberg.cli.options import (
     Hour,
     PositionError,
     check_folder,
+    check_range,
     console,
     dates,
     load_observed,
-    reported,
+    report_errors,
     results_folder,
     say,
     table,
     tell,
-    within,
 )
 from riftberg.config.units import minute_text
 from riftberg.errors import InputError
@@ -37,7 +37,7 @@ FILES = ("verification.json", "verification.png")
 """Files that the command writes."""
 
 
-@reported
+@report_errors
 def verify(
     pairs: Annotated[
         list[Path],
@@ -76,8 +76,8 @@ def verify(
     from riftberg.verification.forecast import report, verified
     from riftberg.verification.sightings import pieces_of
 
-    within(error, "--error", 0.0, 100.0)
-    within(hour, "--hour", 0.0, 24.0)
+    check_range(error, "--error", 0.0, 100.0)
+    check_range(hour, "--hour", 0.0, 24.0)
     if len(pairs) % 2:
         raise InputError(f"{len(pairs)} paths", where="verify", remedy="Give FOLDER OBSERVED, both for each forecast")
     count = len(pairs) // 2
@@ -85,7 +85,7 @@ def verify(
     names = FILES if figure else FILES[:1]
     check_folder(folder, names)
     seen_broken, seen_whole = _dates(broken, "--broken", count), _dates(whole_until, "--whole-until", count)
-    dressed = None if tracks is None else _dressed(tracks)
+    dressed = None if tracks is None else _dress_baselines(tracks)
     forecasts = [
         verified(
             open_sweep(pairs[2 * k]), load_observed(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
@@ -118,7 +118,7 @@ def _dates(texts: list[str] | None, option: str, count: int) -> list[datetime | 
     return [None if text == "never" else parse_date(text, where=option)[0] for text in texts]
 
 
-def _dressed(tracks: Path) -> Callable[[str], dict[str, Any]]:
+def _dress_baselines(tracks: Path) -> Callable[[str], dict[str, Any]]:
     """Return a function that gives the baselines, with their errors on training bergs, for the name of a berg."""
     from riftberg.verification.tracks import LEADS, dressed_without, read_cases
 
@@ -204,7 +204,7 @@ SUITE_FILES = ("cases.csv", "suite.json", "suite.md", "suite.png")
 """Files that the command writes, for tracks and for a suite."""
 
 
-@reported
+@report_errors
 def verify_tracks(
     tracks: Annotated[
         Path | None, typer.Argument(metavar="[TRACKS]", help="Folder of the tables of BYU and NIC, one CSV a berg.")
@@ -246,13 +246,13 @@ def verify_tracks(
 
     from riftberg.verification.tracks import BASELINES, read_cases, read_forecasts, write_cases
 
-    within(error, "--error", 0.0, 100.0)
+    check_range(error, "--error", 0.0, 100.0)
     if (tracks is None) == (suite is None):
         raise InputError("no tracks" if suite is None else "tracks and a suite", where="verify-tracks",
                          remedy="Give TRACKS, or --suite FOLDER")  # fmt: skip
     if tracks is None:
         assert suite is not None
-        models = {} if model is None else {model: _imported(model)}
+        models = {} if model is None else {model: _import_function(model)}
         models |= {} if forecasts is None else {forecasts.name: read_forecasts(forecasts, complete=False)}
         _verify_suite(suite, entrants, models, reference, output, as_json=as_json)
         return
@@ -261,10 +261,10 @@ def verify_tracks(
     cases = _between(read_cases(tracks, _leads(leads)), between)
     models = dict(BASELINES)
     if model is not None:
-        models[model] = _imported(model)
+        models[model] = _import_function(model)
     if forecasts is not None:
         models[forecasts.name] = read_forecasts(forecasts)
-    result = _scored(models, cases, bergs, error)
+    result = _score_models(models, cases, bergs, error)
     if as_json:
         tell(json.dumps(result, indent=1))
     else:
@@ -334,7 +334,7 @@ def _between(cases: list[Case], text: str | None) -> list[Case]:
     return cases_within
 
 
-def _imported(name: str) -> Any:
+def _import_function(name: str) -> Any:
     """Return a function by ``module:function``; modules of the working folder too."""
     import importlib
     import os
@@ -358,7 +358,7 @@ def _imported(name: str) -> Any:
     return target
 
 
-def _scored(models: dict[str, DriftModel], cases: list[Case], bergs: str, error: float) -> dict[str, Any]:
+def _score_models(models: dict[str, DriftModel], cases: list[Case], bergs: str, error: float) -> dict[str, Any]:
     """Return the tables of all models: errors on the bergs chosen, and scores of ensembles on those held out."""
     from riftberg.verification.tracks import BASELINES, Dressed, ensemble_table, errors_of, forecast, table
 

@@ -27,7 +27,7 @@ from riftberg.diagnostics.score import root_mean_square
 from riftberg.diagnostics.summary import read_summary
 from riftberg.ocean.grid import haversine
 from riftberg.parameters import GROUPS
-from riftberg.runs.accessor import Course, Event, aligned, apart, find_course
+from riftberg.runs.accessor import Course, Event, align_breakups, compare_courses, find_course
 from riftberg.runs.layout import COMMAND, FILE, run_parameters
 from riftberg.runs.opendrift import Trajectory
 from riftberg.runs.run_file import open_run
@@ -78,7 +78,7 @@ def differences(summaries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
     return rows
 
 
-def own_lines(texts: Sequence[str]) -> list[str]:
+def differing_lines(texts: Sequence[str]) -> list[str]:
     """Return of each text the lines that another one has not, the first few."""
     lines = [[line.strip() for line in text.splitlines()] for text in texts]
     rows = []
@@ -174,7 +174,7 @@ class Comparison:
         """Return how far each further run is from the first, by time."""
         first, entries = self.runs[0], []
         for run in self.runs[1:]:
-            by_time = apart(first.course, run.course)
+            by_time = compare_courses(first.course, run.course)
             turned = [None if math.isnan(turn) else turn for turn in by_time["rotation"].tolist()]
             entries.append({
                 "first": first.name, "second": run.name, "berg": first.course.berg,
@@ -188,7 +188,7 @@ class Comparison:
     def apart_rows(self) -> list[tuple[str, list[str]]]:
         """Return the same as a table: dates with position and area of the first run, and the distances of the others."""
         first, rows = self.runs[0].course, []
-        others = [apart(first, run.course) for run in self.runs[1:]]
+        others = [compare_courses(first, run.course) for run in self.runs[1:]]
         if not others:
             return []
         times = first.times[
@@ -220,10 +220,10 @@ def _gap(metres: float, turned: float, area: float) -> str:
 def read_compared(folder: Path, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Read a run from its folder and compare it with the observed positions."""
     with open_run(folder) as dataset:
-        return run_compared(folder, dataset, name, fixes)
+        return compare_run(folder, dataset, name, fixes)
 
 
-def run_compared(folder: Path, dataset: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
+def compare_run(folder: Path, dataset: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Compare a run that is open with the observed positions; its summary is read from its folder."""
     summary, scene = read_summary(folder / "summary.json"), Scene(dataset)
     days = [day for fix in fixes if (day := _compare_fix(scene, fix)) is not None] if scene.latlon else []
@@ -233,7 +233,7 @@ def run_compared(folder: Path, dataset: xr.Dataset, name: str, fixes: Sequence[F
     )
 
 
-def trajectory_compared(trajectory: Trajectory, name: str, fixes: Sequence[Fix]) -> ComparedRun:
+def compare_trajectory(trajectory: Trajectory, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Compare a trajectory of another program, of which there are positions alone."""
     course = trajectory.course()
     summary = {
@@ -255,7 +255,7 @@ def _set_beside_parameters(command: str, numerics: Mapping[str, Any]) -> dict[st
     return settings
 
 
-def member_compared(member: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
+def compare_member(member: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Compare one member of a sweep, of which there are tracks and break-ups, but no elements."""
     course = find_course(member)
     numerics = run_parameters(member).model_dump(mode="json")
@@ -290,7 +290,7 @@ def _compare_fix(scene: Scene, fix: Fix) -> RunDay | None:
     record = int(np.argmin(hours))
     if hours[record] > 1.0:
         return None
-    modelled = observed_part(scene, record, fix.area)
+    modelled = match_observed(scene, record, fix.area)
     turned = axis_difference(modelled.azimuth, fix.azimuth)
     return RunDay(
         fix.when.isoformat(),
@@ -300,7 +300,7 @@ def _compare_fix(scene: Scene, fix: Fix) -> RunDay | None:
     )
 
 
-def observed_part(scene: Scene, record: int, area: float) -> Position:
+def match_observed(scene: Scene, record: int, area: float) -> Position:
     """Return place and heading of the fragments that make up the berg as it was seen.
 
     ``area``: observed area, m2.
@@ -339,9 +339,9 @@ def compare(runs: Sequence[ComparedRun], real_event: RealEvent | None = None) ->
     cells: dict[str, list[str]] = {label: [""] * len(runs) for label in (*real_event.published, *real_event.observed)}
     cells |= differences([run.summary for run in runs])
     if len({run.file for run in runs}) > 1 and all(run.file for run in runs):
-        cells["experiment file"] = own_lines([run.file for run in runs])
+        cells["experiment file"] = differing_lines([run.file for run in runs])
     large = [[event for event in run.summary["breakups"] if event["area_km2"] >= SMALL] for run in runs]
-    events = aligned(large, runs[0].summary["numerics"]["earth"]) if runs else []
+    events = align_breakups(large, runs[0].summary["numerics"]["earth"]) if runs else []
     for k, run in enumerate(runs):
         for label, text in _run_cells(run, events[k]).items():
             cells.setdefault(label, [""] * len(runs))[k] = text
@@ -404,7 +404,7 @@ def _event(event: dict[str, Any], latlon: bool) -> str:
     return f"{when.day} {when:%b %H:%M} {ground}: {event['area_km2']:.0f} km², {event['bonds']} bonds, at {position}"
 
 
-def with_hours(fixes: Sequence[Fix], hour: float) -> list[Fix]:
+def set_hours(fixes: Sequence[Fix], hour: float) -> list[Fix]:
     """Return observations with an hour (UTC) for those that know only their day, and without interpolated ones."""
     return [
         Fix(f.name, f.when + timedelta(hours=hour), False, f.lon, f.lat, f.azimuth, f.area) if f.day_only else f

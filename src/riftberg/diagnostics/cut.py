@@ -116,7 +116,7 @@ def forces_recorded(run: xr.Dataset) -> bool:
 def applied_forces(run: xr.Dataset, record: int) -> dict[str, Floats]:
     """Return the mean forces between the record before and this one, as applied; see `external_forces`."""
     names = {name: f"force_{media.FORCES[row]}" for name, row in _ROWS.items()}
-    if user_names := own_forces(run):
+    if user_names := user_forces(run):
         del names["own force"]  # their sum
         names |= {name.replace("_", " "): f"force_{name}" for name in user_names}
     state = run.isel(time=record)
@@ -126,7 +126,7 @@ def applied_forces(run: xr.Dataset, record: int) -> dict[str, Floats]:
     }
 
 
-def own_forces(run: xr.Dataset) -> list[str]:
+def user_forces(run: xr.Dataset) -> list[str]:
     """Return the names of several forces of the user, whose parts a run recorded."""
     long_names = {str(name): str(v.attrs.get("long_name", "")) for name, v in run.variables.items()}
     user_names = [name for name, text in long_names.items() if name.startswith("force_") and USER_LAW in text]

@@ -95,9 +95,9 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
     with reading(path, "no observations that can be read", f"Give outlines or positions: {', '.join(KINDS)}"):
         kind = path.suffix.lower()
         if kind in _DRAWINGS:
-            return _with_outlines(path, read_drawing(path, date))
+            return _collect_outlines(path, read_drawing(path, date))
         if kind in _GRIDS:
-            return _with_outlines(path, read_grid_outlines(path, date, variable))
+            return _collect_outlines(path, read_grid_outlines(path, date, variable))
         if kind not in _TABLES:
             raise InputError(
                 f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}"
@@ -111,7 +111,7 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
         if not dated:
             raise _unknown(path, rows[0], "no column of dates")
         if any(name in rows[0] for name in _VERTEX):
-            return _with_outlines(path, _vertices(path, rows, dated))
+            return _collect_outlines(path, _vertices(path, rows, dated))
         unseen: list[str] = []
         once = {(f.name, f.when, f.lon, f.lat, f.interpolated): f for f in _fixes(path, rows, dated, unseen)}
         fixes = list(once.values())
@@ -152,7 +152,7 @@ def _unknown(path: Path, row: Mapping[str, str], problem: str) -> InputError:
     )
 
 
-def _with_outlines(path: Path, outlines: Iterable[Outline | NoBergError]) -> Observations:
+def _collect_outlines(path: Path, outlines: Iterable[Outline | NoBergError]) -> Observations:
     """Return the observations in the outlines of a file, without impossible outlines and those given twice on their day."""
     unique: dict[tuple[Any, ...], Outline] = {}
     faults = []
@@ -183,7 +183,7 @@ def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Out
         when, day_only = _read_row_date(dict(dates), date, str(path))
         day = dict(dates).get(date, "")
         where = f"{path}, {' '.join(filter(None, [day, berg]))}"
-        drawn: list[Any] = [_by_number(corners, where) for corners in rings.values()]
+        drawn: list[Any] = [_sort_corners(corners, where) for corners in rings.values()]
         if len(drawn) > 1:
             drawn = [area.exterior.coords for area in whole_polygons(drawn, path)]
         for points in drawn:
@@ -197,7 +197,7 @@ Corner = tuple[str, float, float]
 """Number of a corner as written, longitude and latitude."""
 
 
-def _by_number(corners: list[Corner], where: str) -> list[tuple[float, float]]:
+def _sort_corners(corners: list[Corner], where: str) -> list[tuple[float, float]]:
     """Return the positions of corners in the order of their numbers; without numbers in the order of the file."""
     corners = list(dict.fromkeys(corners))  # a row that stands twice, as the one that closes the ring
     try:

@@ -24,7 +24,7 @@ from shapely import Polygon, make_valid
 from shapely.affinity import translate
 from shapely.validation import explain_validity
 
-from riftberg.bergs.outline import DATE_KEYS, DATES_BY_BELIEF, Feature, polygons_joined, read_features
+from riftberg.bergs.outline import DATE_KEYS, DATES_BY_BELIEF, Feature, join_polygons, read_features
 from riftberg.bergs.raster import Raster, read_raster, unbroken
 from riftberg.bergs.seams import NO_BERG, ring_fault
 from riftberg.config.values import parse_date
@@ -101,7 +101,7 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
 
 def read_drawing(path: Path, date: str | None = None) -> Iterator[Outline | NoBergError]:
     """Read the polygons of a GeoJSON or KML file or of a shapefile; lines (rifts) and points are left alone."""
-    polygons = [Feature(area, f.properties) for f in read_features(path) if (area := polygons_joined(f.geometry))]
+    polygons = [Feature(area, f.properties) for f in read_features(path) if (area := join_polygons(f.geometry))]
     if not polygons:
         raise InputError("no polygons, only lines or points", where=str(path), remedy="Outlines are closed polygons")
     for number, feature in enumerate(polygons):
@@ -359,7 +359,7 @@ def project_polygon(plane: ConformalPlane, ring: Floats) -> BaseGeometry:
     return polygon
 
 
-def without_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, BaseGeometry]]:
+def drop_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, BaseGeometry]]:
     """Return the pieces largest first, without those drawn twice."""
     unique: list[tuple[str, BaseGeometry]] = []
     for name, piece in sorted(pieces, key=lambda p: -p[1].area):
@@ -415,7 +415,7 @@ def find_attribute_date(values: Mapping[str, str], *, where: str) -> tuple[datet
         texts = {key: values[key] for key in keys if values.get(key)}
         # A column acquired may name a sensor; another date that cannot be read is a fault.
         read = [key for key, text in texts.items() if _is_date(text)] or list(texts)[: keys is not DATES_BY_BELIEF[0]]
-        dates = {k: _with_clock(*parse_date(texts[k], where=f"{where}, {k}"), k, values, where) for k in read}
+        dates = {k: _add_clock(*parse_date(texts[k], where=f"{where}, {k}"), k, values, where) for k in read}
         days = {when.date(): key for key, (when, _) in reversed(dates.items())}
         if len(days) > 1:
             (first_date, a), (second_date, b) = sorted(days.items())[:2]
@@ -428,7 +428,7 @@ def find_attribute_date(values: Mapping[str, str], *, where: str) -> tuple[datet
     return None
 
 
-def _with_clock(
+def _add_clock(
     when: datetime, day_only: bool, key: str, values: Mapping[str, str], where: str
 ) -> tuple[datetime, bool]:
     """Return a date with the time of day that stands beside it: acq_time beside acq_date."""

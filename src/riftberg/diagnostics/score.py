@@ -30,12 +30,12 @@ from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import (
     REACH,
     Outline,
+    drop_twins,
     group_fragments,
     intersection_over_union,
     polygon_moments,
     project_polygon,
     same_pieces,
-    without_twins,
 )
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
@@ -262,7 +262,7 @@ class _Judge:
         # there.
         centre = self.position(record, self.fragments(record)[:1])
         plane = ConformalPlane(centre.lon, centre.lat, self.scene.radius)
-        pieces = without_twins([(o.name, project_polygon(plane, o.ring)) for o in outlines])
+        pieces = drop_twins([(o.name, project_polygon(plane, o.ring)) for o in outlines])
         polygons = self.scene.polygons(record)
         shapes = {n: self._union(plane, polygons[self.scene.berg[record] == n]) for n in self.fragments(record)}
         drawn = [shape for _, shape in pieces]

@@ -76,7 +76,7 @@ from riftberg.errors import InputError
 from riftberg.life.footloose import edge_moduli, find_growth
 from riftberg.life.process import PROCESSES, read_melt
 from riftberg.runs.groundings import summarize_ground
-from riftberg.runs.layout import called, read_start
+from riftberg.runs.layout import label_fragment, read_start
 from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
@@ -144,7 +144,7 @@ def ledger_entry(model: BareModel) -> dict[str, Any] | None:
     by_fragment = [
         {
             "fragment": rows[k].number,
-            "name": called(rows[k].number, rows[k].parent, rows[k].name),
+            "name": label_fragment(rows[k].number, rows[k].parent, rows[k].name),
             **dict(zip(PROCESSES, water[k].tolist(), strict=True)),
         }
         for k in order
@@ -249,7 +249,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
 
 def collisions(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per collision of two bergs or fragments, in order of time."""
-    names = {row.number: called(row.number, row.parent, row.name) for row in model.fragments.rows}
+    names = {row.number: label_fragment(row.number, row.parent, row.name) for row in model.fragments.rows}
     return [
         {
             "time": (model.start + timedelta(seconds=row.time)).isoformat(),

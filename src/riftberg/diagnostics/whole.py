@@ -75,14 +75,14 @@ def whole_berg(scene: Scene) -> WholeBerg:
             force = values[body].sum(axis=0)
             forces.setdefault(name, []).append(float(np.hypot(*force)))
             power[name] = power.get(name, 0.0) + float(force @ motion) * float(span)
-    used, nearest = _stressed(scene, number)
+    used, nearest = _most_stressed(scene, number)
     return WholeBerg(
         scene.name(number), [iso(time) for time in scene.times], used, nearest, scene.parameters.fracture.enabled,
         [iso(scene.times[k]) for k in chosen], speed, aground, forces, power,
     )  # fmt: skip
 
 
-def _stressed(scene: Scene, number: int) -> tuple[list[float], NearestBond | None]:
+def _most_stressed(scene: Scene, number: int) -> tuple[list[float], NearestBond | None]:
     """Return at each record which part of its strength the most stressed bond of a berg bears, and that bond."""
     run = scene.run
     ends = np.stack([run[name].values for name in ("bond_first", "bond_second")])

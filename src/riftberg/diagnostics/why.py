@@ -164,7 +164,7 @@ def control_fate(breakup: Breakup, control: xr.Dataset) -> str:
     return birth_text
 
 
-def words(reasons: Reasons) -> list[str]:
+def reason_lines(reasons: Reasons) -> list[str]:
     """Return the reasons in words, one paragraph per break-up."""
     small, reserves = count_text(reasons.small, "small piece"), [" ".join(reasons.reserves)] if reasons.reserves else []
     if not reasons.breakups:

@@ -55,7 +55,7 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
     model, info = entry.load()(options)
     berg = {key: value for key, value in options.changes.get(BERG, {}).items() if key not in options.lattice}
     if berg:
-        from riftberg.experiments.changes import with_berg
+        from riftberg.experiments.changes import change_berg
 
-        model = with_berg(model, berg)
+        model = change_berg(model, berg)
     return model, replace(info, notices=(*options.notices, *info.notices))

@@ -522,7 +522,7 @@ class Bank(WrappedForcing):
         return f"{self.forcing.describe()}\ngrounding zone: a bank {self._top:.1f} m deep that falls off by {FALLS:g}"
 
 
-def with_bank(forcing: GriddedForcing, berg: Iceberg, density: float) -> Forcing:
+def add_bank(forcing: GriddedForcing, berg: Iceberg, density: float) -> Forcing:
     """Return the forcing with a bank in place of the cliff of its grounding zone; ``density``: of the ice, kg m-3."""
     return Bank(forcing, float(draft_of(berg.elements.thickness, density).max()))
 
@@ -560,7 +560,7 @@ def paper_model(folder: Path, options: Options, *, zone: tuple[float, float] | N
     assert forcing.grid is not None
     parameters = options.apply(A68A_2022 if own_numerics else A68A_2022_KID)
     berg = published_berg(folder, forcing.grid, parameters)
-    floor = with_bank(forcing, berg, parameters.ice.density) if own_numerics and zone is not None else forcing
+    floor = add_bank(forcing, berg, parameters.ice.density) if own_numerics and zone is not None else forcing
     return Model(berg, floor, parameters, DEFAULT_START)
 
 
@@ -622,5 +622,5 @@ def build_oras5(options: Options) -> tuple[Model, Info]:
     parameters = options.apply(A68A_2022 if options.own else A68A_2022_KID)
     berg = published_berg(folder, forcing.grid, parameters)
     title = "A68a in the mean currents of December 2020 (ORAS5)"
-    floor = with_bank(forcing, berg, parameters.ice.density) if options.own else forcing
+    floor = add_bank(forcing, berg, parameters.ice.density) if options.own else forcing
     return Model(berg, floor, parameters), Info("a68a-oras5", title, days=18.0, output_every_hours=1.0)

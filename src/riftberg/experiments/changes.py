@@ -91,16 +91,16 @@ def file_value(text: str, where: str) -> Any:
     return value if isinstance(value, bool | int | float | list | dict) else text
 
 
-def _own(value: Any) -> Any:
+def _deep_copy(value: Any) -> Any:
     """Copy the contents of an experiment file; a value shared by an alias of YAML gets its own copy, so that it changes alone."""
     if isinstance(value, dict):
-        return {key: _own(inner) for key, inner in value.items()}
-    return [_own(inner) for inner in value] if isinstance(value, list) else value
+        return {key: _deep_copy(inner) for key, inner in value.items()}
+    return [_deep_copy(inner) for inner in value] if isinstance(value, list) else value
 
 
 def changed_document(values: dict[str, Any], changes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Return the contents of an experiment file with changed keys; ``berg`` means each of several bergs."""
-    values = _own(values)
+    values = _deep_copy(values)
     for group, inner in changes.items():
         if group in GROUPS:
             continue
@@ -108,11 +108,11 @@ def changed_document(values: dict[str, Any], changes: Mapping[str, Mapping[str, 
             path = [group, *key.split(".")] if key else [group]
             many_bergs = group == BERG and BERG not in values and isinstance(values.get("bergs"), list)
             for at in [["bergs", k, *path[1:]] for k in range(len(values["bergs"]))] if many_bergs else [path]:
-                _put(values, at, value)
+                _set_value(values, at, value)
     return values
 
 
-def _put(values: Any, path: list[Any], value: Any) -> None:
+def _set_value(values: Any, path: list[Any], value: Any) -> None:
     *parents, last = path
     inside = values
     for key in parents:
@@ -339,7 +339,7 @@ def _again(model: Model, e: Any, bonds: Any, moved: Callable[[Any, Any], tuple[A
     return again
 
 
-def with_berg(model: Model, keys: Mapping[str, Any]) -> Model:
+def change_berg(model: Model, keys: Mapping[str, Any]) -> Model:
     """Return a model with another thickness, placement, rotation, shift, velocity or spin of its berg, as files give them.
 
     ``rotation`` turns it from where the experiment has it; ``velocity`` and ``spin`` take the place of those that it has.

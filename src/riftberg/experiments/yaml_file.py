@@ -269,7 +269,7 @@ def read_file(
     document = Document(Path(path), ", ".join(Experiment.model_fields))
     forcing = {group: inner for group, inner in (changes or {}).items() if group == "forcing"}
     values = changed_document({"name": _default_name(path), **document.values}, forcing)
-    values = changed_document(_with_trajectory(values, data or Path(path).parent), changes or {})
+    values = changed_document(_fill_from_track(values, data or Path(path).parent), changes or {})
     faults: list[tuple[Place, InputError]] = []
     parameters, experiment = Parameters(), None
     try:
@@ -288,10 +288,10 @@ def read_file(
         faults += findings(error, Experiment)
     if faults or experiment is None:
         raise document.refusal(faults)
-    return experiment, _packed(parameters, experiment), document
+    return experiment, _set_packing(parameters, experiment), document
 
 
-def _with_trajectory(values: dict[str, Any], folder: Path) -> dict[str, Any]:
+def _fill_from_track(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return the contents of a file with start, length and berg of the trajectory that forces it, where the file lacks them."""
     forcing = values.get("forcing")
     missing = {"start", "days", "berg"} - values.keys() - ({"berg"} if "bergs" in values else set())
@@ -340,7 +340,7 @@ def _parameters(groups: Any) -> Parameters:
     return usual.changed(**groups)
 
 
-def _packed(parameters: Parameters, experiment: Experiment) -> Parameters:
+def _set_packing(parameters: Parameters, experiment: Experiment) -> Parameters:
     """Return the parameters with the packing of the bergs, unless the file sets it."""
     hexagonal = any(berg.packing == "hexagonal" for _, berg in experiment.all_bergs)
     shape = {"packing": "hexagonal" if hexagonal else "square"}
@@ -406,11 +406,11 @@ def build_berg(
     built = [_one_berg(section, berg, parameters, folder, drawn, notices) for section, berg in experiment.all_bergs]
     if experiment.berg is not None:
         return built[0]
-    with _key_named("bergs"):
+    with _name_key("bergs"):
         return Iceberg.join(built)
 
 
-def _own_seed(seed: int, drawn: Counter[int]) -> int:
+def _distinct_seed(seed: int, drawn: Counter[int]) -> int:
     """Return the seed of one of several bergs: unchanged for the first, and one of its own for each that shares it."""
     number = drawn[seed]
     drawn[seed] += 1
@@ -422,17 +422,17 @@ def _one_berg(
 ) -> Iceberg:
     """Build one berg of an experiment; ``section`` is the name of its section, ``drawn`` counts the seeds that are used."""
     if berg.field is not None:
-        with _key_named(f"{section}.field"):
+        with _name_key(f"{section}.field"):
             return _build_field(berg, berg.field, parameters)
     if berg.seed is not None:
-        with _key_named(f"{section}.seed"):
+        with _name_key(f"{section}.seed"):
             return _build_cloud(berg, berg.seed, parameters)
     if berg.points is not None:
-        with _key_named(f"{section}.points"):
+        with _name_key(f"{section}.points"):
             return _build_points(berg, Path(in_folder(folder, berg.points.file)), parameters)
     iceberg = _whole_berg(berg, parameters, folder)
     for index, rift in enumerate(berg.rifts):
-        with _key_named(f"{section}.rifts.{index}"):
+        with _name_key(f"{section}.rifts.{index}"):
             from riftberg.bergs.raster import is_map, read_raster
 
             source: Any = rift.points
@@ -444,14 +444,14 @@ def _one_berg(
                 depth=rift.depth, crevasse_strength=getattr(parameters.fracture, "crevasse_strength", None), crs=rift.crs,
                 threshold=rift.threshold,
             )  # fmt: skip
-            notices += [f"{section}.rifts.{index}: {text}" for text in _without_effect(iceberg.report["rifts"][-1])]
+            notices += [f"{section}.rifts.{index}: {text}" for text in _idle_rift_lines(iceberg.report["rifts"][-1])]
     if berg.strength is not None:
-        with _key_named(f"{section}.strength"):
-            iceberg = _with_strength(iceberg, berg.strength, folder, drawn)
+        with _name_key(f"{section}.strength"):
+            iceberg = _apply_strength(iceberg, berg.strength, folder, drawn)
     return iceberg if berg.name is None else iceberg.named(berg.name)
 
 
-def _without_effect(rift: dict[str, Any]) -> list[str]:
+def _idle_rift_lines(rift: dict[str, Any]) -> list[str]:
     """Return that a rift lies outside of the ice, or in crevasses which reach deeper by themselves, if so."""
     notices = [outside_text(rift["outside"])] if rift["outside"] > 0.0 else []
     if not rift.get("unchanged"):
@@ -465,7 +465,7 @@ def _without_effect(rift: dict[str, Any]) -> list[str]:
 
 
 @contextmanager
-def _key_named(key: str) -> Iterator[None]:
+def _name_key(key: str) -> Iterator[None]:
     """Name the key of the file in errors about its value."""
     try:
         yield
@@ -474,12 +474,12 @@ def _key_named(key: str) -> Iterator[None]:
         raise BergError(error.what, where=where, remedy=error.remedy) from error
 
 
-def _with_strength(berg: Iceberg, strength: Strength, folder: Path, drawn: Counter[int]) -> Iceberg:
+def _apply_strength(berg: Iceberg, strength: Strength, folder: Path, drawn: Counter[int]) -> Iceberg:
     from riftberg.bergs.raster import read_raster
 
     if strength.file is not None:
         return berg.with_strength(read_raster(Path(in_folder(folder, strength.file)), strength.variable))
-    seed = _own_seed(strength.seed, drawn)
+    seed = _distinct_seed(strength.seed, drawn)
     if strength.weibull is not None:
         return berg.with_strength("weibull", shape=strength.weibull, seed=seed)
     if strength.normal is not None:

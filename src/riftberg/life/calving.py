@@ -151,7 +151,7 @@ class FluxCalving:
         s = self.stores
         flux, heat_flux = flux * self._mask, heat_flux * self._mask
         if self.parameters.calving.smoothing_time > 0.0:
-            flux, heat_flux = self._smoothed(flux, heat_flux, dt)
+            flux, heat_flux = self._smooth(flux, heat_flux, dt)
             flux, heat_flux = flux * self._mask, heat_flux * self._mask
         # The heat of stores that were filled at random is that of the first flux, in proportion to their ice.
         if not s.begun:
@@ -166,7 +166,7 @@ class FluxCalving:
         )  # fmt: skip
         return Accumulated(flux, heat_flux, left, heat_left)
 
-    def _smoothed(self, flux: Floats, heat_flux: Floats, dt: float) -> tuple[Floats, Floats]:
+    def _smooth(self, flux: Floats, heat_flux: Floats, dt: float) -> tuple[Floats, Floats]:
         s, tau = self.stores, self.parameters.calving.smoothing_time
         if s.mean_flux is None or s.mean_heat is None:
             s.mean_flux, s.mean_heat = flux.copy(), heat_flux.copy()

@@ -68,7 +68,7 @@ def bear(model: Any) -> None:
     if not due.size:
         return
     if model.parameters.stepping.interactions:
-        due = _with_room(model, elements, due)
+        due = _select_free(model, elements, due)
     if due.size:
         model.append(elements.taken(due))
         left = np.delete(model.remembered[COMING], due, axis=0)
@@ -76,7 +76,7 @@ def bear(model: Any) -> None:
         model.remembered = {**rest, COMING: left} if len(left) else rest
 
 
-def _with_room(model: Any, elements: Elements, due: np.ndarray) -> np.ndarray:
+def _select_free(model: Any, elements: Elements, due: np.ndarray) -> np.ndarray:
     """Return which of the elements find their position free."""
     earth, el = model.parameters.earth, model.elements
     metric = Metric(earth.latlon, earth.radius, earth.period)

@@ -367,9 +367,9 @@ class _Calving:
         rank = self._rank(int(self.el.cell_i[e]), int(self.el.cell_j[e]))
         draw = self.when.draws.draw(rank, int(self.el.body.id[e]), self.when.step)
         x, y = rim_place(draw, float(width), float(length), self.p.footloose.half_west_rim)
-        return (x, y) if self.reference else self._as_turned(e, x, y)
+        return (x, y) if self.reference else self._turn_offset(e, x, y)
 
-    def _as_turned(self, e: int, x: float, y: float) -> tuple[float, float]:
+    def _turn_offset(self, e: int, x: float, y: float) -> tuple[float, float]:
         """Metres east and north of metres along the length and the width of an element that has turned."""
         angle = float(self.el.motion.rotation[e])
         cosine, sine = math.cos(angle), math.sin(angle)

@@ -73,7 +73,7 @@ def follow_outlines(
         (el.life.retreat[rows] < REACH * np.sqrt(np.asarray(remembered[SIZES])[:, 0])).all() if rows.size else True
     ):
         return
-    fronts = _with_new(_taken(remembered), el, bonds, many, outlines, p)
+    fronts = _add_lattices(_read_fronts(remembered), el, bonds, many, outlines, p)
     row, present = find_rows(el.body.id, fronts.element)
     index, _ = find_rows(fronts.element, ids)
     size = np.sqrt(fronts.area)
@@ -95,7 +95,9 @@ def follow_outlines(
             if cells.size == 0:  # an element alone
                 continue
             rest = (
-                ice if stays else _without(ice, fronts, np.setdiff1d(left, cells), source_cells[~present[source_cells]])
+                ice
+                if stays
+                else _remove_cells(ice, fronts, np.setdiff1d(left, cells), source_cells[~present[source_cells]])
             )
             if not stays:
                 el.life.front[row[cells]] = _front(
@@ -131,7 +133,7 @@ def hand_on_feet(el: Elements, gone: NDArray[np.bool_]) -> None:
                 stock[from_these] = 0.0
 
 
-def _with_new(
+def _add_lattices(
     fronts: IceFronts, el: Elements, bonds: Bonds, many: Any, outlines: Sequence[Any], p: KernelParameters
 ) -> IceFronts:
     """Return the fronts with the lattices that have elements not met before, each as one piece with a number below zero."""
@@ -181,7 +183,7 @@ def _moved_inwards(ice: Any, cell: Any, retreat: Floats, size: float) -> Any:
     return shapely.simplify(shapely.difference(ice, gone), DETAIL * size)
 
 
-def _without(ice: Any, fronts: IceFronts, others: Ints, lost: Ints) -> Any:
+def _remove_cells(ice: Any, fronts: IceFronts, others: Ints, lost: Ints) -> Any:
     """Return the ice of a piece, without the cells of others and of elements lost not by melt, which leaves less than half."""
     if lost.size:
         overlap = shapely.area(shapely.intersection(fronts.cell[lost], ice))
@@ -211,7 +213,7 @@ def _front(ice: Any, fronts: IceFronts, cells: Ints, area: Floats) -> Floats:
     return front
 
 
-def _taken(remembered: Mapping[str, Any]) -> IceFronts:
+def _read_fronts(remembered: Mapping[str, Any]) -> IceFronts:
     """Return the outlines and cells so far, none before the first step."""
     if SHAPES not in remembered:
         none, no_shape = np.zeros(0, np.int64), np.zeros(0, object)

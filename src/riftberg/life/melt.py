@@ -379,7 +379,7 @@ def _melt_all(el: Elements, span: Floats, depth: Floats, user_rates: Floats, val
     return out
 
 
-def melted(
+def compute_melt(
     elements: Elements, values: LifeValues, user_rates: Floats = NO_RATES, depth: Floats | None = None
 ) -> Melted:
     """Return the effect of one long step of melt on the elements, which stay unchanged."""
@@ -430,7 +430,7 @@ def melt_step(
     ``depth``: of the floor under the elements, m, where it differs from the depth in their environment.
     """
     body, life = elements.body, elements.life
-    result = melted(elements, values, user_rates, depth)
+    result = compute_melt(elements, values, user_rates, depth)
     positions = Place(*(getattr(elements, name).copy() for name in Place._fields))
     step = MeltStep(
         body.id.copy(), positions, life.mass_scaling.copy(), life.heat_density.copy(), life.start_mass.copy(),

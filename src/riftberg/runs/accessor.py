@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from riftberg.errors import InputError, nearest
 from riftberg.ocean.grid import haversine
 from riftberg.plane import near
-from riftberg.runs.layout import called, run_parameters
+from riftberg.runs.layout import label_fragment, run_parameters
 from riftberg.runs.tracks import GOES_ON, axis_difference, build_tracks, is_channel, zonal_period
 from riftberg.state import Floats
 from riftberg.system.input_files import value_shown
@@ -83,7 +83,7 @@ class Tracks(Table):
 
         tracks, size = self.dataset, self.dataset["rowsize"].values
         names = [
-            called(*row)
+            label_fragment(*row)
             for row in zip(*(tracks[k].values.tolist() for k in ("trajectory", "parent", "name")), strict=True)
         ]
         index = pd.MultiIndex.from_arrays(
@@ -162,9 +162,9 @@ class RunAccessor:
             If the runs have no date in common, or no such berg.
         """
         courses = [find_course(run, berg) for run in (self._run, other)]
-        by_time = apart(*courses)
+        by_time = compare_courses(*courses)
         earth = {name: getattr(courses[0], name) for name in ("latlon", "radius", "period")}
-        events = aligned([course.births for course in courses], earth)
+        events = align_breakups([course.births for course in courses], earth)
 
         def column(key: str, missing: Any) -> list[list[Any]]:
             return [[missing if event is None else event[key] for event in row] for row in events]
@@ -303,7 +303,7 @@ def find_course(run: xr.Dataset, berg: str | None = None) -> Course:
     )  # fmt: skip
 
 
-def apart(first: Course, second: Course) -> dict[str, NDArray[Any]]:
+def compare_courses(first: Course, second: Course) -> dict[str, NDArray[Any]]:
     """Return the differences between two courses at the records of the first that both have.
 
     ``time``; ``distance`` (m); ``rotation`` of the long axis, second less first (degrees, -90 to 90); ``area_first`` and
@@ -344,7 +344,7 @@ WORST: Final = 3.0
 """Cost of a pair at all three limits, and of an event without a partner."""
 
 
-def aligned(runs: Sequence[Sequence[Event]], earth: dict[str, Any]) -> list[list[Event | None]]:
+def align_breakups(runs: Sequence[Sequence[Event]], earth: dict[str, Any]) -> list[list[Event | None]]:
     """Return the break-ups of each run in rows: each row holds the same event of all runs, or None.
 
     ``earth``: parameters of the Earth, as in ``summary.json``: whether places are degrees, its radius and the length of a

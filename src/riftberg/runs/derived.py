@@ -92,7 +92,7 @@ def _own_totals(names: Sequence[str]) -> Derived:
     return Derived(variables, _motion(lambda b: [value for totals in b.own.values() for value in totals]), "total")
 
 
-def added(functions: Mapping[str, tuple[str, Callable[[Any], Any]]]) -> list[Derived]:
+def user_variables(functions: Mapping[str, tuple[str, Callable[[Any], Any]]]) -> list[Derived]:
     """Return the variables of a user: unit and function of the model, by name."""
 
     def checked(name: str, function: Callable[[Any], Any]) -> Callable[[Any], Sequence[Any]]:

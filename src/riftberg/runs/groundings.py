@@ -18,7 +18,7 @@ from riftberg.engines.common.forces.media import on_the_floor
 from riftberg.engines.common.fragments.grounding_log import AFLOAT_TIME, GroundingEvent
 from riftberg.parameters import Parameters, QuasiStaticParameters, Seabed
 from riftberg.physics.floating import draft_of
-from riftberg.runs.layout import called
+from riftberg.runs.layout import label_fragment
 from riftberg.system.process import say
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def list_stays(model: BareModel) -> list[Stay]:
         row = rows.get(number)
         if row is None:
             return ""
-        return called(number, row.parent, row.name) if row.parent > 0 or row.name or several_bergs else ""
+        return label_fragment(number, row.parent, row.name) if row.parent > 0 or row.name or several_bergs else ""
 
     def date(seconds: float) -> str:
         return (model.start + timedelta(seconds=seconds)).isoformat()

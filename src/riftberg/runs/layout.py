@@ -266,7 +266,7 @@ def _locate_rows(ids: Ints, rows: Ints) -> Ints:
     return np.where(present, row, rows.size).astype(np.int64)
 
 
-def placed(ids: Ints, values: NDArray[Any], rows: Ints, missing: float) -> NDArray[Any]:
+def reorder(ids: Ints, values: NDArray[Any], rows: Ints, missing: float) -> NDArray[Any]:
     """Return values by the rows of other identifiers; ``missing`` where there is no value."""
     if ids is rows or np.array_equal(ids, rows):
         return values
@@ -276,7 +276,7 @@ def placed(ids: Ints, values: NDArray[Any], rows: Ints, missing: float) -> NDArr
     return column
 
 
-def called(number: int, parent: int, name: str = "") -> str:
+def label_fragment(number: int, parent: int, name: str = "") -> str:
     """Return a berg or fragment in words: its name, or its number."""
     return name or f"{'fragment' if parent > 0 else 'berg'} {number}"
 
@@ -384,7 +384,7 @@ def open_checked(file: Path, *, trusted: bool = False) -> xr.Dataset:
             _check_layout(dataset, file)
             run_parameters(dataset, file)
             read_start(dataset.attrs.get("start"), file)
-            decoded = _with_dates(dataset, file)
+            decoded = _decode_dates(dataset, file)
             if not trusted:
                 _check_values(decoded, file)
             return decoded
@@ -474,7 +474,7 @@ def read_start(text: Any, file: Path) -> datetime:
     return start
 
 
-def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
+def _decode_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
     """Return the run with decoded dates."""
     dates = (*_DATES, *(name for name in _DATES_OF_EVENTS if name in run.variables))
     for name in dates:

@@ -245,13 +245,13 @@ class Model(BareModel):
                 if output is None and script and writer.path.exists():
                     copy_file(writer.path, INTERRUPTED)
                     output = INTERRUPTED
-                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, end, 'interrupted')}")
+                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescue_state(output, end, 'interrupted')}")
                 raise
             except RiftbergError as error:
                 if self.step_number == start_step and not isinstance(error, RunError):
                     raise  # refused before the first step: there is nothing to save
                 raise RunError(
-                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output, end)}"
+                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescue_state(output, end)}"
                 ) from error
             run = writer.dataset()
         if output is None:
@@ -279,7 +279,7 @@ class Model(BareModel):
                 super().advance(days, steps=steps, recorders=[*recorders, *progress_recorders], step=step)
             except (KeyboardInterrupt, SystemExit):
                 if script:
-                    say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(INTERRUPTED, end, '')}")
+                    say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescue_state(INTERRUPTED, end, '')}")
                 raise
 
     def _progress(self, days: float, progress: bool | None) -> list[Recorder]:
@@ -288,7 +288,7 @@ class Model(BareModel):
             return []
         return [ProgressRecorder(days, patient=progress is None)]
 
-    def _rescued(self, output: str | Path | None, end: float, why: str = "failed") -> str:
+    def _rescue_state(self, output: str | Path | None, end: float, why: str = "failed") -> str:
         """Save the last good state where there is a place for it, and say how to go on."""
         if output is None:
             return "The model is left at its last good state: save it with model.save(path)"

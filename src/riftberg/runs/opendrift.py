@@ -288,7 +288,7 @@ def _trajectory(ds: xr.Dataset, layout: _Layout, k: int, source: str) -> Traject
         values = column(*names)
         return None if values is None else np.asarray(values, float)[valid]
 
-    series = {name: values for name in VARIABLES if _given(ds, name)
+    series = {name: values for name in VARIABLES if _was_read(ds, name)
               and (values := known(VARIABLES[name])) is not None and np.isfinite(values).any()}  # fmt: skip
     depth = known(DEPTH)
     depths = np.empty(0) if depth is None else depth[np.isfinite(depth)]
@@ -314,7 +314,7 @@ def _trajectory(ds: xr.Dataset, layout: _Layout, k: int, source: str) -> Traject
     )  # fmt: skip
 
 
-def _given(ds: xr.Dataset, name: str) -> bool:
+def _was_read(ds: xr.Dataset, name: str) -> bool:
     """Whether a reader gave a value, or the other component of its vector; a current of 0 is told where it is used."""
     fields = next((pair for pair in PAIRS if name in pair), (name,))
     return "uo" in fields or any(

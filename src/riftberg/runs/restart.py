@@ -158,8 +158,8 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
         collisions = dict(json.loads(file.contacts_json))
         suppressed = {(int(a), int(b)): float(time) for a, b, time in collisions.get("quiet", [])}
         state = RestartState(
-            elements=_filled(content, "element", ELEMENT_VARIABLES, elements, path),
-            bonds=_filled(content, "bond", BOND_VARIABLES, bonds, path),
+            elements=_fill_table(content, "element", ELEMENT_VARIABLES, elements, path),
+            bonds=_fill_table(content, "bond", BOND_VARIABLES, bonds, path),
             parameters=read_parameters(getattr(file, "parameters_json", None), path, goes_on=True),
             start=read_start(getattr(file, "start", None), path),
             time=float(content["time"]),
@@ -246,7 +246,7 @@ def _digest(content: Mapping[str, Any]) -> int:
     return total
 
 
-def _filled(
+def _fill_table(
     content: Mapping[str, Any], table: str, variables: Iterable[Variable], arrays: _Table, path: Path
 ) -> _Table:
     """Return a filled table, unless something is missing; variables added to the registry since keep their default."""
@@ -271,7 +271,7 @@ def _filled(
 # ---- refusal of impossible states -----------------------------------------------------------------------------------------
 
 
-def _damaged(problem: str, path: Path, location: str = "") -> InputError:
+def _damage_error(problem: str, path: Path, location: str = "") -> InputError:
     return InputError(problem, where=f"{shown(path)}, {location}" if location else shown(path), remedy=DAMAGED)
 
 
@@ -279,32 +279,32 @@ def check_restart(state: RestartState, path: Path) -> None:
     """Refuse a restart that is no state of a run: times, steps, statuses, references and numbers that cannot be."""
     dt = state.parameters.stepping.time_step
     if not math.isfinite(state.time) or not 0.0 <= state.time <= 1e11:
-        raise _damaged(f"time is {state.time:g} s", path, "variable time")
+        raise _damage_error(f"time is {state.time:g} s", path, "variable time")
     if state.step_number < 0 or (state.step_number == 0) != (state.time == 0.0):
-        raise _damaged(f"{state.step_number} steps do not lead to {state.time:g} s", path, "variable step_number")
+        raise _damage_error(f"{state.step_number} steps do not lead to {state.time:g} s", path, "variable step_number")
     if abs(state.step_number * dt - state.time) > 0.5 * dt:
-        raise _damaged(
+        raise _damage_error(
             f"{state.step_number} steps of {dt:g} s do not lead to {state.time:g} s",
             path,
             "variable step_number",
         )
     # A run whose elements have all gone knows the next identifier.
     if state.elements.mass.size == 0 and "next_element" not in state.extra:
-        raise _damaged("no elements", path)
+        raise _damage_error("no elements", path)
     check_fragment_rows(state.fragments, path, "attribute fragments_json")
     check_fragment_rows(state.contacts.rows, path, "attribute contacts_json")
     check_fragment_rows(state.groundings.rows, path, "attribute groundings_json")
     if any(count < 0 for _, count in state.bergs):
-        raise _damaged("a berg with less than no elements", path, "attribute bergs_json")
+        raise _damage_error("a berg with less than no elements", path, "attribute bergs_json")
     bonds, count = state.bonds, state.elements.mass.size
     check_bond_ends(bonds.first, bonds.second, count, path, "variable bond_first, bond_second")
     _check_tables(state, path)
     ids = state.elements.id
     if len(np.unique(ids)) < len(ids):
-        raise _damaged("two elements have the same identifier", path, "variable element_id")
+        raise _damage_error("two elements have the same identifier", path, "variable element_id")
     broken_at = bonds.break_time[~np.isnan(bonds.break_time)]  # NaN: the bond holds
     if ((broken_at < 0.0) | (broken_at > state.time + dt)).any():
-        raise _damaged("a bond that broke before the start, or later than now", path, "variable bond_break_time")
+        raise _damage_error("a bond that broke before the start, or later than now", path, "variable bond_break_time")
     if state.parameters.stepping.scheme == "mts":
         _refuse(state.elements.substeps, Allowed(1, MOST_SUBSTEPS, whole=True), path, "variable element_substeps")
     check_extra(state, path)
@@ -404,7 +404,7 @@ def check_extra(state: RestartState, path: Path) -> None:
         values = np.asarray(array)
         location = f"variable extra/{name}"
         if values.dtype.kind not in "iuf":
-            raise _damaged(f"numbers are needed, not values of type {values.dtype}", path, location)
+            raise _damage_error(f"numbers are needed, not values of type {values.dtype}", path, location)
     # Sizes by which others are bounded; those that arrays say themselves are added as they are met.
     sizes = {"elements": state.elements.size, "bonds": len(state.bonds.first)}
     sizes["fragments"] = max((row.number for row in state.fragments), default=LARGEST_WHOLE)
@@ -429,17 +429,17 @@ def check_extra(state: RestartState, path: Path) -> None:
                 sizes.get(size, size) if isinstance(size, str) else "any" if size is None else size
                 for size in bound.shape
             )
-            raise _damaged(f"shape {values.shape} instead of {expected}", path, location)
+            raise _damage_error(f"shape {values.shape} instead of {expected}", path, location)
         if bound.least is None:
             _refuse(values, Allowed(-LARGEST, LARGEST), path, location)
         else:
-            least, most = (_resolved(limit, {**sizes, **ends}) for limit in (bound.least, bound.most))
+            least, most = (_resolve_limit(limit, {**sizes, **ends}) for limit in (bound.least, bound.most))
             _refuse(values, Allowed(least, most, whole=True), path, location)
         if bound.once and np.unique(values).size < values.size:
-            raise _damaged("two entries are the same", path, location)
+            raise _damage_error("two entries are the same", path, location)
 
 
-def _resolved(limit: float | str | None, sizes: Mapping[str, int]) -> int:
+def _resolve_limit(limit: float | str | None, sizes: Mapping[str, int]) -> int:
     """Return a limit as a number: itself, a size or some times of it, or such a size less one."""
     if not isinstance(limit, str):
         return int(limit or 0)
@@ -455,7 +455,7 @@ def _refuse(values: Any, limits: Allowed, path: Path, location: str) -> None:
     if bad.any():
         index = tuple(int(k) for k in np.argwhere(np.atleast_1d(bad))[0])
         entry = f"entry {', '.join(str(k + 1) for k in index)} is {np.atleast_1d(values)[index]:g}"
-        raise _damaged(f"{entry}, not {limits.demand()}", path, location)
+        raise _damage_error(f"{entry}, not {limits.demand()}", path, location)
 
 
 def check_fragment_rows(rows: Sequence[Any], path: Path, location: str) -> None:
@@ -470,7 +470,7 @@ def check_fragment_rows(rows: Sequence[Any], path: Path, location: str) -> None:
                 else isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST
             )  # fmt: skip
             if not good:
-                raise _damaged(f"{name} of row {k + 1} is {value_shown(value)}", path, location)
+                raise _damage_error(f"{name} of row {k + 1} is {value_shown(value)}", path, location)
 
 
 def _check_tables(state: RestartState, path: Path) -> None:
@@ -489,17 +489,17 @@ def _check_tables(state: RestartState, path: Path) -> None:
             name, (least, most) = variable.name, variable.limits
             values, location = getattr(arrays, name), f"variable {table}_{name}"
             if variable.dtype == "i8":
-                _refuse(values, Allowed(least, _resolved(most, sizes), whole=True), path, location)
+                _refuse(values, Allowed(least, _resolve_limit(most, sizes), whole=True), path, location)
             elif name != "break_time":  # NaN while the bond holds
                 bad = Allowed(least, float(most)).beyond(values)
                 # A missing value at the keel means that the one at the surface holds there too.
                 bad &= ~(np.isnan(values) & (name in ("keel_temperature", "keel_salinity")))
                 if bad.any():
                     k = int(np.argmax(bad))
-                    raise _damaged(f"{table} {k + 1} has {name} = {values[k]:g}", path, location)
+                    raise _damage_error(f"{table} {k + 1} has {name} = {values[k]:g}", path, location)
     lat = state.elements.lat
     if state.parameters.earth.latlon and (np.abs(lat) > 90.0).any():
-        raise _damaged(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat")
+        raise _damage_error(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat")
 
 
 def check_same_run(state: RestartState, fresh: Any, path: Path, *, experiment: str) -> None:

@@ -44,10 +44,10 @@ from riftberg.parameters import QuasiStaticParameters
 from riftberg.runs.derived import (
     APPLIED,
     Means,
-    added,
     define_ledgers,
     list_ledgers,
     own_applied,
+    user_variables,
     values_now,
     write_fragment_melt,
 )
@@ -64,8 +64,8 @@ from riftberg.runs.layout import (
     element_history,
     in_file,
     open_checked,
-    placed,
     position_names,
+    reorder,
     run_attributes,
     texts,
     time_units,
@@ -157,7 +157,7 @@ class RunWriter:
         self.experiment, self.seed = experiment, seed
         self.flush_seconds, self.background = flush_seconds, background
         self.forces, self.goes_on = forces, goes_on
-        self._asked = self._derived = [*([APPLIED] if forces else []), *added(derived or {})]
+        self._asked = self._derived = [*([APPLIED] if forces else []), *user_variables(derived or {})]
         self.records = 0
         self._made = False
         self._held: list[_Record] = []
@@ -199,7 +199,7 @@ class RunWriter:
     def record(self, model: BareModel) -> None:
         """Hold a record where one is due, and write records that have been held for long enough."""
         if not np.array_equal(self._peak_ids, model.bonds.id):
-            self._peak = placed(self._peak_ids, self._peak, model.bonds.id, -np.inf)
+            self._peak = reorder(self._peak_ids, self._peak, model.bonds.id, -np.inf)
             self._peak_ids = model.bonds.id.copy()
         np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
         self._means.add(model)
@@ -409,11 +409,11 @@ class RunWriter:
         for v in [*histories(model), *(_REGISTRY[name] for name in SHAPE)]:
             missing = MISSING if v.dtype == "i8" else np.nan
             columns[v.name] = np.stack(
-                [placed(r.ids, r.elements[v.name], layout.ids, missing) for r in records], axis=1
+                [reorder(r.ids, r.elements[v.name], layout.ids, missing) for r in records], axis=1
             )
         for name in bond_history(model):
             columns[name] = np.stack(
-                [placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in records], axis=1
+                [reorder(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in records], axis=1
             )
         for name, values in columns.items():
             if name not in SHAPE or name in layout.moving:
@@ -421,7 +421,7 @@ class RunWriter:
         for name in records[0].ledger:
             file[name][:, block] = np.stack([r.ledger[name] for r in records], axis=1)
         for name in records[0].derived:
-            derived = [placed(r.ids, r.derived[name], layout.ids, np.nan) for r in records]
+            derived = [reorder(r.ids, r.derived[name], layout.ids, np.nan) for r in records]
             file[name][:, block] = np.stack(derived, axis=1)
         times = np.array([r.time for r in records])
         file["time"][block] = times
@@ -456,7 +456,7 @@ class _Record:
     def __init__(self, model: BareModel, peak: Floats, derived: dict[str, Floats], layout: Layout) -> None:
         self.time = float(model.time)
         elements, bonds = model.elements, model.bonds
-        # Identifiers of the layout itself where they are the same: `placed` then need not compare them for each variable.
+        # Identifiers of the layout itself where they are the same: `reorder` then need not compare them for each variable.
         self.ids = layout.ids if np.array_equal(elements.id, layout.ids) else elements.id.copy()
         self.bond_ids = layout.bond_ids if np.array_equal(bonds.id, layout.bond_ids) else bonds.id.copy()
         moving = dict(zip(("u", "v", "lon"), (*model.velocity(), track_longitudes(model)), strict=True))
@@ -560,7 +560,7 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     )
     number[:] = layout.ids
     for name in SHAPE:
-        described = _described(_REGISTRY[name], names)
+        described = _variable_attributes(_REGISTRY[name], names)
         if name in layout.moving:
             _create(
                 file, in_file(name), "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names)
@@ -574,7 +574,7 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     registry = {v.name: v for v in BOND_VARIABLES}
     for name in BOND_LATEST:
         v = registry[name]
-        attributes = _described(v, {})
+        attributes = _variable_attributes(v, {})
         if name == "break_time":
             attributes |= {**time_units(model.start), "long_name": "time of breaking, missing while unbroken"}
         if name == "status":
@@ -583,13 +583,13 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
         if name == "status":
             stored.flag_values = np.arange(3, dtype="i4")
     for name in bond_history(model):
-        attributes = _described(registry[name], {})
+        attributes = _variable_attributes(registry[name], {})
         if name == "peak_stress":
             attributes["long_name"] = "largest normal_stress of any sub-step since the record before"
         _create(file, name, "f4", ("bond", "time"), layout.gaps, **attributes)
     for kind, variables in TABLES:
         for v in variables:
-            attributes = {**_described(v, names), "long_name": v.long_name}
+            attributes = {**_variable_attributes(v, names), "long_name": v.long_name}
             attributes.pop("axis", None)
             if v.name in ("lon", "lat") and not names:
                 attributes["standard_name"] = {"lon": "longitude", "lat": "latitude"}[v.name]
@@ -622,7 +622,7 @@ def _create(
     return variable
 
 
-def _described(v: Variable, names: dict[str, str]) -> dict[str, str]:
+def _variable_attributes(v: Variable, names: dict[str, str]) -> dict[str, str]:
     """Attributes of a variable; positions on a Cartesian grid are metres."""
     if v.name in names:
         axis = names[v.name]
@@ -654,7 +654,7 @@ def _define_histories(
             _stored_kind(v),
             ("trajectory", "time"),
             layout.gaps,
-            **_described(v, names),
+            **_variable_attributes(v, names),
             coordinates=coordinates,
         )
 

@@ -26,7 +26,7 @@ from riftberg.physics.crevasses import prestress
 from riftberg.physics.floating import draft_of
 from riftberg.plane import near
 from riftberg.runs.groundings import Stay, read_stays
-from riftberg.runs.layout import called, run_parameters
+from riftberg.runs.layout import label_fragment, run_parameters
 from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, is_channel, read_family, zonal_period
 from riftberg.state import Floats, Ints
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
@@ -117,7 +117,7 @@ def filled_forward(values: Floats) -> Floats:
     return filled
 
 
-def on_one_branch(x: Floats, present: NDArray[np.bool_], period: float, *, goes_on: bool = False) -> Floats:
+def unwrap_positions(x: Floats, present: NDArray[np.bool_], period: float, *, goes_on: bool = False) -> Floats:
     """Put zonal positions on one branch: no element jumps by a period, and none stands a period away from the others.
 
     ``x``: positions without gaps (shape (time, trajectory)); ``present``: whether the element is there (shape (time,
@@ -160,7 +160,9 @@ class Scene:
         east, north = (run[name].transpose("time", "trajectory").values for name in (x, y))
         self.there: NDArray[np.bool_] = np.isfinite(north)
         goes_on = run[x].attrs.get("comment") == GOES_ON
-        self.x: Floats = on_one_branch(filled_forward(east), self.there, zonal_period(self.parameters), goes_on=goes_on)
+        self.x: Floats = unwrap_positions(
+            filled_forward(east), self.there, zonal_period(self.parameters), goes_on=goes_on
+        )
         self.y: Floats = filled_forward(north)
         berg = run["berg"].transpose("time", "trajectory").values
         self.berg: Ints = berg if self.there.all() else np.where(self.there, berg, 0).astype(np.int64)
@@ -395,7 +397,7 @@ class Scene:
 
     def name(self, number: int) -> str:
         """Return a berg or fragment in words: its name, or its number."""
-        return called(number, self.parent(number), str(self.family.get(number, {}).get("name", "")))
+        return label_fragment(number, self.parent(number), str(self.family.get(number, {}).get("name", "")))
 
     def fragment_areas(self, record: int) -> dict[int, float]:
         """Return the plan area (m2) of each fragment at a record by its number, the largest first."""
@@ -573,7 +575,7 @@ def add_background(run: netCDF4.Dataset, model: BareModel) -> None:
     units = {axis: str(run[name].units) for axis, name in zip(("time", "x", "y"), ("time", *names))}
     # A track that crosses the seam must not make a box around the whole Earth.
     period, goes_on = zonal_period(model.parameters), is_channel(model.parameters)
-    x = on_one_branch(filled_forward(x), np.isfinite(y), period, goes_on=goes_on)
+    x = unwrap_positions(filled_forward(x), np.isfinite(y), period, goes_on=goes_on)
     axes, fine = (_axes(x, filled_forward(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
     length = float(seconds[-1] - seconds[0])
     count = min(MOST_TIMES, max(1, round(length / INTERVAL))) + 1
@@ -670,10 +672,10 @@ class StoredWater:
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at points; NaN outside the stored box."""
-        return on_even_grid(self.floor_x, self.floor_y, self.floor, self._near(lon), np.asarray(lat))
+        return interpolate_evenly(self.floor_x, self.floor_y, self.floor, self._near(lon), np.asarray(lat))
 
     def _at(self, field: Floats, lon: Floats, lat: Floats) -> Floats:
-        return on_even_grid(self.x, self.y, field, self._near(lon), np.asarray(lat))
+        return interpolate_evenly(self.x, self.y, field, self._near(lon), np.asarray(lat))
 
     def _near(self, lon: Floats) -> Floats:
         """Bring longitudes to the branch of the stored ones."""
@@ -682,7 +684,7 @@ class StoredWater:
         return near(lon, middle) if self.degrees else lon
 
 
-def on_even_grid(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Floats) -> Floats:
+def interpolate_evenly(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Floats) -> Floats:
     """Interpolate on an even grid; NaN outside and beside missing values.
 
     ``field``:  (shape (len(y_axis)).

@@ -331,7 +331,7 @@ def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) 
     present = slice(None) if present.all() else present
     span = int(berg.max(initial=0)) + 1
     keys = (berg + span * np.arange(shape[1])).ravel()[present]
-    bergs_at, berg_index = _ranked(keys, span * shape[1])
+    bergs_at, berg_index = _rank_keys(keys, span * shape[1])
 
     def of(name: str) -> Floats:
         column = columns[name]
@@ -367,7 +367,7 @@ def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) 
     return {name: values.astype(_STORED.get(name, "f4")) for name, values in rows.items()}
 
 
-def _ranked(keys: Ints, span: int) -> tuple[Ints, Ints]:
+def _rank_keys(keys: Ints, span: int) -> tuple[Ints, Ints]:
     """Return the different keys in order, and the place of each key among them; keys are below ``span``."""
     if span > 4 * keys.size:
         return np.unique(keys, return_inverse=True)

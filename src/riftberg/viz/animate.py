@@ -34,10 +34,10 @@ from riftberg.viz.panels import (
     arrow_key,
     fragment_colours,
     fragment_patches,
-    on_a_map,
+    project_run,
     speed_bar,
     speed_scale,
-    widened,
+    widen_box,
 )
 from riftberg.viz.plots import figure_title
 from riftberg.viz.style import moment_text, new_figure
@@ -99,7 +99,7 @@ def write_film(
         raise InputError("ffmpeg is not installed", where=str(path), remedy="Install ffmpeg, or write a .gif")
     gif = ending == ".gif"
     fps, dpi = fps or (GIF_FPS if gif else FPS), dpi or (GIF_DPI if gif else DPI)
-    scene, water = on_a_map(run, projection)
+    scene, water = project_run(run, projection)
     records = frame_records(scene, hours, fps)
     film = _Film(scene, water, observed or {}, dpi, steps=GIF_STEPS if gif else None)
     writer: AbstractMovieWriter
@@ -148,7 +148,7 @@ class _Film:
         steps: int | None = None,
     ) -> None:  # fmt: skip
         self.scene, self.water, self.observed, self.steps = scene, water, observed, steps
-        self.box = widened(scene.box(), scene.latlon, 1.6, margin=0.06)
+        self.box = widen_box(scene.box(), scene.latlon, 1.6, margin=0.06)
         self.figure = new_figure(9.6, 7.2, dpi)
         self.ax = self.figure.subplots()
         style.put_title(self.figure, figure_title(scene.run, "drift and break-up"), size=11.0)

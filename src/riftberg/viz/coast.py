@@ -128,7 +128,7 @@ def _view(side: int) -> list[tuple[list[Any], str]]:
 
     plane = EqualAreaPlane(0.0, 90.0 * side, 1.0)
     layers = []
-    for shapes, colour in packaged():
+    for shapes, colour in packaged_coast():
         on_side = [shape for shape in shapes if side * shape.centroid.y > 0.0]
         laid = shapely.transform(
             shapely.segmentize(on_side, 1.0), lambda xy: np.stack(plane.forward(xy[:, 0], xy[:, 1]), axis=-1)
@@ -140,7 +140,7 @@ def _view(side: int) -> list[tuple[list[Any], str]]:
     return layers
 
 
-def over_land(run: xr.Dataset) -> str:
+def ice_over_land(run: xr.Dataset) -> str:
     """Return a sentence on the first ice of a run that floats over land; empty where none does.
 
     Where a run knows no sea floor, or one of coarse cells, bergs drift across islands without a word.
@@ -201,13 +201,13 @@ def project_coast(box: Box, plane: ConformalPlane) -> tuple[list[tuple[Any, str]
 def clip_coast(box: Box) -> tuple[list[tuple[Any, str]], list[Any]]:
     """Return areas with their colours, and lines, within and just around an extent."""
     finer = any(natural_earth(name) for name in ("land", "coastline"))
-    layers = [(_shapes(natural_earth(name)), colour) for name, colour in FILLED] if finer else packaged()
+    layers = [(_shapes(natural_earth(name)), colour) for name, colour in FILLED] if finer else packaged_coast()
     areas = [
-        (piece, colour) for shapes, colour in layers for piece in _clipped(shapes, box) if piece.geom_type == "Polygon"
+        (piece, colour) for shapes, colour in layers for piece in _clip(shapes, box) if piece.geom_type == "Polygon"
     ]
-    lines = [piece for name in SHORES for piece in _clipped(_shapes(natural_earth(name)), box)] if finer else []
+    lines = [piece for name in SHORES for piece in _clip(_shapes(natural_earth(name)), box)] if finer else []
     if not finer:
-        lines = [piece for shapes, _ in layers for piece in _clipped(shapes, box, edges=True)]
+        lines = [piece for shapes, _ in layers for piece in _clip(shapes, box, edges=True)]
     lines = [piece for piece in lines if piece.geom_type == "LineString"]
     if finer and not lines:
         lines = [ring for polygon, _ in areas for ring in (polygon.exterior, *polygon.interiors)]
@@ -215,7 +215,7 @@ def clip_coast(box: Box) -> tuple[list[tuple[Any, str]], list[Any]]:
 
 
 @lru_cache(maxsize=1)
-def packaged() -> list[tuple[list[Any], str]]:
+def packaged_coast() -> list[tuple[list[Any], str]]:
     """Return the land and the ice shelves that come with the package."""
     import shapely
 
@@ -259,7 +259,7 @@ def _shapes(path: Path | None) -> list[Any]:
     return list(Reader(str(path)).geometries())
 
 
-def _clipped(shapes: list[Any], box: Box, *, edges: bool = False) -> list[Any]:
+def _clip(shapes: list[Any], box: Box, *, edges: bool = False) -> list[Any]:
     """Return the parts of shapes around a box, or of their ``edges`` without cuts, on the branch of its longitudes."""
     import shapely
 

@@ -118,7 +118,7 @@ def _draw_members(ax: Axes, finished: xr.Dataset, shades: Array) -> tuple[Map, t
         for piece in range(x.shape[1]):
             main = piece == largest
             ax.plot(
-                *style.gapped(x[k, piece], y[k, piece], area[k, piece]), color=colour, lw=1.4 if main else 0.6,
+                *style.insert_gaps(x[k, piece], y[k, piece], area[k, piece]), color=colour, lw=1.4 if main else 0.6,
                 ls="-" if main else (0, (3, 1.5)), alpha=0.9 if main else 0.6, solid_capstyle="round", zorder=5,
             )  # fmt: skip
         born = finished["fragment_parent"].values[k] > 0
@@ -176,7 +176,7 @@ LEAST_WEIGHT: Final = 0.01
 """Members with less than this part of the largest weight are not drawn: sightings speak against them."""
 
 
-def tracks_shown(result: xr.Dataset) -> Array:
+def choose_tracks(result: xr.Dataset) -> Array:
     """Return the members of a forecast whose tracks are drawn."""
     weight = np.where(result["status"].values == 0, result["weight"].values, 0.0)
     count = np.flatnonzero(weight > LEAST_WEIGHT * weight.max())
@@ -223,7 +223,7 @@ def _draw_presence(ax: Axes, result: xr.Dataset) -> tuple[Any, Callable[[], None
         *chart.placed(*cells), np.ma.masked_less(result["passes"].values, 0.005), cmap=shades, vmin=0.0, vmax=1.0,
         zorder=1.5,
     )  # fmt: skip
-    tracks = [result[name].isel(fragment=0, member=tracks_shown(result)).values for name in ("lon", "lat")]
+    tracks = [result[name].isel(fragment=0, member=choose_tracks(result)).values for name in ("lon", "lat")]
     for n, track in enumerate(zip(*tracks, strict=True)):
         label = "members" if n == 0 else None
         ax.plot(*chart.placed(*track), color=colours.STRENGTH, lw=0.4, alpha=0.5, zorder=4, label=label)
@@ -328,9 +328,11 @@ def draw_posterior(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
                 )
             unit = "" if units[column] == "1" else f", {units[column]}"
             if row == count - 1:
-                ax.set_xlabel(f"{style.in_words(names[column])}{unit}", fontsize=8)
+                ax.set_xlabel(f"{style.spell_name(names[column])}{unit}", fontsize=8)
             if column == 0 and row > 0:
-                ax.set_ylabel(style.in_words(names[row]) + ("" if units[row] == "1" else f", {units[row]}"), fontsize=8)
+                ax.set_ylabel(
+                    style.spell_name(names[row]) + ("" if units[row] == "1" else f", {units[row]}"), fontsize=8
+                )
             ax.tick_params(labelsize=7)
             style.plain_axes(ax)
     if count > 1:
@@ -415,7 +417,7 @@ def draw_sensitivity(sensitivities: xr.Dataset, path: str | Path, *, title: str 
             continue
         row = sensitivities.isel(result=k)
         unit = "" if row["unit"].item() == "1" else f", {row['unit'].item()}"
-        label, head = f"mean change{unit}", style.in_words(names[k])
+        label, head = f"mean change{unit}", style.spell_name(names[k])
         if "effect" in row and row["effect"].notnull().any():
             keys = [("effect", colours.MODEL, "")]
         elif "total" in row and row["total"].notnull().any():
@@ -436,7 +438,7 @@ def draw_sensitivity(sensitivities: xr.Dataset, path: str | Path, *, title: str 
         ax.axvline(0.0, color=colours.ZERO, lw=0.8)
         ax.set_title(head, fontsize=9)
         ax.set_xlabel(label, fontsize=8)
-        ax.set_yticks(position, [style.in_words(name) for name in inputs])
+        ax.set_yticks(position, [style.spell_name(name) for name in inputs])
         ax.set_ylim(len(inputs) - 0.4, -0.6)
         style.plain_axes(ax)
     style.put_title(figure, f"{title}; lines: 90 % intervals" if title else "Lines: 90 % intervals")

@@ -33,11 +33,11 @@ from riftberg.viz.panels import (
     melt_bar,
     melts,
     nearest_record,
-    on_a_map,
+    project_run,
     speed_bar,
     speed_scale,
     thickness_lost,
-    widened,
+    widen_box,
 )
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def draw_map(
     required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_map")
     if ax is not None and projection == "auto":
         projection = "degrees"
-    scene, water = on_a_map(run, projection, forcing)
+    scene, water = project_run(run, projection, forcing)
     statics, outlines = (observed, {}) if isinstance(observed, Statics) else (None, observed or {})
     if ax is not None:
         if path is not None:
@@ -179,7 +179,7 @@ def draw_tracks(run: xr.Dataset, *, title: str = "", projection: Projection = "a
         The picture if ``path`` is given, else the figure.
     """
     required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_tracks")
-    scene, water = on_a_map(run, projection)
+    scene, water = project_run(run, projection)
     figure = style.new_figure(7.0, 8.4, dpi)
     overview = Overview(figure.subplots(), scene, water, OVERVIEW)
     depth_bar(overview.panel)
@@ -278,7 +278,7 @@ def _draw_on_axes(
         return ax
     record = nearest_record(scene, np.datetime64(date))
     (box,) = common_boxes(scene, [record])
-    panel = Panel(ax, scene, widened(box, scene.latlon, shape), water, labels=True)
+    panel = Panel(ax, scene, widen_box(box, scene.latlon, shape), water, labels=True)
     (top, flows), palette = speed_scale([panel], [record]), fragment_colours(scene)
     quiver = panel.draw_date(record, top, palette, observed.get(str(scene.times[record])[:10], ()), depths=False)
     if quiver is not None and flows:
@@ -299,7 +299,7 @@ class Overview:
     ) -> None:  # fmt: skip
         self.ax, self.scene, self.observed, self.statics = ax, scene, observed or {}, statics
         self.colours = fragment_colours(scene)
-        box = widened(scene.box(), scene.latlon, shape, margin=MARGIN)
+        box = widen_box(scene.box(), scene.latlon, shape, margin=MARGIN)
         self.panel = Panel(ax, scene, box, water, ticks=6, labels=True)
         self.panel.draw_ground(shaded=True)
 

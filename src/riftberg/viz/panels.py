@@ -89,7 +89,7 @@ class PolarWater:
         return depth
 
 
-def on_a_map(run: xr.Dataset, projection: Projection = "auto", water: Any = None) -> tuple[Scene, Any]:
+def project_run(run: xr.Dataset, projection: Projection = "auto", water: Any = None) -> tuple[Scene, Any]:
     """Return a run and its water as maps draw them, in degrees or on the plane of a pole; ``water``: of the caller's."""
     if projection not in PROJECTIONS:
         raise InputError(f"{projection!r} is not known", where="projection", remedy=f"Use {', '.join(PROJECTIONS)}")
@@ -173,7 +173,7 @@ def is_zone(depth: Floats) -> bool:
     return len(np.unique(depth)) < STEPPED and float(depth.min()) <= 0.0 < float(depth.max())
 
 
-def widened(box: Box, latlon: bool, shape: float, *, margin: float = 0.0, least: float = 0.0) -> Box:
+def widen_box(box: Box, latlon: bool, shape: float, *, margin: float = 0.0, least: float = 0.0) -> Box:
     """Return a box with a margin (part of its longer side), widened to a shape so that a map fills its axes.
 
     ``shape``: width over height on the ground; ``least``: smallest side, in units of y.
@@ -230,7 +230,7 @@ class Map:
         latlon = latlon and plane is None
         box = Box(float(x.min()), float(x.max()), float(y.min()), float(y.max()))
         smallest = max(least / (DEGREE * radius) if latlon else least, 1e-9)
-        box = widened(box, latlon, shape, margin=margin, least=smallest)
+        box = widen_box(box, latlon, shape, margin=margin, least=smallest)
         return cls(ax, box, latlon=latlon, radius=radius, ticks=ticks, plane=plane, labels=not latlon)
 
     def placed(self, x: Any, y: Any) -> tuple[Any, Any]:
@@ -603,16 +603,16 @@ def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) 
     its record.
     """
     least = FEWEST * math.sqrt(float(scene.area.max())) / 1e3 * scene.units_per_km()
-    single = [widened(scene.box(record), scene.latlon, 1.0, margin=margin, least=least) for record in records]
+    single = [widen_box(scene.box(record), scene.latlon, 1.0, margin=margin, least=least) for record in records]
     side = max(box.north - box.south for box in single)
     union = Box(
         min(b.west for b in single), max(b.east for b in single),
         min(b.south for b in single), max(b.north for b in single),
     )  # fmt: skip
-    shared = widened(union, scene.latlon, 1.0)
+    shared = widen_box(union, scene.latlon, 1.0)
     if shared.north - shared.south <= LARGE_BOX * side:
         return [shared] * len(single)
-    return [widened(box, scene.latlon, 1.0, least=side) for box in single]
+    return [widen_box(box, scene.latlon, 1.0, least=side) for box in single]
 
 
 def make_panels(

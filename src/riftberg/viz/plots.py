@@ -30,11 +30,11 @@ from riftberg.viz.panels import (
     melt_bar,
     melts,
     nearest_record,
-    on_a_map,
+    project_run,
     speed_bar,
     speed_scale,
     thickness_lost,
-    widened,
+    widen_box,
 )
 from riftberg.viz.style import date_axis, day_text, is_short, moment_texts, new_figure
 
@@ -61,7 +61,7 @@ def figure_title(run: xr.Dataset, subject: str) -> str:
     return f"{run_heading(run)}: {subject}" + (f"\nForcing: {note}" if note else "")
 
 
-def chosen(scene: Scene, dates: Sequence[np.datetime64] | None, most: int = 6) -> list[int]:
+def choose_records(scene: Scene, dates: Sequence[np.datetime64] | None, most: int = 6) -> list[int]:
     """Return the records of dates; by default the start, the large break-ups and evenly spaced days."""
     if dates:
         return sorted({nearest_record(scene, date) for date in dates})
@@ -99,8 +99,8 @@ def draw_dates(
     """
     from matplotlib.lines import Line2D
 
-    scene, water = on_a_map(run, projection)
-    records = chosen(scene, dates)
+    scene, water = project_run(run, projection)
+    records = choose_records(scene, dates)
     days = [str(scene.times[record])[:10] for record in records]
     seen = {day: observed[day] for day in days if observed and day in observed}
     count = len(records) + bool(seen)
@@ -141,7 +141,7 @@ def _observed_panel(
     """Draw all outlines over the currents of the middle one of their records."""
     x, y = scene.placed(*np.concatenate([ring for day in seen.values() for ring in day]).T)
     box = Box(float(x.min()), float(x.max()), float(y.min()), float(y.max()))
-    panel = Panel(ax, scene, widened(box, scene.latlon, 1.0, margin=0.06), water)
+    panel = Panel(ax, scene, widen_box(box, scene.latlon, 1.0, margin=0.06), water)
     middle = records[len(records) // 2]
     panel.draw_currents(middle, top, arrows=15)
     panel.draw_ground()
@@ -178,10 +178,10 @@ def draw_stress(
     pathlib.Path or matplotlib.figure.Figure
         The picture if ``path`` is given, else the figure.
     """
-    scene, water = on_a_map(run, projection)
+    scene, water = project_run(run, projection)
     if not run.sizes["bond"]:
         raise InputError("the run has no bonds, so no stress in them", where="stress", remedy="Draw another kind")
-    records = chosen(scene, dates) if dates else _before_breakups(scene)
+    records = choose_records(scene, dates) if dates else _before_breakups(scene)
     fracture = scene.parameters.fracture
     stress = scene.tension()
     name, unit = stress_unit(max(float(np.nanmax(stress[r], initial=0.0)) for r in records))
@@ -192,7 +192,8 @@ def draw_stress(
     text = f"; strength {scene.strength / 1e3:.4g} kPa" if fracture.enabled else ""
     return _bond_maps(
         scene, water, tension, shades=colours.stress_map(), top=strength if beyond else top, beyond=beyond,
-        label=f"largest tensile stress at a bond ({name}){text}{_opened(scene, records)}", subject="stress in the bonds", dpi=dpi,
+        label=f"largest tensile stress at a bond ({name}){text}{_line_name(scene, records)}", subject="stress in the bonds",
+        dpi=dpi,
     )  # fmt: skip
 
 
@@ -207,15 +208,15 @@ def draw_damage(
     run, path, dates, projection, dpi
         As in `draw_dates`.
     """
-    scene, water = on_a_map(run, projection)
+    scene, water = project_run(run, projection)
     damage = scene.bond_damage()
     if damage is None:
         raise InputError("the run has no damage", where="damage", remedy="Run with --set damage.enabled=true")
-    records = chosen(scene, dates) if dates else sorted({*_before_breakups(scene), len(scene.times) - 1})
+    records = choose_records(scene, dates) if dates else sorted({*_before_breakups(scene), len(scene.times) - 1})
     values = {r: damage[r] for r in records}
     top = max(0.01, *(float(np.nanmax(of_record, initial=0.0)) for of_record in values.values()))
     return _bond_maps(
-        scene, water, values, shades=colours.damage_map(), top=top, label=f"damage of a bond{_opened(scene, values)}",
+        scene, water, values, shades=colours.damage_map(), top=top, label=f"damage of a bond{_line_name(scene, values)}",
         subject="damage of the bonds", dpi=dpi,
     )  # fmt: skip
 
@@ -238,7 +239,7 @@ def _bond_maps(
     scale = PowerNorm(0.5, 0.0, top)
     ground = [f"; hatched: {patch.get_label()}" for panel in panels for patch in panel.ground_patches()][:1]
     text = f"{label}{''.join(ground)}; square-root scale"
-    lines = style.wrapped(text, figure.get_figwidth() - 0.8, size=9)
+    lines = style.wrap_text(text, figure.get_figwidth() - 0.8, size=9)
     bar = style.colour_bar(
         axes,
         ScalarMappable(scale, shades),
@@ -275,7 +276,7 @@ def _spans(scene: Scene, records: Sequence[int]) -> list[str]:
     return texts
 
 
-def _opened(scene: Scene, records: Iterable[int]) -> str:
+def _line_name(scene: Scene, records: Iterable[int]) -> str:
     """Return the name of the black lines: cracks where the run knows lines, else broken bonds; nothing where none broke."""
     if all(scene.unbroken[record].all() for record in records):
         return ""
@@ -327,7 +328,7 @@ def draw_melt(
     pathlib.Path or matplotlib.figure.Figure
         The picture if ``path`` is given, else the figure.
     """
-    scene, water = on_a_map(run, projection)
+    scene, water = project_run(run, projection)
     if not melts(run):
         raise InputError("nothing melts in this run", where="melt", remedy="Run with --set melt.enabled=true")
     record = len(scene.times) - 1 if date is None else nearest_record(scene, date)

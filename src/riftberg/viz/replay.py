@@ -24,20 +24,20 @@ from riftberg.diagnostics.summary import melt_lines, melted_words
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane, ellipses, ranges
 from riftberg.runs.layout import run_heading
-from riftberg.runs.scene import Scene, StoredWater, on_even_grid, stored_water
+from riftberg.runs.scene import Scene, StoredWater, interpolate_evenly, stored_water
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
 from riftberg.viz.coast import clip_coast
 from riftberg.viz.colours import FRAGMENTS, SMALL
-from riftberg.viz.ensemble import tracks_shown
+from riftberg.viz.ensemble import choose_tracks
 from riftberg.viz.style import degree_label
 
 _MISSING: Final = {"int16": -32768, "uint16": 65535, "uint8": 255}
 _LIMITS: Final = {"int16": (-32767, 32767), "uint16": (0, 65534), "uint8": (0, 254)}
 
 
-def quantised(values: NDArray[Any], kind: str = "int16", *, step: float | None = None) -> dict[str, Any]:
+def quantise(values: NDArray[Any], kind: str = "int16", *, step: float | None = None) -> dict[str, Any]:
     """Quantise an array."""
     low, high = _LIMITS[kind]
     values = np.asarray(values, np.float64)
@@ -167,14 +167,14 @@ class ReplayContent:
             "sides": scene.sides.tolist(),
             "draft": scene.draft(),
             "strength": scene.strength if scene.parameters.fracture.enabled else None,
-            "lowest": None if lowest is None else quantised(lowest[self.records], "uint16"),
+            "lowest": None if lowest is None else quantise(lowest[self.records], "uint16"),
             "colours": list(FRAGMENTS),
             "small": SMALL,
             "elements": self._elements(tension),
             "bonds": self._bonds(),
             "fragments": self._fragments(),
             "stays": self._stays(),
-            "peak": quantised(tension.max(axis=1, initial=0.0), "uint16"),
+            "peak": quantise(tension.max(axis=1, initial=0.0), "uint16"),
             "water": self._currents(),
             "floor": self._floor(),
             "coast": self._coast(),
@@ -199,17 +199,17 @@ class ReplayContent:
         damage = scene.bond_damage()
         return {
             "count": lon.shape[1],
-            "x": quantised(x),
-            "y": quantised(y),
-            "angle": quantised(np.mod(angle, 2.0 * np.pi / scene.sides)),
+            "x": quantise(x),
+            "y": quantise(y),
+            "angle": quantise(np.mod(angle, 2.0 * np.pi / scene.sides)),
             "scale": float(self.plane.scale(lon, lat).mean()),
-            "speed": quantised(np.hypot(self._table("u"), self._table("v")), "uint16"),
-            "stress": quantised(self._largest_bond_value(tension), "uint16"),
-            "damage": None if damage is None else quantised(self._largest_bond_value(damage[chosen]), "uint8"),
-            "berg": quantised(scene.berg[chosen], "uint16", step=1.0),
-            "thickness": quantised(thickness, "uint16"),
-            "side": quantised(side, "uint16"),
-            "aground": quantised(scene.aground(chosen.tolist()).sum(axis=1), "uint16", step=1.0),
+            "speed": quantise(np.hypot(self._table("u"), self._table("v")), "uint16"),
+            "stress": quantise(self._largest_bond_value(tension), "uint16"),
+            "damage": None if damage is None else quantise(self._largest_bond_value(damage[chosen]), "uint8"),
+            "berg": quantise(scene.berg[chosen], "uint16", step=1.0),
+            "thickness": quantise(thickness, "uint16"),
+            "side": quantise(side, "uint16"),
+            "aground": quantise(scene.aground(chosen.tolist()).sum(axis=1), "uint16", step=1.0),
         }
 
     def _table(self, name: str) -> Floats:
@@ -279,7 +279,7 @@ class ReplayContent:
     def _members(self, members: ForecastMembers) -> dict[str, Any]:
         """Return tracks, probabilities and ellipses of a forecast; times are seconds since the first record shown."""
         ds = members.result
-        chosen = tracks_shown(ds)
+        chosen = choose_tracks(ds)
         tracks = ds[["lon", "lat"]].isel(member=chosen, fragment=0).transpose("member", "time")
         x, y = self.plane.forward(tracks["lon"].values, tracks["lat"].values)
         lines = [ellipses(ds, float(level)) for level in ds["cone"].values]
@@ -292,8 +292,8 @@ class ReplayContent:
             "words": members.words,
             "scenarios": [{"number": n, "share": p, "text": text} for n, p, text in members.scenarios],
             "seconds": self._since_first(ds["time"].values),
-            "x": quantised(x),
-            "y": quantised(y),
+            "x": quantise(x),
+            "y": quantise(y),
             "scenario": ds["scenario"].values[chosen].tolist(),
             "all": int((ds["status"].values == 0).sum()),
             **share,
@@ -317,7 +317,7 @@ class ReplayContent:
         presence = np.where(inside, values[:, np.where(inside, j, 0), np.where(inside, i, 0)], 0.0)
         return {
             "x": [float(xs[0]), float(xs[-1])], "y": [float(ys[0]), float(ys[-1])],
-            "seconds": self._since_first(ds["time"].values[::every]), "share": quantised(100.0 * presence, "uint8", step=0.5),
+            "seconds": self._since_first(ds["time"].values[::every]), "share": quantise(100.0 * presence, "uint8", step=0.5),
         }  # fmt: skip
 
     def _since_first(self, times: NDArray[Any]) -> list[float]:
@@ -350,8 +350,8 @@ class ReplayContent:
             "x": [float(xs[0]), float(xs[-1])],
             "y": [float(ys[0]), float(ys[-1])],
             "seconds": (self.water.times - zero).tolist(),
-            "u": quantised(u * np.cos(turn) - v * np.sin(turn)),
-            "v": quantised(u * np.sin(turn) + v * np.cos(turn)),
+            "u": quantise(u * np.cos(turn) - v * np.sin(turn)),
+            "v": quantise(u * np.sin(turn) + v * np.cos(turn)),
         }
 
     def _floor(self) -> dict[str, Any] | None:
@@ -366,7 +366,7 @@ class ReplayContent:
         shallow: list[list[float]] = []
         if self.scene.has_floor:
             fine_x, fine_y, lon, lat = self._mesh(max(water.floor.shape))
-            fine = on_even_grid(water.floor_x, water.floor_y, water.floor, lon, lat)
+            fine = interpolate_evenly(water.floor_x, water.floor_y, water.floor, lon, lat)
             # Outside of the box it is deep, so that rings close at its edge.
             fine = np.pad(np.where(np.isfinite(fine), fine, 1e5), 1, constant_values=1e5)
             fine_x, fine_y = (np.r_[2.0 * a[0] - a[1], a, 2.0 * a[-1] - a[-2]] for a in (fine_x, fine_y))
@@ -374,7 +374,7 @@ class ReplayContent:
         return {
             "x": [float(xs[0]), float(xs[-1])],
             "y": [float(ys[0]), float(ys[-1])],
-            "depth": quantised(depth, "uint16"),
+            "depth": quantise(depth, "uint16"),
             "lines": [
                 {"depth": level, "lines": lines} for level in _ISOBATHS if (lines := _contours(xs, ys, depth, level))
             ],
@@ -389,7 +389,7 @@ class ReplayContent:
         coast = []
         for area, colour in areas:
             rings = (np.asarray(ring.coords)[:, :2] for ring in (area.exterior, *area.interiors))
-            coast.append({"colour": colour, "rings": [_thinned(*self.plane.forward(*ring.T)) for ring in rings]})
+            coast.append({"colour": colour, "rings": [_thin(*self.plane.forward(*ring.T)) for ring in rings]})
         return coast
 
     def _graticule(self) -> list[dict[str, Any]]:
@@ -420,7 +420,7 @@ class ReplayContent:
             begin = float((np.datetime64(day) - zero) / np.timedelta64(1, "s"))
             span = float(self.scene.seconds[self.records[-1]] - self.scene.seconds[self.records[0]])
             if begin + 86_400.0 > 0.0 and begin < span:
-                drawn = [_thinned(*self.plane.forward(ring[:, 0], ring[:, 1])) for ring in rings]
+                drawn = [_thin(*self.plane.forward(ring[:, 0], ring[:, 1])) for ring in rings]
                 entries.append({"day": day, "begin": begin, "rings": drawn})
         return entries
 
@@ -442,7 +442,7 @@ def _flat_list(x: Floats, y: Floats) -> list[float]:
     return np.column_stack([x, y]).round(0).astype(int).ravel().tolist()
 
 
-def _thinned(x: Floats, y: Floats) -> list[float]:
+def _thin(x: Floats, y: Floats) -> list[float]:
     """Return a ring without points that are closer than `_THIN` to the one kept before."""
     rows = [0]
     for k in range(1, len(x)):

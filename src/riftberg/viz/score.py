@@ -295,7 +295,7 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
     seen = panel.placed(*seen_at)
     for k, (run, (east, north), born) in enumerate(zip(runs, lines, births, strict=True)):
         colour = colours.FRAGMENTS[k % len(colours.FRAGMENTS)]
-        ax.plot(*style.gapped(east, north, run.course.area), color=colour, lw=2.0, zorder=7, label=run.name)
+        ax.plot(*style.insert_gaps(east, north, run.course.area), color=colour, lw=2.0, zorder=7, label=run.name)
         ax.plot(east[-1], north[-1], "s", color=colour, mec="black", ms=6, zorder=8)
         ax.plot(*born, "*", color=colour, mec="black", ms=12, ls="", zorder=9)
     labels = style.Labels(ax)

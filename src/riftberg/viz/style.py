@@ -323,7 +323,7 @@ class Labels:
         return True
 
 
-def gapped(x: Any, y: Any, area: Any) -> tuple[Any, Any]:
+def insert_gaps(x: Any, y: Any, area: Any) -> tuple[Any, Any]:
     """Return a track with gaps where its berg lost more than a hundredth of its area at once: there its centroid jumps."""
     with np.errstate(invalid="ignore"):
         jumps = np.flatnonzero(np.diff(area) < -0.01 * area[:-1]) + 1
@@ -370,10 +370,10 @@ _UNIT = r"(?:[kcm]?m|km²|m/s|[kMG]?Pa|kg|Gt|°C?|h|s|days?|degrees?|[NSEW]|[A-Z
 def put_title(figure: Figure, text: str, *, size: float = 12.0) -> None:
     """Put a title at the top left of a figure, in as many lines as it takes."""
     width = figure.get_figwidth()
-    figure.suptitle("\n".join(wrapped(text, width - 0.4, size=size)), x=0.1 / width, ha="left", fontsize=size)
+    figure.suptitle("\n".join(wrap_text(text, width - 0.4, size=size)), x=0.1 / width, ha="left", fontsize=size)
 
 
-def wrapped(text: str, width: float, *, size: float) -> list[str]:
+def wrap_text(text: str, width: float, *, size: float) -> list[str]:
     """Break the lines of a text so that they fit into a width (inches) at a size of letters (points).
 
     A number stays with its unit.
@@ -411,7 +411,7 @@ def day_text(moment: np.datetime64, *, year: bool = False, hour: bool = True) ->
     return text + (f" {when:%H:%M}" if hour else "")
 
 
-def in_words(name: str) -> str:
+def spell_name(name: str) -> str:
     """Return the name of an input or result as words, such as ``start east`` for ``start.east``."""
     words = re.sub(r"[._]", " ", name)
     return re.sub(r"\blat\b", "latitude", re.sub(r"\blon\b", "longitude", words))
