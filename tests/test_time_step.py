@@ -99,7 +99,9 @@ def test_members_take_the_step_of_the_first() -> None:
         for length, track in zip(lengths, result["lon"].values, strict=True):
             model = Model(berg(f"{length:g} km"), SEA, Parameters(stepping={"time_step": step}), start="2020-12-01")
             model.advance(0.25)
-            assert np.ravel(track)[-1] == pytest.approx(np.average(model.elements.lon, weights=model.elements.mass), abs=1e-12)
+            assert np.ravel(track)[-1] == pytest.approx(
+                np.average(model.elements.lon, weights=model.elements.mass), abs=1e-12
+            )
 
 
 def test_the_model_says_which_step_it_takes_and_why() -> None:

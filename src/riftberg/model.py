@@ -34,7 +34,7 @@ from riftberg.engines.common.stepper import Stepper, complete_state, sample_new_
 from riftberg.engines.common.time_step import LONG_STEP, choose_time_step
 from riftberg.engines.schemes import assign_substeps, check_long_step, make_stepper, resonance_warning, size_bins
 from riftberg.errors import InputError
-from riftberg.life.coming import COMING, bear, coming, coming_text, parted_by_date
+from riftberg.life.coming import COMING, bear, coming, coming_text, split_by_date
 from riftberg.life.motion import MotionLedger
 from riftberg.life.process import LifeProcess, check_water, lives
 from riftberg.ocean.floor_notices import floor_notices
@@ -142,7 +142,7 @@ class BareModel(RunState):
         )
         elements, bonds = copy_state(berg.elements, berg.bonds)
         present, present_bergs, later = (
-            parted_by_date(elements, berg.dates, began, berg.bergs) if berg.dates else (elements, berg.bergs, {})
+            split_by_date(elements, berg.dates, began, berg.bergs) if berg.dates else (elements, berg.bergs, {})
         )
         if packed.stepping.time_step is None:
             step, self._why_time_step = choose_time_step(elements, bonds, forcing, packed)
@@ -601,8 +601,6 @@ class BareModel(RunState):
         one long step or several, as an exchange with an ocean does.
         """
         check_recorders(recorders)
-        if days is not None:
-            self.fit_time_step(min(LONG_STEP, 86400.0 * number(days, "day", where="days")))
         count = self.check(days, steps=steps)
         if days is not None:
             for text in of_length(number(days, "day", where="days"), self.parameters):
@@ -671,6 +669,7 @@ class BareModel(RunState):
         days = number(days, "day", where="days")
         if not math.isfinite(days) or days <= 0.0:
             raise InputError(f"{days:g} days", where="Model.run", remedy="Give a finite number above 0")
+        self.fit_time_step(min(LONG_STEP, 86400.0 * days))
         # To the nearest step: 0.1 days are no exact multiple of any.
         count = round(days * 86400.0 / self.parameters.time_step)
         if count < 1:

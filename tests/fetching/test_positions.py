@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import known_at, read_berg, read_observed
+from riftberg.diagnostics.observed import find_sighting, read_berg, read_observed
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments.yaml_file import build_berg, read_file
 from riftberg.fetching import fetch
@@ -64,19 +64,19 @@ def test_a_row_gives_the_best_sensor_that_saw_the_berg_and_keeps_the_flag(folder
 
 def test_a_date_without_a_fix_or_a_size_is_answered_with_the_nearest(folder: Path) -> None:
     rows = read_berg("X1", folder)
-    known = known_at("X1", rows, datetime(2021, 1, 4))
+    known = find_sighting("X1", rows, datetime(2021, 1, 4))
     assert (known.fix.when, known.size.when) == (datetime(2021, 1, 2),) * 2
     # Before it became smaller: the last size before the date counts.
-    assert known_at("X1", rows, datetime(2021, 2, 8)).size.axes[0] == 40 * 1852.0
+    assert find_sighting("X1", rows, datetime(2021, 2, 8)).size.axes[0] == 40 * 1852.0
     with pytest.raises(
         InputError, match=r"not seen within 3 days of 2021-01-20.*nearest dates are 2021-01-02 and 2021-02-09"
     ):
-        known_at("X1", rows, datetime(2021, 1, 20))
+        find_sighting("X1", rows, datetime(2021, 1, 20))
     with pytest.raises(
         InputError, match="no size of X1 within 60 days of 2021-07-19; the nearest is of 2021-02-09: 19 km x 9 km"
     ):
-        known_at("X1", rows, datetime(2021, 7, 19))
-    assert known_at("X1", rows, datetime(2021, 7, 19), sized=False).fix.lat == -62.0
+        find_sighting("X1", rows, datetime(2021, 7, 19))
+    assert find_sighting("X1", rows, datetime(2021, 7, 19), sized=False).fix.lat == -62.0
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def test_all_that_is_said_after_a_run_has_the_strength_of_the_place(tmp_path: Pa
             ends = [int(run[name].values[bond.bond]) for name in ("bond_first", "bond_second")]
             assert bond.prestress == pytest.approx(np.mean([prestress(thick[e], 850.0) for e in ends]))
         assert reasons.breakups
-        text = " ".join(why.words(reasons))
+        text = " ".join(why.reason_lines(reasons))
         assert CAVEAT in text
         assert f"{TIP / 1e3:.0f} kPa at the tips of its crevasses" in text
         assert "beside a pre-stress of" in text

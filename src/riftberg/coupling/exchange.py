@@ -23,7 +23,7 @@ from riftberg.engines.common.fragments.grounding_log import mass_on_floor
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.life.melt import scaled_mass
-from riftberg.life.process import PROCESSES, LifeModel, date_of_birth, missing_water, stocks
+from riftberg.life.process import PROCESSES, LifeModel, birth_date, missing_water, stocks
 from riftberg.model import BareModel
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
@@ -406,7 +406,7 @@ class Exchange:
         fluxes["left"] = got.left / area
         fluxes["left_heat"] = got.heat_left / area - LATENT_HEAT * fluxes["left"]
         others = self.model.elements if self.model.parameters.stepping.interactions else None
-        elements, ids = self.calving.bear(*date_of_birth(self.model, coming=True), self.ocean_step, others)
+        elements, ids = self.calving.bear(*birth_date(self.model, coming=True), self.ocean_step, others)
         if ids.size:
             self._bear(elements)
 
@@ -466,7 +466,7 @@ class Exchange:
         self.grid.locate(new)
         refuse_ice_on_bergs(model.elements, new, Metric(p.earth.latlon, p.earth.radius, p.earth.period))
         new.life.start_mass[:], new.life.start_lon[:], new.life.start_lat[:] = new.mass, new.lon, new.lat
-        year, day = date_of_birth(model, coming=True)
+        year, day = birth_date(model, coming=True)
         new.life.start_year[:], new.life.start_day[:] = year, day
         # What the cells bear with and without the new berg, both now: their difference is what has still to settle.
         previous = self._borne()[0] + self._settling.rest

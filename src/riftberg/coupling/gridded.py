@@ -27,7 +27,7 @@ from riftberg.life.process import PROCESSES, LifeModel
 from riftberg.model import BareModel
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
-from riftberg.runs.layout import counted_from
+from riftberg.runs.layout import time_units
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import summed
 from riftberg.system.netcdf_lock import write_dataset
@@ -372,7 +372,7 @@ class GridRecorder:
         })  # fmt: skip
         began = spans[0].since if spans else datetime(2000, 1, 1)
         for name in ("time", "time_bnds"):
-            dataset[name].encoding = {**counted_from(began), "dtype": "float64"}
+            dataset[name].encoding = {**time_units(began), "dtype": "float64"}
         for name in data:
             dataset[name].encoding = {"zlib": True}
         return dataset

@@ -305,7 +305,7 @@ class IceShelf:
         lattice, radius = fill(region, options["radius"], options["packing"])
         options = {**options, "radius": radius}
         return Iceberg.from_points(
-            lattice.x, lattice.y, thickness=height, latlon=False, pieces=region.piece_of(lattice), **options
+            lattice.x, lattice.y, thickness=height, latlon=False, pieces=region.piece_numbers(lattice), **options
         )
 
     def _shares(self, berg: Iceberg, marked: Booleans) -> Shares:

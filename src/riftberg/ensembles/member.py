@@ -32,7 +32,7 @@ from riftberg.ocean.files_forcing import sharing_forcings
 from riftberg.plane import EqualAreaPlane, near
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import SMALL
-from riftberg.runs.tracks import Shapes, is_channel, lon_of_track
+from riftberg.runs.tracks import Shapes, is_channel, track_longitudes
 from riftberg.state.population import find_rows
 from riftberg.system.input_files import allow_large, value_shown
 
@@ -315,7 +315,7 @@ class MemberTracks:
         e, earth = model.elements, model.parameters.earth
         numbers, group = np.unique(e.berg, return_inverse=True)
         here = Shapes(
-            lon_of_track(model), e.lat, e.length * e.width, group, numbers.size, latlon=earth.latlon, radius=earth.radius,
+            track_longitudes(model), e.lat, e.length * e.width, group, numbers.size, latlon=earth.latlon, radius=earth.radius,
             period=model.constants.period,
         )  # fmt: skip
         length, width = here.sides(e.length, e.width, (e.length**2 + e.width**2) / 12.0)

@@ -18,7 +18,7 @@ from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome, broken_off
 from riftberg.ensembles.uncertain import SEED
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
-from riftberg.runs.layout import counted_from
+from riftberg.runs.layout import time_units
 from riftberg.runs.scene import SMALL
 from riftberg.runs.tracks import GOES_ON
 from riftberg.state import Floats
@@ -340,7 +340,7 @@ def _in_chunks(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
 
 def _encoding(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
     start = ds["time"].values[0] if "time" in ds else ds["init"].values
-    about = {**counted_from(start), "dtype": "float64"}
+    about = {**time_units(start), "dtype": "float64"}
     encoding: dict[str, dict[str, Any]] = {
         str(name): dict(about) for name, variable in ds.variables.items() if variable.dtype.kind == "M"
     }

@@ -50,7 +50,7 @@ from riftberg.ensembles.result import (
 from riftberg.ensembles.uncertain import check_sizes, with_errors
 from riftberg.ensembles.vary import Draws, Varied, grouped, list_members, plan_from_design, read_varied, vary_with_file
 from riftberg.errors import InputError, without_secrets
-from riftberg.experiments.changes import changed, origin, settings_of
+from riftberg.experiments.changes import changed, format_settings, origin
 from riftberg.experiments.registry import Options
 from riftberg.ocean.files_forcing import forget_forcings
 from riftberg.parameters import GROUPS
@@ -575,7 +575,7 @@ class Store:
             return {}
         words = ["--days", repr(self.plan.days), *(word for name in sorted(o.without) for word in ("--without", name))]
         words += [] if o.numerics is None else ["--numerics", o.numerics]
-        return origin(self.plan.experiment, words, settings_of(o.changes), o.data, self.folder)
+        return origin(self.plan.experiment, words, format_settings(o.changes), o.data, self.folder)
 
     def weights(self) -> dict[str, Any]:
         """Return the weights of the members by new sightings; empty where there were none."""

@@ -28,7 +28,14 @@ from riftberg.ensembles.distributions import (
 )
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain, read_starts
 from riftberg.errors import InputError
-from riftberg.experiments.changes import SETTABLE, checked_value, file_field, file_value, is_of_file, sections_with
+from riftberg.experiments.changes import (
+    SETTABLE,
+    checked_value,
+    file_field,
+    file_value,
+    is_file_key,
+    parameter_sections,
+)
 from riftberg.system.input_files import read_csv_rows, refuse_large, value_shown
 
 MOST_MEMBERS: Final = 10_000
@@ -172,13 +179,13 @@ def _find_field(name: str, where: str) -> FieldInfo:
     group, dot, key = name.partition(".")
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
-    section = sections_with(group, key, where=where, settable=SECTIONS)[0]
+    section = parameter_sections(group, key, where=where, settable=SECTIONS)[0]
     return section_fields(section)[key]
 
 
 def _read_parameter(name: str, values: Any, where: str) -> Varied:
     group, _, key = name.partition(".")
-    if is_of_file(name):
+    if is_file_key(name):
         if isinstance(values, str) and values.startswith("~"):
             # Read the distribution of a key of an experiment file; one of values has them as the file would.
             field = file_field(name)
@@ -389,7 +396,7 @@ def plan_from_design(
             varied.append(Varied(name, tuple(values)))
             continue
         where, key = f"--design, {name}", name.rpartition(".")[2]
-        if is_of_file(name):
+        if is_file_key(name):
             file_values = [file_value(value, where) if isinstance(value, str) else value for value in values]
             varied.append(Varied(name, tuple(file_values), meaning="key of the experiment file"))
             continue
@@ -428,7 +435,7 @@ def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[
         columns[v.name] = components[0] if v.components == 1 else list(zip(*components, strict=True))
         first += v.components
     for name, values in columns.items():
-        if is_of_file(name):
+        if is_file_key(name):
             columns[name] = [list(value) if isinstance(value, tuple) else value for value in values]
             continue
         group, _, key = name.partition(".")

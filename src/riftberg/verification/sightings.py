@@ -18,7 +18,7 @@ import xarray as xr
 from shapely.affinity import rotate, scale, translate
 
 from riftberg.diagnostics.observed import Observations
-from riftberg.diagnostics.outlines import polygon_moments, polygon_on
+from riftberg.diagnostics.outlines import polygon_moments, project_polygon
 from riftberg.ensembles.matching import FEW_MEMBERS
 from riftberg.ensembles.probability import effective
 from riftberg.ensembles.sweep import MEMBERS, WEIGHTS, Plan, Store
@@ -75,7 +75,7 @@ class Sighting(NamedTuple):
         """The outline in kilometres east and north of the centroid; None where it was not seen."""
         if self.ring is None:
             return None
-        return scale(polygon_on(ConformalPlane(*self.place, RADIUS), self.ring), 1e-3, 1e-3, origin=(0.0, 0.0))
+        return scale(project_polygon(ConformalPlane(*self.place, RADIUS), self.ring), 1e-3, 1e-3, origin=(0.0, 0.0))
 
 
 def select_sightings(
@@ -101,10 +101,10 @@ def select_sightings(
             continue
         # First where it is, then its axis against north there.
         rough = ConformalPlane(float(outline.ring[0, 0]), float(outline.ring[0, 1]), RADIUS)
-        shape = polygon_on(rough, outline.ring)
+        shape = project_polygon(rough, outline.ring)
         if shape.area >= sizes.get(when, 0.0):
             lon, lat = (float(a) for a in rough.inverse(np.array(shape.centroid.x), np.array(shape.centroid.y)))
-            polygon = polygon_on(ConformalPlane(lon, lat, RADIUS), outline.ring)
+            polygon = project_polygon(ConformalPlane(lon, lat, RADIUS), outline.ring)
             azimuth = polygon_moments(np.asarray(polygon.exterior.coords))[2] % 180.0
             seen[when], sizes[when] = Sighting(when, lon, lat, azimuth, outline.ring), shape.area
     name = chosen or (names[0] if len(names) == 1 and names[0] else "berg")

@@ -31,7 +31,7 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import InputError, nearest
 from riftberg.experiments.changes import changed, parse_settings
-from riftberg.experiments.schema import SeriesForcing, kind_of
+from riftberg.experiments.schema import SeriesForcing, forcing_kind
 from riftberg.experiments.yaml_file import Document
 from riftberg.model import BareModel
 from riftberg.ocean.files_schema import FileForcing
@@ -85,7 +85,7 @@ class CaseFile(Section):
     )
     forcing: Annotated[
         Annotated[SeriesForcing, Tag("along")] | Annotated[FileForcing, Tag("files")],
-        Field(discriminator=Discriminator(kind_of)),
+        Field(discriminator=Discriminator(forcing_kind)),
     ] = key(..., "", "series along the tracks (along), or files")
     entrants: dict[str, str] = key(
         {}, "", "further entrants by name, such as no slope: riftberg forcing.sea_level=none"
