@@ -278,7 +278,7 @@ def test_a_failure_without_a_file_leaves_the_model_at_its_last_good_state() -> N
 @pytest.mark.parametrize("error", [ForcingError("the disk is gone"), KeyboardInterrupt(), ValueError("a bug")])
 def test_any_failure_within_a_step_leaves_the_state_before_it(error: BaseException) -> None:
     """Once only RunError took the state back; a failure of the forcing left positions a step ahead of the step number."""
-    model = Model(berg(), Failing(3600.0, error))
+    model = Model(berg(), Failing(3600.0, error), Parameters(stepping={"time_step": 1800.0}))
     model.step()
     before = model.time, model.elements.lon.copy(), list(model.fragments.rows)
     with pytest.raises(type(error)):

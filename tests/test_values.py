@@ -154,7 +154,7 @@ MISTAKES: list[tuple[str, str, Callable[[Any], object]]] = [
     ("fracture: {normal_strength: VALUE}", "parameters.fracture.normal_strength",
      lambda v: Parameters(fracture={"normal_strength": v})),
     ("fracture: {enabled: VALUE}", "parameters.fracture.enabled", lambda v: A68A_2022.changed(fracture={"enabled": v})),
-    ("stepping: {time_step: VALUE}", "parameters.time_step",
+    ("stepping: {time_step: VALUE}", "parameters.stepping.time_step",
      lambda v: A68A_2022.changed(stepping={"time_step": v})),
 ]  # fmt: skip
 

@@ -135,7 +135,8 @@ def test_a_run_that_needs_no_files_is_ready_too(tmp_path: Path, monkeypatch: pyt
     steady = HEAD[: HEAD.index("  kind")].format(start="2020-12-09", days=1) + "  kind: constant\n"
     for text, code in (
         (steady, 0),
-        (steady + "output_every_hours: 0.1\n", 1),
+        (steady + "output_every_hours: 0.1\n", 0),
+        (steady + "output_every_hours: 0.1\nparameters: {stepping: {time_step: 1800 s}}\n", 1),
         (steady + "parameters: {stepping: {scheme: mts, substeps: 3}}\n", 1),
     ):
         path.write_text(text)

@@ -201,7 +201,7 @@ def test_slender_bergs_that_press_against_each_other_are_not_thrown_apart() -> N
         for x, thick in ((0.0, 100.0), (SIZE, 200.0), (2.0 * SIZE, 300.0))  # the current takes along the thin one first
     ]
     p = parameters(
-        earth={"latlon": False, "period": 0.0, "f_plane": True, "reference_latitude": 0.0},
+        {"time_step": 1800.0}, earth={"latlon": False, "period": 0.0, "f_plane": True, "reference_latitude": 0.0},
         fracture={"enabled": False},
     )  # fmt: skip
     # Broadside on: the drag of 0.3 m/s on the mean of their sides.

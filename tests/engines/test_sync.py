@@ -22,7 +22,7 @@ def model(scheme: str, sea: Forcing | None = None, **change: Any) -> Model:
     """Return a long berg that the wind of an eddy bends."""
     sea = sea or Forcing.eddy((-37.7, -56.2), radius=30e3, speed=0.5)
     change = {"fracture": {"enabled": False}, **change}
-    return Model(berg(), sea, A68A_2022.changed(stepping={"scheme": scheme}, **change))
+    return Model(berg(), sea, A68A_2022.changed(stepping={"scheme": scheme, "time_step": 1800.0}, **change))
 
 
 def distances(run: Model, count: int) -> Any:

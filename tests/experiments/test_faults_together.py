@@ -92,7 +92,7 @@ def test_five_faults_are_told_at_once_each_with_its_line(tmp_path: Path) -> None
         "line 5, berg.rectangle.width: '6 kg' is in kg",
         "line 9, forcing.eddy.0.radius: -3 is not possible",
         "line 11, parameters.fracture.normal_strength: '18 m' is in m",
-        "line 12, parameters.time_step: -30 is not possible. Allowed: a number > 0, in s (time step)",
+        "line 12, parameters.stepping.time_step: -30 is not possible. Allowed: a number > 0, in s or none (time step)",
     ]
     assert len(told) == 1 + len(places)  # `length` is misspelt, not missing: that is told once
     for line, words in zip(told[1:], places, strict=True):
@@ -157,7 +157,7 @@ def test_places_and_spans_are_told_with_the_rest(tmp_path: Path) -> None:
 def test_a_negative_step_is_answered_in_plain_words(step: str, tmp_path: Path) -> None:
     """In brackets stood half of a sentence about schemes."""
     told = refusal(written(tmp_path, SLAB + f"parameters: {{stepping: {{time_step: {step}}}}}\n"))
-    assert told.endswith("is not possible. Allowed: a number > 0, in s (time step)")
+    assert told.endswith("is not possible. Allowed: a number > 0, in s or none (time step)")
 
 
 WRONG: list[Any] = [
