@@ -33,7 +33,10 @@ forcing:
   uniform: {current: [0.1, 0.0], wind: [8.0, 3.0]}
   eddy:
     - {centre: [-39.4, -55.4], radius: 15 km, speed: 1.0, velocity: [0.2, 0.0]}
-parameters: {fracture: {normal_strength: 0.15 kPa, shear_strength: 0.15 kPa}, drag: {water_base: 0.0012, air_top: 0.0055}, stepping: {time_step: 1800 s}}
+parameters:
+  fracture: {normal_strength: 0.15 kPa, shear_strength: 0.15 kPa}
+  drag: {water_base: 0.0012, air_top: 0.0055}
+  stepping: {time_step: 1800 s}
 """,
     "melts": """\
 start: 2020-12-30 20:00
