@@ -233,15 +233,14 @@ class CrackPaths:
         return np.asarray(a + bonds.crack_part[rows, None] * (b - a))
 
     def with_intensities(self, intensities: Mapping[int, TipIntensity]) -> CrackTips:
-        """Return the tips with their intensities, as far as these can be told."""
-        values = np.zeros((self.tips.crack.size, 3))
-        values[:, 2] = UNTOLD
+        """Return the tips with the intensities of those that stand here, as far as these can be told."""
+        values = self.tips.intensity.copy()
         for tip, ring in self._rings():
             k = intensities.get(tip.row)
             if k is not None and k.ring.reliable:
-                values[tip.row] = k.opening, k.shearing, max(k.hoop, self.tips.intensity[tip.row, 2])
-            elif ring == RUN_OUT:
-                values[tip.row, 2] = RUN_OUT
+                values[tip.row] = k.opening, k.shearing, max(k.hoop, values[tip.row, 2])
+            else:
+                values[tip.row] = 0.0, 0.0, RUN_OUT if ring == RUN_OUT else UNTOLD
         return self.tips._replace(intensity=values)
 
     def next_bond(
