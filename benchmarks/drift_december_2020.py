@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from riftberg import Iceberg, Model
-from riftberg.experiments.a68a import FETCHED, mean_forcing_of
+from riftberg.experiments.a68a import FETCHED, mean_forcing
 from riftberg.parameters import A68A_2022
 from riftberg.verification.scores import local
 from riftberg.verification.tracks import Start
@@ -33,7 +33,7 @@ THICKNESS = 220.0
 @cache
 def _ocean():
     """Return the currents, sea level and wind of the month."""
-    return mean_forcing_of(Path(os.environ.get("RIFTBERG_A68A") or FETCHED))
+    return mean_forcing(Path(os.environ.get("RIFTBERG_A68A") or FETCHED))
 
 
 def drift(start: Start, dates: Sequence[datetime]) -> list[list[float]]:

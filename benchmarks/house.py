@@ -159,7 +159,7 @@ def arguments(node: Function) -> int:
 
 def with_many_arguments(trees: dict[str, ast.Module], *, kernels: bool = False) -> list[str]:
     """Return the functions of more than `MANY` arguments; commands apart, kernels too unless they are asked for."""
-    apart = ("reported",) if kernels else ("kernel", "borrower", "stage", "njit", "reported")
+    apart = ("report_errors",) if kernels else ("kernel", "borrower", "stage", "njit", "report_errors")
     return [
         f"{name}.{node.name}: {arguments(node)}"
         for name, node, _ in functions(trees)

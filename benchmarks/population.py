@@ -23,7 +23,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg import Iceberg, Model, Parameters
-from riftberg.bergs.iceberg import LENGTHS, SHARES, thickness_of
+from riftberg.bergs.iceberg import LENGTHS, SHARES, usual_thickness
 from riftberg.constants import EARTH_RADIUS_KID, EARTH_ROTATION, GRAVITY
 from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.fields import OceanForcing
@@ -98,7 +98,7 @@ def population(grid: Grid, count: int, seed: int = 1) -> Iceberg:
     width = length / ASPECT
     jitter = random.uniform(-0.05, 0.05, (2, count))
     small = Iceberg.from_points(
-        lon.ravel()[chosen] + jitter[0], lat.ravel()[chosen] + jitter[1], thickness=thickness_of(length * width),
+        lon.ravel()[chosen] + jitter[0], lat.ravel()[chosen] + jitter[1], thickness=usual_thickness(length * width),
         radius=0.5 * np.sqrt(length * width), pieces=np.arange(count),
     )  # fmt: skip
     giants = [Iceberg.rectangle(60e3, 25e3, thickness=220.0, radius=3000.0, placement=place) for place in places]

@@ -278,7 +278,7 @@ def _keys(doc: str) -> list[tuple[str, str]]:
 
 def commands_page() -> str:
     """Return the page of the command line, from the signatures of its functions."""
-    from riftberg.cli.main import SUMMARIES, app, function_of
+    from riftberg.cli.main import SUMMARIES, app, load_command
     from riftberg.cli.options import verbose
     from riftberg.experiments import EXPERIMENTS
 
@@ -289,7 +289,7 @@ def commands_page() -> str:
     ]
     for name, summary in SUMMARIES.items():
         text += [f"## riftberg {name}\n", f"{summary}\n"]
-        given = inspect.signature(verbose(function_of(name)), eval_str=True).parameters.values()
+        given = inspect.signature(verbose(load_command(name)), eval_str=True).parameters.values()
         rows = [_argument(p) for p in given if get_args(p.annotation)]  # the context of a command is no option
         if rows:
             text.append(table(("argument or option", "default", "meaning"), rows))

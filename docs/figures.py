@@ -78,7 +78,7 @@ def told_by(run: xr.Dataset) -> dict[str, Any]:
     scene = Scene(run)
     tracks = {scene.name(number): scene.track(number) for number in scene.numbers}
     return {
-        "pieces_km2": {scene.name(number): round(scene.area_of(number) / 1e6) for number in scene.numbers},
+        "pieces_km2": {scene.name(number): round(scene.final_area(number) / 1e6) for number in scene.numbers},
         "births": {
             scene.name(number): str(birth[0])[:16] for number in scene.numbers if (birth := scene.birth(number)) is not None
         },

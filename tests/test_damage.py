@@ -16,7 +16,7 @@ from riftberg.errors import InputError
 from riftberg.experiments.changes import reference_numerics
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
-from riftberg.runs.layout import parameters_of
+from riftberg.runs.layout import run_parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
 from test_resume import PHYSICS, bergs, differing, knoll
@@ -226,7 +226,7 @@ def test_it_is_set_on_the_command_line(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["run", "a68a", "--days", "0.25", "-o", str(out), "-q", "--no-map", *words])
     assert result.exit_code == 0, result.output
     with open_run(out) as run:
-        used = parameters_of(run).damage
+        used = run_parameters(run).damage
         assert "damage" in run
     assert (used.enabled, used.time_scale, used.threshold, used.exponent) == (True, 6 * HOUR, 0.2, 3.0)
     result = CliRunner().invoke(app, ["run", "a68a", "-o", str(out / "b"), "--set", "damage.threshold=1"])

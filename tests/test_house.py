@@ -43,7 +43,10 @@ def test_a_kernel_with_more_says_why_above_it(tmp_path):
     assert house.without_reason(tmp_path) == ["law.many"]
 
 
-WORDED = ("engines", "ocean", "state", "config", "parameters", "model")
+WORDED = (
+    "engines", "ocean", "state", "config", "parameters", "model",
+    "cli", "life", "runs", "experiments", "bergs", "diagnostics", "viz",
+)  # fmt: skip
 """Folders and files whose names have been gone through."""
 
 

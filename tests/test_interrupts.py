@@ -22,7 +22,7 @@ import typer
 import riftberg
 from forked import Program
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.cli.options import EXIT_INTERRUPTED, reported
+from riftberg.cli.options import EXIT_INTERRUPTED, report_errors
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
@@ -358,7 +358,7 @@ def test_a_command_ends_where_a_library_loses_the_interrupt(
     monkeypatch.setattr(interrupts, "AGAIN", 0.05)
     begun, threads = time.monotonic(), threading.active_count()
     with pytest.raises(typer.Exit) as ended:
-        reported(library)()
+        report_errors(library)()
     assert ended.value.exit_code == EXIT_INTERRUPTED
     assert capsys.readouterr().err == "Interrupted.\n"
     assert time.monotonic() - begun < 5.0
@@ -377,7 +377,7 @@ def test_a_run_in_a_command_still_ends_its_step(capsys: pytest.CaptureFixture[st
 
     heard: list[int] = []
     with pytest.raises(typer.Exit) as ended:
-        reported(run)()
+        report_errors(run)()
     assert ended.value.exit_code == EXIT_INTERRUPTED
     assert heard == [signal.SIGINT]
     assert "Stopping after this step" in capsys.readouterr().err

@@ -263,10 +263,10 @@ def test_what_an_earlier_run_wrote_is_not_taken_away(
 def test_a_part_that_another_process_fetches_is_not_thrown_away(tmp_path: Path) -> None:
     """A second fetch began with dropping what the first had so far."""
     from riftberg.errors import InputError
-    from riftberg.fetching.download import Resuming, part_of
+    from riftberg.fetching.download import Resuming, partial_path
 
     url = "http://127.0.0.1:9/big.nc"
-    part = part_of(tmp_path, url)
+    part = partial_path(tmp_path, url)
     part.write_bytes(b"the first megabytes")
     with only_writer(part), pytest.raises(InputError, match="is writing this file"):
         Resuming(attempts=1)(url, tmp_path / "big.nc")

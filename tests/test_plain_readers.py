@@ -14,7 +14,7 @@ import xarray as xr
 
 from fakes import FakeModel
 from riftberg.ensembles.member import Outcome
-from riftberg.ensembles.result import dataset_of, open_sweep, write_blocks, write_sweep
+from riftberg.ensembles.result import build_dataset, open_sweep, write_blocks, write_sweep
 from riftberg.ensembles.vary import Varied
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.system.netcdf_lock import write_dataset
@@ -28,7 +28,7 @@ def result(first: int, texts: list[str]) -> xr.Dataset:
     outcomes = {k: Outcome(k, "failed", text) for k, text in enumerate(texts)}
     varied = [Varied("berg.offset", ([0, 0], [1, 2]), "", "offset")]
     members = [{"berg.offset": [first, k]} for k in range(len(texts))]
-    ds = dataset_of(varied, members, outcomes, start=START, days=1.0, every=21600.0, latlon=True, attributes=ABOUT)  # type: ignore[arg-type]
+    ds = build_dataset(varied, members, outcomes, start=START, days=1.0, every=21600.0, latlon=True, attributes=ABOUT)  # type: ignore[arg-type]
     return ds.assign_coords(member=("member", first + ds["member"].values, ds["member"].attrs))
 
 

@@ -12,7 +12,7 @@ import pytest
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.cli.run import short_summary
 from riftberg.diagnostics.summary import summarize
-from riftberg.diagnostics.why import explain, words
+from riftberg.diagnostics.why import explain, reason_lines
 from riftberg.errors import BergError
 from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.scene import Scene
@@ -241,7 +241,7 @@ def test_why_tells_of_a_collision(tmp_path: Path) -> None:
     for breakup in breakups:
         assert breakup.collision is not None
         assert breakup.collision.berg == "hammer"
-    text = " ".join(words(explain(run, smallest=0.0)))
+    text = " ".join(reason_lines(explain(run, smallest=0.0)))
     assert "beam.1" in text
     assert "broke in a collision: hammer met beam at 0.4 m/s" in text
     assert "ringing" not in text

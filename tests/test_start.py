@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from riftberg.cli.main import SUMMARIES, app, function_of
+from riftberg.cli.main import SUMMARIES, app, load_command
 from riftberg.state.neighbours import find_pairs
 
 KERNELS = """\
@@ -137,7 +137,7 @@ def said(code: str, folder: Path | None = None, **environment: str) -> str:
 def test_the_help_of_all_commands_says_what_each_says() -> None:
     """It is written by hand, so that no command is loaded for it."""
     for name, summary in SUMMARIES.items():
-        assert " ".join((function_of(name).__doc__ or "").split("\n\n")[0].split()) == summary
+        assert " ".join((load_command(name).__doc__ or "").split("\n\n")[0].split()) == summary
     shown = " ".join(CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"}).output.split())
     assert all(summary in shown for summary in SUMMARIES.values())
 

@@ -11,7 +11,7 @@ import shapely
 
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.diagnostics.observed import read_observed
-from riftberg.diagnostics.outlines import polygon_moments, polygon_on
+from riftberg.diagnostics.outlines import polygon_moments, project_polygon
 from riftberg.experiments.a68a import A68A_OBSERVED
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.plane import ConformalPlane
@@ -66,7 +66,7 @@ def test_the_observed_axes_are_those_of_the_outlines(shared: Path) -> None:
     apart = []
     assert len(SCRIPT.MOMENTS) == 13
     for seen, moment in zip(A68A_OBSERVED, SCRIPT.MOMENTS, strict=False):
-        shape = polygon_on(ConformalPlane(seen.lon, seen.lat, EARTH_RADIUS_A68), rings[seen.day])
+        shape = project_polygon(ConformalPlane(seen.lon, seen.lat, EARTH_RADIUS_A68), rings[seen.day])
         assert axis_difference(polygon_moments(np.asarray(shape.exterior.coords))[2], moment) == pytest.approx(
             0.0, abs=0.06
         )

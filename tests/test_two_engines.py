@@ -10,7 +10,7 @@ import pytest
 
 from riftberg import Parameters
 from riftberg.config.values import field_extra
-from riftberg.ensembles.vary import varied_of
+from riftberg.ensembles.vary import read_varied
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed, parse_settings
@@ -71,7 +71,7 @@ def test_what_is_gone_is_refused_with_what_to_write_now(
         read_file(path)
     if key != "enabled":
         with pytest.raises(InputError, match=now):
-            varied_of([f"{group}.{key}={word},{word}"])
+            read_varied([f"{group}.{key}={word},{word}"])
 
 
 def written(p: Parameters, **groups: dict[str, Any]) -> str:
@@ -212,7 +212,7 @@ def test_what_kid_alone_sets_is_refused_in_files_sweeps_and_by_set(tmp_path: Pat
     group, name = path.split(".")
     file = tmp_path / "slab.yaml"
     file.write_text(f"{SLAB}parameters: {{{group}: {{{name}: 1}}}}\n")
-    for ask in (lambda: read_file(file), lambda: parse_settings([f"{path}=1"]), lambda: varied_of([f"{path}=1,2"])):
+    for ask in (lambda: read_file(file), lambda: parse_settings([f"{path}=1"]), lambda: read_varied([f"{path}=1,2"])):
         with pytest.raises(InputError, match="riftberg kid"):
             ask()
 

@@ -94,14 +94,16 @@ def test_defaults_and_presets_are_usual(parameters: Parameters) -> None:
 
 @pytest.mark.parametrize("name", ["supported-beam", "cantilever", "collision", "grounding-fracture"])
 def test_test_cases_are_as_they_are_meant(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from riftberg.cli.run import notices_of
+    from riftberg.cli.run import collect_notices
 
     options = Options()
     model, info = build(name, options)
-    assert not [text for text in notices_of(model=model, info=info, options=options, hours=1.0) if "unusual" in text]
+    assert not [
+        text for text in collect_notices(model=model, info=info, options=options, hours=1.0) if "unusual" in text
+    ]
     options = Options(changes={"ice": {"density": 100.0}})
     model, info = build(name, options)
-    told = [text for text in notices_of(model=model, info=info, options=options, hours=1.0) if "unusual" in text]
+    told = [text for text in collect_notices(model=model, info=info, options=options, hours=1.0) if "unusual" in text]
     assert len(told) == 1
     assert "ice.density = 100" in told[0]
 

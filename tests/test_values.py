@@ -15,7 +15,7 @@ import xarray as xr
 import riftberg
 from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Parameters, Steady
 from riftberg.config.values import moment, native, number, numbers
-from riftberg.ensembles.sweep import planned
+from riftberg.ensembles.sweep import make_plan
 from riftberg.errors import BergError, ForcingError, InputError
 from riftberg.experiments.registry import Options
 from riftberg.experiments.yaml_file import build_file
@@ -422,7 +422,7 @@ def test_more_of_the_wrong_kind_is_refused_in_words(tmp_path: Path) -> None:
         riftberg.draw_map(xr.Dataset())
     with pytest.raises(InputError, match="vary: None cannot be used here"):
         riftberg.sweep("a68a", None)  # type: ignore[arg-type]
-    plan = planned("collision", {"fracture.normal_strength": [1e3]}, Options(days=1 / 24), None)
+    plan = make_plan("collision", {"fracture.normal_strength": [1e3]}, Options(days=1 / 24), None)
     assert plan.every == 3600.0  # by default as long as a run that is shorter than 6 h
     for workers in (-1, "two", 1.5):
         with pytest.raises(InputError, match=r"workers: .* processes. Give a whole number, 0 or more"):

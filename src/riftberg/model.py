@@ -33,7 +33,7 @@ from riftberg.engines.common.speed_limit import check_forcing, check_speed, refu
 from riftberg.engines.common.stepper import Stepper, complete_state, sample_new_elements
 from riftberg.engines.schemes import assign_substeps, check_long_step, make_stepper, resonance_warning, size_bins
 from riftberg.errors import InputError
-from riftberg.life.coming import COMING, bear, coming, coming_text, parted_by_date
+from riftberg.life.coming import COMING, bear, coming, coming_text, split_by_date
 from riftberg.life.motion import MotionLedger
 from riftberg.life.process import LifeProcess, check_water, lives
 from riftberg.ocean.floor_notices import floor_notices
@@ -139,7 +139,7 @@ class BareModel(RunState):
         )
         elements, bonds = copy_state(berg.elements, berg.bonds)
         present, present_bergs, later = (
-            parted_by_date(elements, berg.dates, began, berg.bergs) if berg.dates else (elements, berg.bergs, {})
+            split_by_date(elements, berg.dates, began, berg.bergs) if berg.dates else (elements, berg.bergs, {})
         )
         sized = _with_constant_size(packed, present, bonds)
         self._begin(

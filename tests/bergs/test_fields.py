@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg
-from riftberg.bergs.iceberg import EXPONENT, LENGTHS, SHARES, power_law, thickness_of
+from riftberg.bergs.iceberg import EXPONENT, LENGTHS, SHARES, power_law, usual_thickness
 from riftberg.errors import BergError, RiftbergError
 
 BOX = (-40.0, -36.0, -58.0, -56.0)
@@ -65,7 +65,7 @@ def test_sizes_follow_the_power_law_of_tournadre() -> None:
 
 def test_thickness_rises_with_size_up_to_a_largest() -> None:
     area = np.geomspace(1e3, 1e8, 50)
-    thickness = thickness_of(area)
+    thickness = usual_thickness(area)
     assert (np.diff(thickness) >= 0.0).all()
     assert (thickness[0], thickness[-1]) == (40.0, 250.0)
     assert set(Iceberg.field(5, BOX, seed=1, thickness=99.0).elements.thickness) == {99.0}

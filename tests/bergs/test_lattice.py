@@ -9,9 +9,9 @@ import pytest
 
 from riftberg.bergs.lattice import (
     Region,
-    cells_of_rows,
     cells_region,
     element_area,
+    expand_rows,
     fill,
     lattice_points,
     rectangle_region,
@@ -83,7 +83,7 @@ def test_elements_are_sorted_across_the_short_side_first():
 
 
 def test_cells_give_themselves_back():
-    column, row = cells_of_rows([(0, 1, 3), (1, 0, 0), (1, 2, 4)])
+    column, row = expand_rows([(0, 1, 3), (1, 0, 0), (1, 2, 4)])
     region = cells_region(column, row, 3000.0)
     lattice = fill(region, 1500.0, "square")[0]
     assert region.centroid == pytest.approx((lattice.x.mean(), lattice.y.mean()), rel=1e-12)
@@ -94,7 +94,7 @@ def test_cells_give_themselves_back():
 @pytest.mark.parametrize("rows", [[(0, 3, 1)], [(-1, 0, 1)], [(0, 0, 2), (0, 2, 3)]])
 def test_impossible_rows_are_refused(rows):
     with pytest.raises(BergError, match="table of rows"):
-        cells_of_rows(rows)
+        expand_rows(rows)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from shapely.geometry import mapping
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.outline import read_features
-from riftberg.bergs.seams import fault_of_ring, whole_shapes
+from riftberg.bergs.seams import ring_fault, whole_shapes
 from riftberg.coupling.shelf import IceShelf
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import BergError, InputError
@@ -250,7 +250,7 @@ def test_rings_of_no_area_beside_or_in_a_berg_are_nothing() -> None:
     sliver = shapely.Polygon([(-37.0, -55.0), (-36.0, -55.0), (-36.5, -55.0)])
     berg = Iceberg.from_outline(shapely.MultiPolygon([spoilt, sliver]), thickness=200.0, radius=3000.0)
     assert (berg.elements.berg == 1).all()
-    assert fault_of_ring([(179.5, -65.0), (-179.5, -65.0), (-179.5, -64.0)]) == ""
+    assert ring_fault([(179.5, -65.0), (-179.5, -65.0), (-179.5, -64.0)]) == ""
 
 
 def test_archives_of_macos_capitals_and_latin_letters_are_read(tmp_path: Path) -> None:

@@ -137,7 +137,7 @@ def source(shelf: Shelf, files: Path, tmp_path: Path, monkeypatch: pytest.Monkey
     for name in (f"tests/a68/INPUT/{BERG}", f"tests/a68/data/{GRID}"):
         content = (files / Path(name).name).read_bytes()
         shelf.files[f"/{name}"], small[name] = content, hashlib.sha256(content).hexdigest()
-    hourly = tuple(replace(field, parts=3) for field in fetch.HOURLY)
+    hourly = tuple(replace(field, split_files=3) for field in fetch.HOURLY)
     for field in hourly:
         with xr.open_dataset(files / field.merged, decode_times=False) as whole:
             for name, hours in zip(field.names, np.array_split(np.arange(field.records), 3), strict=True):

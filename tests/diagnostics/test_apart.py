@@ -18,7 +18,7 @@ from riftberg import open_run, open_sweep
 from riftberg.cli.main import app
 from riftberg.diagnostics.compare import shown_records
 from riftberg.errors import InputError
-from riftberg.runs.accessor import Course, aligned, apart, course_of
+from riftberg.runs.accessor import Course, align_breakups, compare_courses, find_course
 from riftberg.runs.run_file import memory_run
 
 YAML = """start: 2020-12-09
@@ -42,13 +42,13 @@ def course(hours: list[float], lon: Any = 0.0, azimuth: Any = 10.0) -> Course:
 
 def test_distance_and_rotation_are_between_the_records_of_the_other_and_turn_the_short_way() -> None:
     one, other = course([0, 1, 2], lon=[0.0, 1.0, 2.0], azimuth=175.0), course([-1, 3], lon=[-1.0, 3.0], azimuth=5.0)
-    found = apart(one, other)
+    found = compare_courses(one, other)
     np.testing.assert_allclose(found["distance"], 0.0, atol=1.0)
     np.testing.assert_allclose(found["rotation"], 10.0)
     half = np.radians(0.5) * 6.371e6 * 0.5
-    moved = apart(one, course([-1, 3], lon=[-0.5, 3.5]))
+    moved = compare_courses(one, course([-1, 3], lon=[-0.5, 3.5]))
     np.testing.assert_allclose(moved["distance"], half, rtol=1e-4)
-    assert apart(one, course([1.5, 9.0]))["time"].tolist() == one.times[2:].tolist()
+    assert compare_courses(one, course([1.5, 9.0]))["time"].tolist() == one.times[2:].tolist()
 
 
 def test_a_periodic_channel_is_measured_the_short_way_round() -> None:
@@ -61,23 +61,25 @@ def test_a_periodic_channel_is_measured_the_short_way_round() -> None:
     # As in files of 0.2.0, in which positions were taken back at the seam.
     here, there = (run.assign(x=((run["x"] + x) % 100e3).assign_attrs(comment="")) for x in (10e3, 99e3))
     np.testing.assert_allclose(here.riftberg.compare(there)["distance"], 11e3, rtol=1e-6)
-    assert np.ptp(course_of(there).x) == pytest.approx(0.2 * 86400.0, rel=1e-3)
+    assert np.ptp(find_course(there).x) == pytest.approx(0.2 * 86400.0, rel=1e-3)
     event = {"time": "2020-12-10T13:00:00", "lat": 0.0, "area_km2": 54.0, "grounded": False}
-    rows = aligned([[{**event, "lon": 1e3}], [{**event, "lon": 399e3}]], {**earth, "radius": 6.371e6, "period": 400e3})
+    rows = align_breakups(
+        [[{**event, "lon": 1e3}], [{**event, "lon": 399e3}]], {**earth, "radius": 6.371e6, "period": 400e3}
+    )
     assert [len(row) for row in rows] == [1, 1]  # one event of both
 
 
 def test_only_records_that_both_have_count_where_there_are_some() -> None:
     """Bug: between the positions of a member, six hours apart, a berg that oscillates was said to be a kilometre away."""
     swings = [0.0, 0.1, 0.0, -0.1, 0.0]
-    found = apart(course([0, 3, 6, 9, 12], lon=swings), course([0, 6, 12], lon=swings[::2]))
+    found = compare_courses(course([0, 3, 6, 9, 12], lon=swings), course([0, 6, 12], lon=swings[::2]))
     assert found["time"].size == 3
     np.testing.assert_allclose(found["distance"], 0.0, atol=1e-6)
 
 
 def test_runs_without_a_common_date_are_refused() -> None:
     with pytest.raises(InputError, match="no date in common: 2020-12-09T00:00 to 2020-12-09T01:00 and 2020-12-10"):
-        apart(course([0, 1]), course([24, 25]))
+        compare_courses(course([0, 1]), course([24, 25]))
 
 
 def test_a_table_shows_whole_days_and_the_last_record() -> None:

@@ -16,11 +16,11 @@ import netCDF4
 import pytest
 
 from fakes import FakeModel
-from riftberg.diagnostics.compare import RealEvent, compare, observed_part, read_compared, with_hours
+from riftberg.diagnostics.compare import RealEvent, compare, match_observed, read_compared, set_hours
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.summary import summarize
 from riftberg.errors import InputError
-from riftberg.runs.accessor import aligned
+from riftberg.runs.accessor import align_breakups
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.system.atomic_files import write_json
@@ -47,7 +47,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def fix(folder: Path, day: int, area: float, *, north: float = 0.0, turn: float = 0.0) -> Fix:
     """Return the place of the run's own berg after some days, moved north (m) and turned (degrees)."""
     with open_run(folder) as dataset:
-        place = observed_part(Scene(dataset), 8 * day, area * 1e6)
+        place = match_observed(Scene(dataset), 8 * day, area * 1e6)
     when = datetime(2020, 12, 9 + day, 13)
     return Fix("X", when, False, place.lon, place.lat + north / METRES, (place.azimuth + turn) % 180.0, area * 1e6)
 
@@ -67,7 +67,7 @@ def test_distance_and_turn_are_those_that_were_put_in(folder: Path) -> None:
 def test_fragments_count_as_long_as_they_bring_the_area_closer(folder: Path, area: float, counted: float) -> None:
     """162 or 216 km2: the end counts to an outline above their mean of 189."""
     with open_run(folder) as dataset:
-        made = observed_part(Scene(dataset), 16, area * 1e6)
+        made = match_observed(Scene(dataset), 16, area * 1e6)
     assert made.area == pytest.approx(counted * 1e6)
 
 
@@ -81,9 +81,9 @@ def test_neither_a_piece_left_far_behind_nor_another_berg_counts(folder: Path) -
     other = run.copy(deep=True)
     other["fragment_parent"][:] = 0
     for changed in (behind, other):
-        made = observed_part(Scene(changed), 16, WHOLE * 1e6)
+        made = match_observed(Scene(changed), 16, WHOLE * 1e6)
         assert made.area == pytest.approx(REST * 1e6)
-    assert observed_part(Scene(run), 16, WHOLE * 1e6).area == pytest.approx(WHOLE * 1e6)
+    assert match_observed(Scene(run), 16, WHOLE * 1e6).area == pytest.approx(WHOLE * 1e6)
 
 
 def test_days_outside_of_the_run_are_left_out(folder: Path) -> None:
@@ -149,7 +149,7 @@ def test_means_of_days_without_a_heading_leave_it_out(folder: Path) -> None:
 
 def test_days_without_an_hour_get_one_and_interpolated_ones_are_left_out() -> None:
     noon = Fix("X", datetime(2020, 12, 9), True, -39.0, -55.0)
-    found = with_hours([noon, replace(noon, interpolated=True), replace(noon, day_only=False)], 13.5)
+    found = set_hours([noon, replace(noon, interpolated=True), replace(noon, day_only=False)], 13.5)
     assert [f.when for f in found] == [datetime(2020, 12, 9, 13, 30), datetime(2020, 12, 9)]
 
 
@@ -170,7 +170,7 @@ def test_break_ups_are_the_same_within_four_days_150_km_and_four_times_the_area(
     changes: dict[str, Any], same: bool
 ) -> None:
     event = {"time": "2020-12-10T13:00:00", "lon": -38.6, "lat": -55.0, "area_km2": 54.0, "grounded": True}
-    rows = aligned([[event], [event | changes]], {"latlon": True, "radius": 6_363_827.0})
+    rows = align_breakups([[event], [event | changes]], {"latlon": True, "radius": 6_363_827.0})
     assert len(rows[0]) == (1 if same else 2)
 
 

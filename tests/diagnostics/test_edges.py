@@ -107,6 +107,6 @@ def test_the_reasons_of_a_run_say_how_much_its_fronts_bend(tmp_path: Path) -> No
     berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, placement=(-38.0, -56.0))
     Model(berg, Steady(), Parameters()).run(steps=1, output=tmp_path / "run.nc")
     with open_run(tmp_path / "run.nc") as run:
-        text = " ".join(why.words(why.explain(run)))
+        text = " ".join(why.reason_lines(why.explain(run)))
     assert "fronts by up to 98 kPa of tension at the top" in text
     assert "pre-stress of 142 kPa" in text

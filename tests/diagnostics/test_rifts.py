@@ -64,7 +64,7 @@ def test_a_rift_stands_at_the_part_of_its_toughness_that_the_handbook_has(tmp_pa
     assert Scene(run).rift_tips == model.rift_tips
     (line, _) = why.explain(run).rifts
     assert f"stands at {model.rift_tips[0].hoop / TOUGHNESS:.2g} of its toughness" in line
-    assert line in why.words(why.explain(run))
+    assert line in why.reason_lines(why.explain(run))
     import matplotlib.pyplot as plt
 
     from riftberg import draw_map

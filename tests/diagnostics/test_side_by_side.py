@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from riftberg.diagnostics.compare import differences, own_lines
-from riftberg.runs.accessor import aligned
+from riftberg.diagnostics.compare import differences, differing_lines
+from riftberg.runs.accessor import align_breakups
 
 EARTH = {"latlon": True, "radius": 6.371e6}
 
@@ -22,7 +22,7 @@ FINGER = event("2020-12-20T07:00:00", 504.0, grounded=False, lon=-37.16, lat=-56
 def test_the_finger_of_a_run_without_tip_stands_beside_the_finger() -> None:
     """Named for a comparison that put it into the row of the tip, because it came first."""
     late = event("2020-12-20T14:30:00", 504.0, grounded=False, lon=-37.25, lat=-56.53)
-    assert aligned([[late], [TIP, FINGER], [TIP]], EARTH) == [[None, late], [TIP, FINGER], [TIP, None]]
+    assert align_breakups([[late], [TIP, FINGER], [TIP]], EARTH) == [[None, late], [TIP, FINGER], [TIP, None]]
 
 
 def test_what_lies_apart_is_another_event() -> None:
@@ -32,26 +32,26 @@ def test_what_lies_apart_is_another_event() -> None:
         {**FINGER, "area_km2": 120.0},
         {**FINGER, "grounded": True},
     ):
-        assert aligned([[TIP, FINGER], [other]], EARTH) == [[TIP, FINGER, None], [None, None, other]]
+        assert align_breakups([[TIP, FINGER], [other]], EARTH) == [[TIP, FINGER, None], [None, None, other]]
 
 
 def test_of_two_alike_the_nearer_is_the_same() -> None:
     early = {**FINGER, "time": "2020-12-19T07:00:00"}
     soon = {**FINGER, "time": "2020-12-20T09:00:00"}
-    assert aligned([[FINGER], [early, soon]], EARTH) == [[None, FINGER], [early, soon]]
+    assert align_breakups([[FINGER], [early, soon]], EARTH) == [[None, FINGER], [early, soon]]
 
 
 def test_places_on_a_plane_are_metres() -> None:
     plane = {"latlon": False, "radius": 6.371e6}
     one, far = ({**FINGER, "lon": x, "lat": 0.0} for x in (0.0, 151e3))
     near = {**one, "lon": 149e3}
-    assert aligned([[one], [near]], plane) == [[one], [near]]
-    assert aligned([[one], [far]], plane) == [[one, None], [None, far]]
+    assert align_breakups([[one], [near]], plane) == [[one], [near]]
+    assert align_breakups([[one], [far]], plane) == [[one, None], [None, far]]
 
 
 def test_runs_without_break_ups_have_no_rows() -> None:
-    assert aligned([[], []], EARTH) == [[], []]
-    assert aligned([[], [TIP]], EARTH) == [[None], [TIP]]
+    assert align_breakups([[], []], EARTH) == [[], []]
+    assert align_breakups([[], [TIP]], EARTH) == [[None], [TIP]]
 
 
 def test_only_differences_are_told() -> None:
@@ -80,6 +80,6 @@ def test_only_differences_are_told() -> None:
 
 def test_of_two_files_the_lines_that_differ_are_named() -> None:
     one = "days: 1\nberg:\n  thickness: 200 m\n"
-    assert own_lines([one, one.replace("200", "250")]) == ["thickness: 200 m", "thickness: 250 m"]
-    assert own_lines([one, "a: 1\nb: 1\nc: 1\nd: 1\n"])[1] == "a: 1; b: 1; c: 1 and 1 lines more"
-    assert own_lines([one, one]) == ["", ""]
+    assert differing_lines([one, one.replace("200", "250")]) == ["thickness: 200 m", "thickness: 250 m"]
+    assert differing_lines([one, "a: 1\nb: 1\nc: 1\nd: 1\n"])[1] == "a: 1; b: 1; c: 1 and 1 lines more"
+    assert differing_lines([one, one]) == ["", ""]

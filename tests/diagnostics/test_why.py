@@ -80,7 +80,7 @@ def test_what_a_crack_released_is_told_per_area_and_as_toughness(run: xr.Dataset
     (b,) = why.explain(run.assign(released_energy=("bond", energy), cracked_area=("bond", area))).breakups
     assert b.released_per_area == pytest.approx(2000.0)
     assert b.released_toughness == pytest.approx(np.sqrt(2000.0 * Scene(run).parameters.bonds.youngs_modulus))
-    assert "2000 J/m2" in " ".join(why.words(why.Reasons("", "", [b], 0, 18e3)))
+    assert "2000 J/m2" in " ".join(why.reason_lines(why.Reasons("", "", [b], 0, 18e3)))
 
 
 def test_opposite_pulls_are_carried_as_tension(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -152,7 +152,7 @@ def test_history_of_the_first_bonds(run: xr.Dataset) -> None:
 
 @pytest.mark.slow
 def test_ringing_between_records_is_told(run: xr.Dataset) -> None:
-    text, *_ = why.words(why.explain(run))
+    text, *_ = why.reason_lines(why.explain(run))
     assert (
         "Its largest tensile stress between records was 1.0 kPa 24 h before, 2.1 kPa 6 h before, 2.3 kPa just before"
         in text
@@ -168,7 +168,7 @@ def test_a_landing_in_the_quasi_static_scheme_is_told_as_one() -> None:
     assert (tip.grounded, tip.sudden, tip.scheme) == (True, True, "quasi_static")
     landed = [tip, dataclasses.replace(tip, decisive=dataclasses.replace(tip.decisive, aground=0))]
     landed[1].first_bonds[0] = dataclasses.replace(tip.first_bonds[0], grounded=True)
-    texts = why.words(why.Reasons("a68a", "", landed, 0, 18e3))
+    texts = why.reason_lines(why.Reasons("a68a", "", landed, 0, 18e3))
     for text in texts:
         assert "on impact" in text
         assert "ringing" not in text
@@ -181,7 +181,9 @@ def test_files_without_peaks_are_explained_by_their_records(run: xr.Dataset) -> 
     (breakup,) = why.explain(run.drop_vars("peak_stress")).breakups
     assert breakup.first_bonds[0].peak == []
     assert breakup.peak is None
-    assert "Its tensile stress was 1.0 kPa 24 h before" in why.words(why.explain(run.drop_vars("peak_stress")))[0]
+    assert (
+        "Its tensile stress was 1.0 kPa 24 h before" in why.reason_lines(why.explain(run.drop_vars("peak_stress")))[0]
+    )
 
 
 @pytest.mark.slow
@@ -221,16 +223,16 @@ def test_small_pieces_are_counted_not_told(run: xr.Dataset) -> None:
     reasons = why.explain(run, smallest=0.5)
     assert reasons.breakups == []
     assert reasons.small == 1
-    assert why.words(reasons)[0] == "Nothing broke off but 1 small piece (--all lists them)."
+    assert why.reason_lines(reasons)[0] == "Nothing broke off but 1 small piece (--all lists them)."
 
 
 @pytest.mark.slow
 def test_a_control_removes_a_break_or_delays_it(run: xr.Dataset, tmp_path: Path) -> None:
     (breakup,) = why.explain(run).breakups
-    assert why.removed_by(breakup, run) == "breaks off at 2020-12-10T13:00:00"
+    assert why.control_fate(breakup, run) == "breaks off at 2020-12-10T13:00:00"
     later = made(tmp_path / "later.nc", break_time=1.5 * 86_400.0)
-    assert why.removed_by(breakup, later) == "breaks off at 2020-12-11T01:00:00"
-    assert why.removed_by(breakup, made(tmp_path / "never.nc", break_time=math.inf)) == "removed"
+    assert why.control_fate(breakup, later) == "breaks off at 2020-12-11T01:00:00"
+    assert why.control_fate(breakup, made(tmp_path / "never.nc", break_time=math.inf)) == "removed"
 
 
 @pytest.mark.slow
@@ -240,15 +242,15 @@ def test_a_control_in_which_another_piece_breaks_off_is_told_with_both_areas(run
     away = [n for n in whole if n not in inside]
     breakup.members = inside[:2]
     told = "breaks off at 2020-12-10T13:00:00 with another area, 54 km2 instead of 18 km2"
-    assert why.removed_by(breakup, run) == told
+    assert why.control_fate(breakup, run) == told
     breakup.members = inside + away[:5]
     told = "breaks off at 2020-12-10T13:00:00 with another area, 54 km2 instead of 99 km2"
-    assert why.removed_by(breakup, run) == told
+    assert why.control_fate(breakup, run) == told
     breakup.members = inside[:2] + away[:3]
     told = "breaks off only in part, 18 of 45 km2 at 2020-12-10T13:00:00"
-    assert why.removed_by(breakup, run) == told
+    assert why.control_fate(breakup, run) == told
     breakup.members = away
-    assert why.removed_by(breakup, run) == "removed"
+    assert why.control_fate(breakup, run) == "removed"
 
 
 @pytest.mark.slow
@@ -258,7 +260,7 @@ def test_a_piece_that_differs_by_less_than_a_tenth_is_the_same(tmp_path: Path) -
     whole = breakup.members
     breakup.members = [*whole, next(int(n) for n in run["trajectory"].values if n not in whole)]
     assert len(breakup.members) == 25
-    assert why.removed_by(breakup, run) == "breaks off at 2020-12-10T13:00:00"
+    assert why.control_fate(breakup, run) == "breaks off at 2020-12-10T13:00:00"
 
 
 @pytest.mark.quick(1)
@@ -267,7 +269,7 @@ def test_causes_below_a_fiftieth_of_the_largest_are_not_named(run: xr.Dataset, s
     (breakup,) = why.explain(run).breakups
     stress = dict.fromkeys(breakup.decisive.stress, 0.0) | {"ocean drag": 20e3, "wind drag": -share * 20e3}
     breakup.decisive = dataclasses.replace(breakup.decisive, stress=stress)
-    (text,) = why.words(why.Reasons("", "", [breakup], 0, 18e3))
+    (text,) = why.reason_lines(why.Reasons("", "", [breakup], 0, 18e3))
     assert "ocean drag +20.0 kPa" in text
     assert ("wind drag -0.4 kPa" in text) == named
 
@@ -275,7 +277,7 @@ def test_causes_below_a_fiftieth_of_the_largest_are_not_named(run: xr.Dataset, s
 def test_words_json_and_figure(run: xr.Dataset, tmp_path: Path) -> None:
     reasons = why.explain(run)
     reasons.breakups[0].controls = {"without shoal": "removed", "without shear": "breaks off at 2020-12-10T13:00:00"}
-    text, *_ = why.words(reasons)
+    text, *_ = why.reason_lines(reasons)
     for part in ("fragment 2 (54 km2, 6 elements) broke off berg 1, aground", "3 bonds failed", "strength is 18 kPa",
                  "Without shoal it does not break off.", "Without shear it still breaks off at 2020-12-10 13:00."):  # fmt: skip
         assert part in text, text
@@ -302,7 +304,7 @@ def test_a_run_that_does_not_break_tells_how_near_it_came(tmp_path: Path) -> Non
     assert nearest.time == str(run["time"].values[record])[:19]
     assert reasons.whole.used[record] == pytest.approx(0.5) == pytest.approx(max(reasons.whole.used))
     assert nearest.lon == pytest.approx(run["lon"].transpose("trajectory", "time").values[ends, record].mean())
-    first, second, *_ = why.words(reasons)
+    first, second, *_ = why.reason_lines(reasons)
     assert first == "Nothing broke off."
     assert f"9 of 18 kPa (50 %) in the bond of elements {nearest.elements[0]} and {nearest.elements[1]} at" in second
     picture = imread(draw_reasons(reasons, tmp_path / "why.png", dpi=60))
@@ -321,7 +323,7 @@ def test_a_whole_berg_tells_which_forces_drove_and_braked_it(tmp_path: Path, mon
     run["strength"] = ("bond", np.where(np.arange(run.sizes["bond"]) == 3, 0.01, 1.0))
     run["peak_stress"] = run["peak_stress"] * 0.0 + 90.0
     reasons = why.explain(run)
-    told = why.words(reasons)[1]
+    told = why.reason_lines(reasons)[1]
     assert "driven by ocean drag (75 %) and waves (25 %), braked by sea ice (100 %)" in told
     assert reasons.whole is not None
     assert max(reasons.whole.used) == pytest.approx(0.5)
@@ -333,7 +335,7 @@ def test_a_berg_without_bonds_and_one_that_may_not_break_are_told_as_such(tmp_pa
     reasons = why.explain(lone)
     assert reasons.whole is not None
     assert reasons.whole.nearest is None
-    assert "nearest to breaking" not in why.words(reasons)[1]
+    assert "nearest to breaking" not in why.reason_lines(reasons)[1]
     assert draw_reasons(reasons, tmp_path / "lone.png", dpi=40).exists()
     whole = why.explain(made(tmp_path / "b.nc", break_time=math.inf)).whole
     assert whole is not None
@@ -354,8 +356,8 @@ def test_the_sea_floor_is_found_from_the_balance(run: xr.Dataset, monkeypatch: p
     needed = 6 * -4.8e9 / 24 + turn * x[PIECE].sum() + 4.8e9
     assert load.shear["sea floor"] == pytest.approx(needed, rel=2e-3)
     reasons = why.explain(aground)
-    assert why.FLOOR in why.words(reasons)[0]  # the reader is told that the budget closes by construction
-    told, *_ = why.words(replace(reasons, breakups=[replace(reasons.breakups[0], closure=0.012)]))
+    assert why.FLOOR in why.reason_lines(reasons)[0]  # the reader is told that the budget closes by construction
+    told, *_ = why.reason_lines(replace(reasons, breakups=[replace(reasons.breakups[0], closure=0.012)]))
     assert "recorded motion when it was last afloat within 1.2 %" in told
     budget = reasons.breakups[0].budgets["both"]
     assert budget.residual is not None
@@ -368,7 +370,7 @@ def test_no_force_is_blamed_for_a_cut_that_carries_little(run: xr.Dataset, monke
     assert breakup.decisive.nominal < 0.25 * 18e3
     reasons = why.explain(run)
     reasons.breakups[:] = [breakup]
-    text, *_ = why.words(reasons)
+    text, *_ = why.reason_lines(reasons)
     assert "no force parts the cut as a whole" in text
     assert "broke because" not in text
 
@@ -379,7 +381,7 @@ def test_coriolis_and_slope_are_weighed_together(run: xr.Dataset, monkeypatch: p
     forces = {name: parts.get(name, 0.0) * pull for name in FORCES}
     monkeypatch.setattr("riftberg.diagnostics.cut.external_forces", lambda run, record, p: forces)
     reasons = why.explain(run)
-    text, *_ = why.words(reasons)
+    text, *_ = why.reason_lines(reasons)
     nominal = reasons.breakups[0].decisive.nominal
     assert f"(Coriolis and surface slope, {nominal / 1.5 / 1e3:+.1f} kPa, 67 % of what pulls)" in text
     assert "as in a sheared current" in text
@@ -395,10 +397,10 @@ def test_coriolis_and_slope_are_weighed_together(run: xr.Dataset, monkeypatch: p
 def test_a_break_soon_after_the_start_is_told_as_one(run: xr.Dataset) -> None:
     reasons = why.explain(run)
     assert reasons.breakups[0].hours_since_start == 24.0
-    assert "after the start" not in why.words(reasons)[0]
+    assert "after the start" not in why.reason_lines(reasons)[0]
     early = dataclasses.replace(reasons.breakups[0], hours_since_start=2.5)
     reasons.breakups[:] = [early]
-    assert "This is 2.5 h after the start" in why.words(reasons)[0]
+    assert "This is 2.5 h after the start" in why.reason_lines(reasons)[0]
 
 
 @pytest.mark.parametrize(
@@ -418,7 +420,7 @@ def test_a_break_up_is_of_a_collision_while_it_lasts_and_one_step_longer(minutes
             run=run, parameters=SimpleNamespace(stepping=stepping), name=lambda number: f"berg {number}"
         )
         broken = SimpleNamespace(parent=1, first_break=str(moment + np.timedelta64(minutes, "m")))
-        found = why.collision_of(scene, broken)
+        found = why.find_collision(scene, broken)
         assert (found is not None) == counts
         if found is not None:
             assert (found.berg, found.speed) == ("berg 7", 0.3)
@@ -447,4 +449,4 @@ def test_the_line_of_a_crack_is_told_by_length_and_direction() -> None:
     assert breakup.crack_km == pytest.approx(9.0, rel=0.01)
     assert breakup.crack_towards is not None
     assert min(breakup.crack_towards, 180.0 - breakup.crack_towards) < 10.0
-    assert "The crack runs" in why.words(why.explain(run))[0]
+    assert "The crack runs" in why.reason_lines(why.explain(run))[0]

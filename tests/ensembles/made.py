@@ -12,7 +12,7 @@ import xarray as xr
 
 from riftberg.ensembles.member import FRAGMENT, Outcome
 from riftberg.ensembles.probability import Breaks, with_probabilities
-from riftberg.ensembles.result import dataset_of
+from riftberg.ensembles.result import build_dataset
 from riftberg.ensembles.vary import Varied
 
 DAY = 86400.0
@@ -69,7 +69,7 @@ def forecast_of(
     varied = [Varied(name, (), "m", name) for name in inputs]
     members = [{name: values[k] for name, values in inputs.items()} for k in range(len(outcomes))]
     by_number = {o.number: o for o in outcomes}
-    ds = dataset_of(
+    ds = build_dataset(
         varied, members, by_number, start=START, days=float(days), every=DAY, latlon=True, attributes={"title": "made"}
     )
     ice = np.repeat(np.arange(-5e3, 6e3, 1e3), 11), np.tile(np.arange(-5e3, 6e3, 1e3), 11), 1e3

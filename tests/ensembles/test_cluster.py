@@ -16,7 +16,7 @@ import xarray as xr
 from distributed import Client, LocalCluster
 
 from riftberg import Iceberg, Model, Parameters, Steady, sweep
-from riftberg.ensembles.cluster import LOST_TIMES, _packed, pooled
+from riftberg.ensembles.cluster import LOST_TIMES, _pack_call, run_pool
 from riftberg.errors import InputError
 from riftberg.system.netcdf_lock import open_lazily, write_dataset
 from riftberg.system.process import Hold
@@ -118,7 +118,7 @@ def _told(folder: str) -> tuple[bool, str, str, int]:
 def test_workers_are_deaf_to_interrupts_also_those_in_the_place_of_lost_ones(tmp_path: Path) -> None:
     """A worker that took the place of a lost one died of Ctrl-C, with its member."""
     before = dict(os.environ)
-    found = [future.result() for future, _ in pooled(_told, [str(tmp_path)] * 3, 1, Hold())]
+    found = [future.result() for future, _ in run_pool(_told, [str(tmp_path)] * 3, 1, Hold())]
     assert len(found) == 3
     assert {row[:3] for row in found} == {(True, "synchronous", "1")}
     assert os.getpid() not in {row[3] for row in found}
@@ -134,7 +134,7 @@ def _ends(job: int) -> int:
 
 @pytest.mark.slow
 def test_a_job_that_ends_its_process_again_and_again_has_failed_and_the_others_are_done() -> None:
-    ended = {job: future.exception() for future, job in pooled(_ends, [0, 1, 2, 3], 2, Hold())}
+    ended = {job: future.exception() for future, job in run_pool(_ends, [0, 1, 2, 3], 2, Hold())}
     assert sorted(ended) == [0, 1, 2, 3]
     assert type(ended[1]).__name__ == "BrokenProcessPool"
     assert [ended[k] for k in (0, 2, 3)] == [None] * 3
@@ -145,7 +145,7 @@ def test_a_job_that_ends_its_process_again_and_again_has_failed_and_the_others_a
 def test_nothing_begins_after_a_signal() -> None:
     hold = Hold()
     made: list[int] = []
-    coming = pooled(abs, (made.append(k) or -k for k in range(1, 100)), 1, hold)
+    coming = run_pool(abs, (made.append(k) or -k for k in range(1, 100)), 1, hold)
     assert next(coming)[0].result() == 1
     assert len(made) <= 2  # members are made when a process is free for them
     hold.requested = signal.SIGINT
@@ -156,10 +156,10 @@ def test_a_function_that_cannot_travel_is_refused(monkeypatch: pytest.MonkeyPatc
     def local(job: int) -> int:
         return job
 
-    assert _packed(local, 1)  # by cloudpickle, which is beside dask
+    assert _pack_call(local, 1)  # by cloudpickle, which is beside dask
     monkeypatch.setitem(sys.modules, "cloudpickle", None)
     with pytest.raises(InputError, match="cannot be sent to other processes"):
-        _packed(local, 1)
+        _pack_call(local, 1)
 
 
 PLAIN = """
@@ -170,18 +170,18 @@ sys.modules["cloudpickle"] = None
 
 OF_ELSEWHERE = """
 import math
-from riftberg.ensembles.cluster import pooled
+from riftberg.ensembles.cluster import run_pool
 from riftberg.system.process import Hold
 print("script", flush=True)
-print(sorted(future.result() for future, _ in pooled(math.sqrt, [4.0, 9.0], 2, Hold())))
+print(sorted(future.result() for future, _ in run_pool(math.sqrt, [4.0, 9.0], 2, Hold())))
 """
 OF_ITS_OWN = """
-from riftberg.ensembles.cluster import pooled
+from riftberg.ensembles.cluster import run_pool
 from riftberg.system.process import Hold
 print("script", flush=True)
 def half(x):
     return x / 2
-{}print(sorted(future.result() for future, _ in pooled(half, [4.0, 6.0], 2, Hold())))
+{}print(sorted(future.result() for future, _ in run_pool(half, [4.0, 6.0], 2, Hold())))
 """
 UNGUARDED, GUARDED = OF_ITS_OWN.format(""), OF_ITS_OWN.format('if __name__ == "__main__": ')
 MEMBERS = """

@@ -14,7 +14,7 @@ from riftberg import Forcing, Iceberg, Model, Parameters, Steady, open_sweep, sw
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, run_member
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, designed, members_of, read_design, varied_of
+from riftberg.ensembles.vary import Draws, list_members, plan_from_design, read_design, read_varied
 from riftberg.errors import InputError
 from riftberg.experiments.registry import Options
 
@@ -39,15 +39,15 @@ def drifting(speed: float = 0.2) -> Model:
     ],
 )
 def test_the_numbers_of_a_distribution_are_what_they_are_called(text: str, quantiles: tuple[float, ...]) -> None:
-    (varied,) = varied_of([f"{STRENGTH}~{text}"])
+    (varied,) = read_varied([f"{STRENGTH}~{text}"])
     assert varied.distribution is not None
     assert varied.distribution.quantiles(np.array([0.1, 0.5, 0.9])) == pytest.approx(quantiles, rel=1e-5)
 
 
 @pytest.mark.parametrize("plan", ["sobol", "random", "latin-hypercube"])
 def test_members_are_drawn_from_the_distribution(plan: str) -> None:
-    varied = varied_of({STRENGTH: "~lognormal(18 kPa, 20 %)", "berg.packing": "~choice(square, hexagonal)"})
-    members = members_of(varied, Draws(512, plan, 3))
+    varied = read_varied({STRENGTH: "~lognormal(18 kPa, 20 %)", "berg.packing": "~choice(square, hexagonal)"})
+    members = list_members(varied, Draws(512, plan, 3))
     logs = np.log([m[STRENGTH] for m in members])
     assert logs.mean() == pytest.approx(np.log(18e3), abs=0.03)
     assert logs.std() == pytest.approx(0.2, rel=0.1)
@@ -56,18 +56,18 @@ def test_members_are_drawn_from_the_distribution(plan: str) -> None:
 
 @pytest.mark.parametrize("plan", ["sobol", "random"])
 def test_further_members_leave_the_first_as_they_are(plan: str) -> None:
-    varied = varied_of(
+    varied = read_varied(
         {STRENGTH: "~normal(18 kPa, 1 kPa)", "damage.threshold": [0.1, 0.2], "current_error.speed": [0.1]}
     )
-    few, many = members_of(varied, Draws(5, plan, 7)), members_of(varied, Draws(40, plan, 7))
+    few, many = list_members(varied, Draws(5, plan, 7)), list_members(varied, Draws(40, plan, 7))
     assert many[:10] == few
     assert len(many) == 80
     assert len({m["errors.seed"] for m in many}) == 40  # one for each draw, the same for both thresholds
-    assert members_of(varied, Draws(5, plan, 8)) != few
+    assert list_members(varied, Draws(5, plan, 8)) != few
 
 
 def test_a_pair_of_numbers_has_both_drawn() -> None:
-    members = members_of(varied_of(["berg.offset~uniform(0, 1)"]), Draws(64))
+    members = list_members(read_varied(["berg.offset~uniform(0, 1)"]), Draws(64))
     pairs = np.array([m["berg.offset"] for m in members])
     assert pairs.shape == (64, 2)
     assert abs(np.corrcoef(pairs.T)[0, 1]) < 0.2
@@ -76,18 +76,18 @@ def test_a_pair_of_numbers_has_both_drawn() -> None:
 
 def test_the_values_of_a_choice_take_the_unit_of_the_last_one() -> None:
     """As those of a list: choice(10, 20 kPa) had been 10 Pa or 20 kPa."""
-    (varied,) = varied_of(["fracture.normal_strength~choice(10, 20 kPa)"])
-    assert {m["fracture.normal_strength"] for m in members_of([varied], Draws(8))} == {10e3, 20e3}
+    (varied,) = read_varied(["fracture.normal_strength~choice(10, 20 kPa)"])
+    assert {m["fracture.normal_strength"] for m in list_members([varied], Draws(8))} == {10e3, 20e3}
 
 
 def test_what_is_impossible_is_cut_off_and_told() -> None:
-    (varied,) = varied_of(["start.thickness~normal(1, 0.5)"])
+    (varied,) = read_varied(["start.thickness~normal(1, 0.5)"])
     assert varied.distribution is not None
     assert min(varied.distribution.quantiles(np.linspace(0.0001, 0.9999, 99))) > 0.0
     assert varied.told().endswith(
         "(normal, mean 1, standard deviation 0.5; limited to > 0 and < 10, which cuts off 2.3 %)"
     )
-    assert "cuts off" not in varied_of(["start.thickness~lognormal(1, 15 %)"])[0].told()
+    assert "cuts off" not in read_varied(["start.thickness~lognormal(1, 15 %)"])[0].told()
 
 
 @pytest.mark.parametrize(
@@ -124,14 +124,14 @@ def test_impossible_distributions_are_refused_before_the_first_member(text: str,
 
 def test_a_distribution_needs_members_and_members_a_distribution() -> None:
     with pytest.raises(InputError, match="is drawn, but not how often"):
-        members_of(varied_of([f"{STRENGTH}~normal(18 kPa, 2 kPa)"]))
+        list_members(read_varied([f"{STRENGTH}~normal(18 kPa, 2 kPa)"]))
     with pytest.raises(InputError, match="is drawn, but not how often"):
-        members_of(varied_of(["current_error.speed=0.1"]))
+        list_members(read_varied(["current_error.speed=0.1"]))
     with pytest.raises(InputError, match="nothing is drawn"):
-        members_of(varied_of([f"{STRENGTH}=14,18kPa"]), Draws(4))
+        list_members(read_varied([f"{STRENGTH}=14,18kPa"]), Draws(4))
     for draws in (Draws(seed=2), Draws(plan="random")):
         with pytest.raises(InputError, match="plan, seed: nothing is drawn"):
-            members_of(varied_of([f"{STRENGTH}=14,18kPa"]), draws)
+            list_members(read_varied([f"{STRENGTH}=14,18kPa"]), draws)
 
 
 def test_a_berg_starts_where_how_and_as_strong_as_its_member_says() -> None:
@@ -191,7 +191,7 @@ def test_a_design_of_another_tool_has_one_row_for_each_member(tmp_path: Path) ->
     other = read_design(file)
     file.write_text(text)
     assert read_design(file) == other
-    varied, members = designed(read_design(file))
+    varied, members = plan_from_design(read_design(file))
     assert [v.name for v in varied] == [STRENGTH, "start.east"]
     assert members == [
         {STRENGTH: 18e3, "start.east": 1e3}, {STRENGTH: 12e3, "start.east": 1e3}, {STRENGTH: 18e3, "start.east": -2e3}
@@ -222,17 +222,17 @@ def test_a_bad_design_is_refused(text: str, message: str, tmp_path: Path) -> Non
 
 
 def test_a_design_names_keys_of_the_experiment_file_too() -> None:
-    _, members = designed({"start": ["2020-12-09", "2020-12-10"], "forcing.uniform.current.0": ["0.1", "0.2"]})
+    _, members = plan_from_design({"start": ["2020-12-09", "2020-12-10"], "forcing.uniform.current.0": ["0.1", "0.2"]})
     assert list(members) == [{"start": "2020-12-09", "forcing.uniform.current.0": 0.1},
                              {"start": "2020-12-10", "forcing.uniform.current.0": 0.2}]  # fmt: skip
 
 
 def test_each_row_of_a_design_has_random_fields_of_its_own_unless_it_names_the_seed() -> None:
-    _, members = designed({"current_error.speed": ["0.1", "0.1", "0.2"]})
+    _, members = plan_from_design({"current_error.speed": ["0.1", "0.1", "0.2"]})
     assert len({m["errors.seed"] for m in members}) == 3
-    _, drawn = designed({"wind_error.speed": ["1", "2"], "start.east": ["0", "1 km"]})
+    _, drawn = plan_from_design({"wind_error.speed": ["1", "2"], "start.east": ["0", "1 km"]})
     assert [m["errors.seed"] for m in drawn] == [m["errors.seed"] for m in members[:2]]  # they depend on the row alone
-    _, given = designed({"current_error.speed": ["0.1", "0.2"], "errors.seed": ["7", "7"]})
+    _, given = plan_from_design({"current_error.speed": ["0.1", "0.2"], "errors.seed": ["7", "7"]})
     assert [m["errors.seed"] for m in given] == [7, 7]
 
 
@@ -347,7 +347,7 @@ def test_parts_of_different_sweeps_are_not_joined(tmp_path: Path) -> None:
 def test_shares_and_quantiles_are_inverse_also_of_what_is_cut_off() -> None:
     share = np.array([0.02, 0.3, 0.7, 0.98])
     for text in ("normal(5 kPa, 5 kPa)", "uniform(10, 20 kPa)"):
-        (v,) = varied_of({STRENGTH: f"~{text}"})
+        (v,) = read_varied({STRENGTH: f"~{text}"})
         assert v.distribution is not None
         assert v.distribution.shares_below(np.array(v.distribution.quantiles(share))) == pytest.approx(share)
 

@@ -21,7 +21,7 @@ from riftberg.ensembles.hazard import approach, ice_limits
 from riftberg.ensembles.member import Outcome, broken_off
 from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
 from riftberg.ensembles.result import MOST_LISTED
-from riftberg.ensembles.vary import varied_of
+from riftberg.ensembles.vary import read_varied
 from riftberg.errors import InputError
 from riftberg.runs.run_file import open_run
 from riftberg.viz.ensemble import draw_forecast
@@ -364,7 +364,7 @@ def test_the_line_of_errors_names_what_is_varied() -> None:
     """Bug: it named the current error of 0.1 m/s where --vary had another."""
 
     def line(experiment: str, *vary: str) -> str:
-        return errors_line(varied_of(forecast_errors(experiment, vary)))
+        return errors_line(read_varied(forecast_errors(experiment, vary)))
 
     assert "lattice" in line("a68a")
     assert "lattice" not in line("collision")

@@ -13,7 +13,7 @@ from ocean.test_errors import probes
 from riftberg import Steady
 from riftberg.cli.main import app
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.uncertain import estimated, stated_error, with_errors
+from riftberg.ensembles.uncertain import estimate_errors, stated_error, with_errors
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import build
 from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing
@@ -42,13 +42,13 @@ def product(path: Path, seed: int, speed: float = 0.1, days: int = 24, step: flo
 
 def test_size_length_and_time_come_back_from_the_differences(tmp_path: Path) -> None:
     one, other = product(tmp_path / "one.nc", 1), product(tmp_path / "other.nc", 2)
-    found = estimated(one, other)
+    found = estimate_errors(one, other)
     assert found.speed == pytest.approx(0.1, rel=0.1)
     assert found.length == pytest.approx(40e3, rel=0.1)
     assert found.time == pytest.approx(2 * DAY, rel=0.2)
     # A product of another grid and fewer days gives about the same.
     coarse = product(tmp_path / "coarse.nc", 3, days=20, step=1 / 3)
-    again = estimated(one, coarse)
+    again = estimate_errors(one, coarse)
     assert again.records == 20
     assert again.speed == pytest.approx(0.1, rel=0.15)
     assert again.length == pytest.approx(40e3, rel=0.2)
@@ -61,9 +61,9 @@ def test_size_length_and_time_come_back_from_the_differences(tmp_path: Path) -> 
 def test_products_that_do_not_differ_or_overlap_are_refused(tmp_path: Path) -> None:
     one = product(tmp_path / "one.nc", 1, days=3)
     with pytest.raises(InputError, match="the products do not differ"):
-        estimated(one, one)
+        estimate_errors(one, one)
     with pytest.raises(InputError, match="do not share four by four points"):
-        estimated(one, product(tmp_path / "other.nc", 2, days=3), longitude=(0.0, 10.0))
+        estimate_errors(one, product(tmp_path / "other.nc", 2, days=3), longitude=(0.0, 10.0))
 
 
 def constant(path: Path, lon: Floats, current: Floats) -> Path:
@@ -93,7 +93,7 @@ def test_products_across_180_are_compared_on_both_sides(
     one = constant(tmp_path / "one.nc", lon, np.where(lon >= 180.0, 0.2, 0.0))
     other = constant(tmp_path / "other.nc", wider, 0.0 * wider)
     for pair in ((one, other), (other, one)):
-        assert estimated(*pair, longitude=box).speed == pytest.approx(0.1, rel=0.05)
+        assert estimate_errors(*pair, longitude=box).speed == pytest.approx(0.1, rel=0.05)
 
 
 def stated(path: Path, west: float, east: float, units: str = "m s-1") -> Path:

@@ -11,7 +11,7 @@ import xarray as xr
 
 from riftberg import forecast, sweep
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
-from riftberg.ensembles.vary import varied_of
+from riftberg.ensembles.vary import read_varied
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import parse_settings
@@ -74,7 +74,7 @@ def test_files_of_two_ensembles_go_together(file: Path) -> None:
 
 @pytest.mark.slow
 def test_members_of_a_forecast_take_those_of_the_product_in_turn(file: Path) -> None:
-    line = errors_line(varied_of(forecast_errors(str(file), ())))
+    line = errors_line(read_varied(forecast_errors(str(file), ())))
     assert line.startswith("Errors: 3 members of the products in turn; wind 2 m/s")
     assert "current 0.1" not in line  # their spread is the error of the current
     result = forecast(file, ["wind_error.speed=0"], members=5, workers=0, every_hours=6)
@@ -94,7 +94,7 @@ def test_members_of_a_forecast_take_those_of_the_product_in_turn(file: Path) -> 
 
 def test_files_without_members_keep_the_errors(file: Path) -> None:
     fields(("uo", "vo"), "sea_water_velocity", [0.1]).to_netcdf(file.with_name("ocean.nc"))
-    assert default_errors(str(file))[0].what.startswith("current 0.1 m/s")
+    assert default_errors(str(file))[0].text.startswith("current 0.1 m/s")
 
 
 def test_a_member_below_zero_is_refused(file: Path) -> None:

@@ -18,8 +18,8 @@ from riftberg.cli.inputs import summary_lines
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.distributions import STEP
-from riftberg.ensembles.sensitivity import Result, indices, results_of
-from riftberg.ensembles.vary import Draws, members_of, varied_of
+from riftberg.ensembles.sensitivity import Result, indices, select_results
+from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import InputError
 from riftberg.verification.sightings import drift_error
 from riftberg.viz.ensemble import draw_sensitivity
@@ -32,7 +32,7 @@ ANGLE = f"~uniform({-np.pi}, {np.pi})"
 
 def drawn(vary: dict[str, str], plan: str, draws: int) -> tuple[xr.Dataset, Any]:
     """Return a sweep without runs, and the inputs of its members."""
-    members = members_of(varied_of(vary, free=True), Draws(draws, plan, 1))
+    members = list_members(read_varied(vary, free=True), Draws(draws, plan, 1))
     ds = xr.Dataset({"status": ("member", np.zeros(len(members)))}, attrs={"plan": plan})
     x = {name: np.array([values[name] for values in members]) for name in vary}
     for name, values in x.items():
@@ -110,8 +110,8 @@ def test_a_draw_with_a_failed_member_counts_in_nothing() -> None:
 
 def test_what_only_some_have_is_said_of_these() -> None:
     ds, x = drawn(dict.fromkeys("ab", "~uniform(0, 1)"), "morris", 64)
-    found = indices(ds, {"date": Result(np.where(x["a"] > 0.5, x["a"] ** 3, np.nan), "day", some=True),
-                         "none": Result(np.full(len(x["a"]), np.nan), "day", some=True),
+    found = indices(ds, {"date": Result(np.where(x["a"] > 0.5, x["a"] ** 3, np.nan), "day", partial=True),
+                         "none": Result(np.full(len(x["a"]), np.nan), "day", partial=True),
                          "same": Result(np.ones(len(x["a"])), "1")})  # fmt: skip
     one = found.sel(result="date")
     assert float(one["share"]) == pytest.approx((x["a"] > 0.5).mean())
@@ -127,13 +127,13 @@ def test_what_only_some_have_is_said_of_these() -> None:
 def test_results_of_members() -> None:
     places = [-37.0] * 5, [-56.0] * 5
     ds = forecast_of([outcome(0, *places, broken=1, aground=3.0), outcome(1, *places)], 4)
-    found = results_of(ds, [2.0])
+    found = select_results(ds, [2.0])
     assert found["broken by day 2"].values.tolist() == [1.0, 0.0]
     assert found["aground by day 2"].values.tolist() == [0.0, 0.0]
     assert found["largest area at the end"].values.tolist() == [100.0, 100.0]
     assert found["date of the first break-up"].values == pytest.approx([1.0, np.nan], nan_ok=True)
     assert np.isfinite(found["lon of the first break-up"].values).tolist() == [True, False]
-    assert "broken by day 4" in results_of(ds)
+    assert "broken by day 4" in select_results(ds)
 
 
 def test_days_after_the_end_of_the_runs_are_refused() -> None:
@@ -141,8 +141,8 @@ def test_days_after_the_end_of_the_runs_are_refused() -> None:
     ds = forecast_of([outcome(0, [-37.0] * 5, [-56.0] * 5)], 4)
     for day in (9.0, 0.0, -1.0, float("nan")):
         with pytest.raises(InputError, match=r"at_days: day .* of runs of 4 days"):
-            results_of(ds, [day])
-    assert "broken by day 4" in results_of(ds, [4.0])
+            select_results(ds, [day])
+    assert "broken by day 4" in select_results(ds, [4.0])
 
 
 def test_examples_in_the_help_are_of_parameters_that_exist() -> None:
@@ -151,10 +151,10 @@ def test_examples_in_the_help_are_of_parameters_that_exist() -> None:
     for command in ("sensitivity", "forecast", "sweep", "run", "rerun"):
         text = " ".join(runner.invoke(app, [command, "--help"], terminal_width=400).output.split())
         for example in re.findall(r"'([a-z_]+\.[a-z_]+[~=][^']+)'", text):
-            varied_of([example])
+            read_varied([example])
             seen += 1
         for example in re.findall(r"(?<!['\w])([a-z_]+\.[a-z_]+)='([^']+)'", text):
-            varied_of(["=".join(example)])
+            read_varied(["=".join(example)])
             seen += 1
     assert seen >= 4
 
@@ -177,21 +177,21 @@ def test_bad_input_is_refused() -> None:
         indices(xr.Dataset({"status": ("member", [0])}), {})
     with pytest.raises(InputError, match="is no method"):
         riftberg.sensitivity("a68a", method="fast")  # type: ignore[arg-type]
-    lists = varied_of(["start.turn~normal(0, 5)", "fracture.normal_strength=14,18kPa"])
+    lists = read_varied(["start.turn~normal(0, 5)", "fracture.normal_strength=14,18kPa"])
     with pytest.raises(InputError, match="lists of values"):
-        members_of(lists, Draws(4, "morris", 1))
+        list_members(lists, Draws(4, "morris", 1))
 
 
 def test_random_fields_and_pairs_of_numbers_are_inputs_of_their_own() -> None:
-    varied = varied_of(["current_error.speed=0.1 m/s", "berg.offset~uniform(0, 1)", "start.turn~normal(0, 5)"])
-    members = members_of(varied, Draws(3, "morris", 1))
+    varied = read_varied(["current_error.speed=0.1 m/s", "berg.offset~uniform(0, 1)", "start.turn~normal(0, 5)"])
+    members = list_members(varied, Draws(3, "morris", 1))
     assert len(members) == 3 * 4
     changes = [
         [name for name in ("berg.offset", "start.turn", "errors.seed") if members[k][name] != members[0][name]]
         for k in range(4)
     ]
     assert changes == [[], ["berg.offset"], ["start.turn"], ["errors.seed"]]
-    assert members_of(varied, Draws(5, "morris", 1))[:12] == members  # more draws leave the first as they are
+    assert list_members(varied, Draws(5, "morris", 1))[:12] == members  # more draws leave the first as they are
 
 
 def drifting(speed: float = 0.1, strength: float = 1.0) -> Model:
@@ -288,7 +288,7 @@ def test_days_count_from_the_own_start_of_each_member() -> None:
          "fragment_birth_time": (("member", "fragment"), born), "lat": (("member", "fragment", "time"), np.zeros((2, 2, 5)))},
         {"time": days, "start_after": ("member", [0.0, 4 * 86400.0])},
     )  # fmt: skip
-    found = results_of(ds, [2.0])
+    found = select_results(ds, [2.0])
     assert found["broken by day 2"].values.tolist() == [1.0, 1.0]
     assert found["date of the first break-up"].values.tolist() == [1.0, 1.0]
     assert found["lon of the first break-up"].values.tolist() == [1.0, 1.0]

@@ -11,7 +11,7 @@ import pytest
 
 from riftberg import Iceberg, Model, Steady, forecast
 from riftberg.ensembles.uncertain import SPEED_OF_AGE, read_starts
-from riftberg.ensembles.vary import Draws, members_of, varied_of, vary_with_file
+from riftberg.ensembles.vary import Draws, list_members, read_varied, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import parse_settings
@@ -36,7 +36,7 @@ def starts(folder: Path, text: str) -> Path:
 
 def test_members_take_the_starts_in_turn_with_the_errors_of_each(tmp_path: Path) -> None:
     path = starts(tmp_path, "lon,lat,error_km,age_hours\n-39,-55,2,0\n-38.5,-55.5,0,24\n")
-    members = members_of(varied_of(read_starts(path)), Draws(400))
+    members = list_members(read_varied(read_starts(path)), Draws(400))
     for k in range(0, 400, 2):
         assert {m["berg.placement"] for m in members[k : k + 2]} == {(-39.0, -55.0), (-38.5, -55.5)}
     for lon, spread in ((-39.0, 2000.0), (-38.5, SPEED_OF_AGE * 86400.0)):

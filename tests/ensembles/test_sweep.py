@@ -27,11 +27,11 @@ from riftberg.cli.ensembles import summary_lines
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, MemberTracks, Outcome, _stress_ratio, build_member, run_member
 from riftberg.ensembles.result import MOST_LISTED, write_sweep
-from riftberg.ensembles.sweep import Store, _cells, join_parts, planned
+from riftberg.ensembles.sweep import Store, _cells, join_parts, make_plan
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
 from riftberg.runs.run_file import open_run
-from riftberg.verification.sightings import away_from
+from riftberg.verification.sightings import berg_offsets
 
 SPEEDS = [0.1, 0.2, 0.3]
 
@@ -152,7 +152,7 @@ def test_a_member_goes_on_from_the_state_that_it_saved(tmp_path: Path) -> None:
     whole = run_member(job)
     model = build_member(job)
     from riftberg.ensembles.member import Keeper, MemberTracks
-    from riftberg.ensembles.member import _gone_on as going_on
+    from riftberg.ensembles.member import _resume_member as going_on
 
     track = MemberTracks(job.every)
     model.advance(steps=5, recorders=[track, Keeper(job, track)])
@@ -271,18 +271,18 @@ def test_impossible_combinations_and_what_an_experiment_keeps_are_refused(tmp_pa
     with pytest.raises(
         InputError, match=r"member with .*grounding.law = 'quadratic' is of the explicit schemes.*seabed"
     ):
-        planned("a68a", ["grounding.law=seabed,quadratic"], Options(), 6.0)
+        make_plan("a68a", ["grounding.law=seabed,quadratic"], Options(), 6.0)
     with pytest.raises(
         InputError, match=r"grounding.coefficient: it is of the explicit schemes: .*grounding.law: none"
     ):
-        planned("a68a", ["grounding.coefficient=0,1e4"], Options(), 6.0)
+        make_plan("a68a", ["grounding.coefficient=0,1e4"], Options(), 6.0)
     with pytest.raises(InputError, match=r"member with bonds.packing = 'hexagonal': .*the berg has square elements"):
-        planned("a68a", ["bonds.packing=square,hexagonal"], Options(), 6.0)
+        make_plan("a68a", ["bonds.packing=square,hexagonal"], Options(), 6.0)
     (tmp_path / "hexagons.yaml").write_text(HEXAGONS)
     with pytest.raises(InputError, match=r"hexagons.yaml keeps bonds.packing = 'hexagonal' whatever is given"):
-        planned(tmp_path / "hexagons.yaml", ["bonds.packing=square,hexagonal"], Options(), 6.0)
+        make_plan(tmp_path / "hexagons.yaml", ["bonds.packing=square,hexagonal"], Options(), 6.0)
     with pytest.raises(InputError, match="no experiment of this name"):
-        planned("a86a", ["fracture.normal_strength=14,18kPa"], Options(), 6.0)
+        make_plan("a86a", ["fracture.normal_strength=14,18kPa"], Options(), 6.0)
 
 
 @pytest.fixture
@@ -301,7 +301,7 @@ def test_an_experiment_that_changes_on_the_way_is_not_mixed_with_what_is_done(
     old: str, experiment: Path, tmp_path: Path
 ) -> None:
     vary = ["fracture.normal_strength=14,18kPa"]
-    plan = planned(experiment, vary, Options(), 1.0)
+    plan = make_plan(experiment, vary, Options(), 1.0)
     store = Store(tmp_path / "out", plan, resume=False)
     store.begin()
     store.keep(run_member(plan.job(0, store.members, 60.0)))
@@ -311,14 +311,14 @@ def test_an_experiment_that_changes_on_the_way_is_not_mixed_with_what_is_done(
     assert other.status == "failed"
     assert "this file has changed since the sweep began" in other.message
     with pytest.raises(InputError, match=r"mine\.yaml has changed since the sweep began"):
-        Store(tmp_path / "out", planned(experiment, vary, Options(days=0.05), 1.0), resume=True)
+        Store(tmp_path / "out", make_plan(experiment, vary, Options(days=0.05), 1.0), resume=True)
 
 
 @pytest.mark.parametrize("there", ["fracture.normal_strength=14,18,30kPa", "start.east=1,2"])
 def test_parts_are_not_joined_into_another_sweep(there: str, experiment: Path, tmp_path: Path) -> None:
-    Store(tmp_path / "out", planned(experiment, [there], Options(), 1.0), resume=False).begin()
+    Store(tmp_path / "out", make_plan(experiment, [there], Options(), 1.0), resume=False).begin()
     vary = ["fracture.normal_strength=14,18,24kPa"]
-    Store(tmp_path / "out", planned(experiment, vary, Options(), 1.0), resume=False, part=(1, 1)).begin()
+    Store(tmp_path / "out", make_plan(experiment, vary, Options(), 1.0), resume=False, part=(1, 1)).begin()
     before = (tmp_path / "out" / "sweep.json").read_text()
     with pytest.raises(InputError, match="holds another sweep than its parts"):
         join_parts(tmp_path / "out")
@@ -326,7 +326,7 @@ def test_parts_are_not_joined_into_another_sweep(there: str, experiment: Path, t
 
 
 def test_members_of_other_parts_wait_and_have_not_failed(experiment: Path, tmp_path: Path) -> None:
-    plan = planned(experiment, ["fracture.normal_strength=14,18kPa"], Options(), 1.0)
+    plan = make_plan(experiment, ["fracture.normal_strength=14,18kPa"], Options(), 1.0)
     store = Store(tmp_path, plan, resume=False, part=(1, 2))
     store.begin()
     store.write()
@@ -341,7 +341,7 @@ def test_parts_that_are_joined_keep_failures_and_cells_and_say_what_is_missing(
     experiment: Path, tmp_path: Path
 ) -> None:
     """Failed members had become waiting ones, and files on cells stayed in the parts."""
-    plan = planned(experiment, ["fracture.normal_strength=14..24kPa:6"], Options(), 1.0)
+    plan = make_plan(experiment, ["fracture.normal_strength=14..24kPa:6"], Options(), 1.0)
     for k, member in ((1, 0), (3, 2)):
         store = Store(tmp_path, plan, resume=False, part=(k, 4))
         store.begin()
@@ -609,7 +609,7 @@ def test_members_that_start_at_other_dates_have_their_own(tmp_path: Path) -> Non
         assert compared["time"].values[-1] == np.datetime64("2020-12-06")
         assert compared["distance"].values == pytest.approx(0.0, abs=1.0)
     with pytest.raises(InputError, match="members that start at different dates"):
-        away_from(ds, datetime(2020, 12, 3), (-37.0, -56.0))
-    east, north = away_from(ds.isel(member=[1]), datetime(2020, 12, 3), (-37.0, -56.0))[0]
+        berg_offsets(ds, datetime(2020, 12, 3), (-37.0, -56.0))
+    east, north = berg_offsets(ds.isel(member=[1]), datetime(2020, 12, 3), (-37.0, -56.0))[0]
     assert (east, north) == pytest.approx((0.0, 0.0), abs=0.1)
     draw_sweep(ds, tmp_path / "s.png")

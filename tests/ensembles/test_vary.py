@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from riftberg.ensembles.sweep import _check_members
-from riftberg.ensembles.vary import Draws, members_of, order_line, varied_of
+from riftberg.ensembles.vary import Draws, list_members, order_line, read_varied
 from riftberg.errors import InputError
 from riftberg.experiments import build
 
@@ -31,7 +31,7 @@ from riftberg.experiments import build
     ],
 )
 def test_values(text: str, values: tuple[Any, ...]) -> None:
-    (varied,) = varied_of([text])
+    (varied,) = read_varied([text])
     assert varied.values == pytest.approx(values) if isinstance(values[0], float) else varied.values == values
 
 
@@ -42,7 +42,7 @@ def test_lists_arrays_and_texts_in_python() -> None:
         "damage.threshold": "0.1..0.3:2",
         "stepping.time_step": ["15 min", 1800],
     }
-    members = members_of(varied_of(vary))
+    members = list_members(read_varied(vary))
     assert len(members) == 12
     assert members[0] == {"fracture.normal_strength": 14e3, "damage.threshold": 0.1, "stepping.time_step": 900.0}
     assert members[1]["stepping.time_step"] == 1800.0  # the last one changes fastest
@@ -83,7 +83,7 @@ def test_lists_arrays_and_texts_in_python() -> None:
 )  # fmt: skip
 def test_what_cannot_be_varied_is_refused(vary: Any, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
-        members_of(varied_of(vary))
+        list_members(read_varied(vary))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 500
 
@@ -94,13 +94,13 @@ def test_what_the_documentation_varies_can_be_varied() -> None:
     written = re.findall(r"--vary '?([a-z_]+\.[a-z_]+[~=][^'\n`]+?)(?:'| -|\n|`)", pages)
     assert len(written) >= 7
     for text in written:
-        assert varied_of([text.strip()])
+        assert read_varied([text.strip()])
 
 
 def test_the_ends_of_what_is_drawn_and_all_listed_combinations_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     """To check every one of 10,000 draws took half a minute."""
-    vary = varied_of(["fracture.normal_strength~uniform(10, 20 kPa)", "damage.enabled=true,false"])
-    members = members_of(vary, Draws(32))
+    vary = read_varied(["fracture.normal_strength~uniform(10, 20 kPa)", "damage.enabled=true,false"])
+    members = list_members(vary, Draws(32))
     checked: list[float] = []
 
     def note(parameters: object, values: dict[str, dict[str, float]], *, where: str) -> None:
@@ -114,8 +114,8 @@ def test_the_ends_of_what_is_drawn_and_all_listed_combinations_are_checked(monke
 
 
 def test_members_are_plain_values_however_they_are_kept() -> None:
-    varied = varied_of({"start.strength": [1.0, 2.0], "stepping.substeps": [3], "damage.enabled": [True, False]})
-    members = members_of(varied)
+    varied = read_varied({"start.strength": [1.0, 2.0], "stepping.substeps": [3], "damage.enabled": [True, False]})
+    members = list_members(varied)
     assert len(members) == 4
     assert members[-1] == members[3] == {"start.strength": 2.0, "stepping.substeps": 3, "damage.enabled": False}
     assert {name: type(value) for name, value in members[0].items()} == {
@@ -130,7 +130,7 @@ def test_members_that_follow_an_order_are_said_to() -> None:
     assert order_line(["start.turn"]) == ""
     words = order_line(["start.turn", "fracture.normal_strength"])
     assert "(start.turn, fracture.normal_strength): another order gives other members" in words
-    one, other = (members_of(varied_of(vary), Draws(4)) for vary in (
+    one, other = (list_members(read_varied(vary), Draws(4)) for vary in (
         ["start.turn~normal(0, 5)", "start.size~normal(1, 0.1)"], ["start.size~normal(1, 0.1)", "start.turn~normal(0, 5)"]
     ))  # fmt: skip
     assert [member["start.turn"] for member in one] != [member["start.turn"] for member in other]

@@ -11,7 +11,7 @@ from riftberg import forecast, open_sweep, sweep
 from riftberg.cli.compare import opened_result
 from riftberg.ensembles.forecast import forecast_errors
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, designed, grouped, members_of, varied_of, vary_with_file
+from riftberg.ensembles.vary import Draws, grouped, list_members, plan_from_design, read_varied, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed_document, parse_settings
@@ -83,7 +83,7 @@ def test_the_berg_of_a_built_in_experiment_is_changed() -> None:
     assert len(other.outlines) == len(plain.outlines)
     spinning = build("collision", Options(changes=parse_settings(["berg.spin=1e-5"])))[0].elements
     assert set(spinning.spin) == {1e-5}
-    varied = varied_of("berg.thickness=150m,250m")
+    varied = read_varied("berg.thickness=150m,250m")
     assert varied[0].values == (150.0, 250.0)
 
 
@@ -104,7 +104,7 @@ def test_a_key_of_a_file_is_refused_for_a_built_in_experiment() -> None:
     with pytest.raises(InputError, match="a68a has no experiment file with this key"):
         build("a68a", Options(changes=parse_settings(["forcing.eddy.speed=1"])))
     with pytest.raises(InputError, match=r"an experiment file has no key forcing\.edy\.speed"):
-        varied_of("forcing.edy.speed~uniform(0, 1)")
+        read_varied("forcing.edy.speed~uniform(0, 1)")
 
 
 def test_keys_of_a_file_have_distributions_in_their_unit(file: str) -> None:
@@ -114,12 +114,12 @@ def test_keys_of_a_file_have_distributions_in_their_unit(file: str) -> None:
         "forcing.uniform.current.0~normal(0.1, 0.02)",
         "start~choice(2020-12-09, 2020-12-12)",
     ]
-    varied = varied_of(drawn)
+    varied = read_varied(drawn)
     assert [v.unit for v in varied] == ["m", "m s-1", "m s-1", ""]
     assert varied[0].distribution.numbers == (20e3, 2e3)
     assert varied[0].distribution.limits.low == 0.0
     assert varied[1].distribution.numbers == pytest.approx((0.2, 0.4))
-    members = members_of(varied, Draws(4))
+    members = list_members(varied, Draws(4))
     assert all(0.2 <= member["forcing.eddy.speed"] <= 0.4 for member in members)
     assert {member["start"] for member in members} <= {"2020-12-09", "2020-12-12"}
     model = build(file, Options(changes=grouped(members[2])))[0]
@@ -137,7 +137,7 @@ def test_keys_of_a_file_have_distributions_in_their_unit(file: str) -> None:
 )
 def test_distributions_that_no_key_has_are_refused(text: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        varied_of(text)
+        read_varied(text)
 
 
 def test_several_bergs_are_changed_alike_or_one_by_its_number() -> None:
@@ -159,17 +159,17 @@ VARY = """vary:
 
 
 def test_numbers_of_the_file_are_drawn_in_their_units_within_their_limits() -> None:
-    speed, length = varied_of(["forcing.eddy.speed~normal(20, 2 cm/s)", "berg.rectangle.length~uniform(8, 10 km)"])
-    members = members_of([speed, length], Draws(64))
+    speed, length = read_varied(["forcing.eddy.speed~normal(20, 2 cm/s)", "berg.rectangle.length~uniform(8, 10 km)"])
+    members = list_members([speed, length], Draws(64))
     speeds, lengths = (np.array([m[name] for m in members]) for name in ("forcing.eddy.speed", "berg.rectangle.length"))
     assert np.mean(speeds) == pytest.approx(0.2, abs=1e-3)
     assert np.std(speeds) == pytest.approx(0.02, rel=0.05)
     assert 8e3 < lengths.min() < 8.1e3 < 9.9e3 < lengths.max() < 10e3
-    (v,) = varied_of("berg.rectangle.length~normal(1 km, 1 km)")
+    (v,) = read_varied("berg.rectangle.length~normal(1 km, 1 km)")
     assert "which cuts off 16 %" in v.told()
-    assert min(m[v.name] for m in members_of([v], Draws(32))) > 0.0
-    (shift,) = varied_of("forcing.uniform.current~normal(0, 0.1)")
-    assert all(len(m[shift.name]) == 2 for m in members_of([shift], Draws(2)))
+    assert min(m[v.name] for m in list_members([v], Draws(32))) > 0.0
+    (shift,) = read_varied("forcing.uniform.current~normal(0, 0.1)")
+    assert all(len(m[shift.name]) == 2 for m in list_members([shift], Draws(2)))
 
 
 @pytest.mark.slow
@@ -212,7 +212,9 @@ def test_what_is_wrong_under_vary_is_told_with_its_line(line: str, words: str, t
 
 def test_what_is_taken_in_turn_does_not_go_with_what_is_drawn() -> None:
     """By the number of the member alone, all even members had the lower half of every Sobol' number."""
-    members = members_of(varied_of(["forcing.eddy.speed~each(0.1, 0.2)", "start.east~normal(0 km, 1 km)"]), Draws(256))
+    members = list_members(
+        read_varied(["forcing.eddy.speed~each(0.1, 0.2)", "start.east~normal(0 km, 1 km)"]), Draws(256)
+    )
     east = np.array([m["start.east"] for m in members])
     first = np.array([m["forcing.eddy.speed"] for m in members]) == 0.1
     assert first.sum() == 128
@@ -221,12 +223,14 @@ def test_what_is_taken_in_turn_does_not_go_with_what_is_drawn() -> None:
 
 
 def test_values_are_taken_in_turn() -> None:
-    vary = varied_of(["forcing.eddy.speed~each(0.1, 0.2, 0.3)", "start.thickness~lognormal(1, 15 %)"])
-    members = members_of(vary, Draws(7))
+    vary = read_varied(["forcing.eddy.speed~each(0.1, 0.2, 0.3)", "start.thickness~lognormal(1, 15 %)"])
+    members = list_members(vary, Draws(7))
     speeds = [m["forcing.eddy.speed"] for m in members]
     assert sorted(speeds[:3]) == sorted(speeds[3:6]) == [0.1, 0.2, 0.3]
-    assert [m["forcing.eddy.speed"] for m in members_of(vary, Draws(4))] == speeds[:4]  # the same where more are added
-    alone = members_of(varied_of("start.thickness~lognormal(1, 15 %)"), Draws(7))
+    assert [m["forcing.eddy.speed"] for m in list_members(vary, Draws(4))] == speeds[
+        :4
+    ]  # the same where more are added
+    alone = list_members(read_varied("start.thickness~lognormal(1, 15 %)"), Draws(7))
     assert [m["start.thickness"] for m in members] == [m["start.thickness"] for m in alone]
     assert "each of 0.1, 0.2, 0.3 in turn" in vary[0].told()
 
@@ -237,6 +241,8 @@ def test_a_column_of_a_design_has_units_everywhere_or_nowhere(tmp_path: Path) ->
         with pytest.raises(
             InputError, match=r"--design, fracture.normal_strength: (20|2e4) has no unit, but 18 kPa has"
         ):
-            designed({"fracture.normal_strength": column})
-    _, members = designed({"fracture.normal_strength": ["18 kPa", "20000 Pa", "0"], "bonds.packing": ["square"] * 3})
+            plan_from_design({"fracture.normal_strength": column})
+    _, members = plan_from_design(
+        {"fracture.normal_strength": ["18 kPa", "20000 Pa", "0"], "bonds.packing": ["square"] * 3}
+    )
     assert [row["fracture.normal_strength"] for row in members] == [18e3, 20e3, 0.0]

@@ -86,8 +86,8 @@ def test_a_shape_without_a_lattice_refuses_it(path, shape):
 
 
 def test_a_sweep_varies_the_lattice():
-    from riftberg.ensembles.vary import varied_of
+    from riftberg.ensembles.vary import read_varied
 
-    one = varied_of(["berg.lattice_angle=0..45:4"])[0]
+    one = read_varied(["berg.lattice_angle=0..45:4"])[0]
     assert (one.name, one.values, one.unit) == ("berg.lattice_angle", (0.0, 15.0, 30.0, 45.0), "degree")
-    assert varied_of({"berg.packing": ["square", "hexagonal"]})[0].values == ("square", "hexagonal")
+    assert read_varied({"berg.packing": ["square", "hexagonal"]})[0].values == ("square", "hexagonal")

@@ -234,15 +234,15 @@ def test_full_disk_keeps_what_was_written_and_the_next_run_continues(
     room: int, shelf: Shelf, base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shelf.etag["/data/field.nc"] = '"first"'
-    truly = download.opened_part
-    monkeypatch.setattr(download, "opened_part", lambda path, start: FullDisk(truly(path, start), room))
+    truly = download.open_partial
+    monkeypatch.setattr(download, "open_partial", lambda path, start: FullDisk(truly(path, start), room))
     with pytest.raises(
         ForcingError, match=r"the disk is full\. Free some space.*what was fetched is kept and continued"
     ):
         fetch_field(tmp_path, base)
     assert not (tmp_path / "field.nc").exists()
     assert (tmp_path / "field.nc.part").read_bytes() == CONTENT[:room]
-    monkeypatch.setattr(download, "opened_part", truly)
+    monkeypatch.setattr(download, "open_partial", truly)
     assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
     assert shelf.requests[1:] == [("/data/field.nc", f"bytes={room}-" if room else "")]
 
@@ -268,7 +268,7 @@ def test_folder_that_cannot_be_written(base: str, tmp_path: Path, monkeypatch: p
     def refused(path: Path, start: int) -> BinaryIO:
         raise PermissionError(errno.EACCES, "Permission denied")
 
-    monkeypatch.setattr(download, "opened_part", refused)
+    monkeypatch.setattr(download, "open_partial", refused)
     with pytest.raises(ForcingError, match=r"cannot be written\. Choose another folder"):
         fetch_field(tmp_path, base)
 

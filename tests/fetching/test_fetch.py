@@ -44,7 +44,7 @@ def hourly_part(folder: Path, first: int, hours: int, value: float = 0.2, points
     return content
 
 
-SMALL = Hourly("ocean", "currents_dec2020_HOURLY.nc", ("uo", "vo"), 24, 5.0, parts=4)
+SMALL = Hourly("ocean", "currents_dec2020_HOURLY.nc", ("uo", "vo"), 24, 5.0, split_files=4)
 
 
 def stock(shelf: Shelf, folder: Path, hours: int = 6) -> None:

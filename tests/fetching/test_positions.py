@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import known_at, read_berg, read_observed
+from riftberg.diagnostics.observed import find_sighting, read_berg, read_observed
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments.yaml_file import build_berg, read_file
 from riftberg.fetching import fetch
@@ -64,19 +64,19 @@ def test_a_row_gives_the_best_sensor_that_saw_the_berg_and_keeps_the_flag(folder
 
 def test_a_date_without_a_fix_or_a_size_is_answered_with_the_nearest(folder: Path) -> None:
     rows = read_berg("X1", folder)
-    known = known_at("X1", rows, datetime(2021, 1, 4))
+    known = find_sighting("X1", rows, datetime(2021, 1, 4))
     assert (known.fix.when, known.size.when) == (datetime(2021, 1, 2),) * 2
     # Before it became smaller: the last size before the date counts.
-    assert known_at("X1", rows, datetime(2021, 2, 8)).size.axes[0] == 40 * 1852.0
+    assert find_sighting("X1", rows, datetime(2021, 2, 8)).size.axes[0] == 40 * 1852.0
     with pytest.raises(
         InputError, match=r"not seen within 3 days of 2021-01-20.*nearest dates are 2021-01-02 and 2021-02-09"
     ):
-        known_at("X1", rows, datetime(2021, 1, 20))
+        find_sighting("X1", rows, datetime(2021, 1, 20))
     with pytest.raises(
         InputError, match="no size of X1 within 60 days of 2021-07-19; the nearest is of 2021-02-09: 19 km x 9 km"
     ):
-        known_at("X1", rows, datetime(2021, 7, 19))
-    assert known_at("X1", rows, datetime(2021, 7, 19), sized=False).fix.lat == -62.0
+        find_sighting("X1", rows, datetime(2021, 7, 19))
+    assert find_sighting("X1", rows, datetime(2021, 7, 19), sized=False).fix.lat == -62.0
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_a_file_of_the_user_is_not_overwritten_by_a_table_of_its_name(tmp_path: 
     for name in ("mine", "MINE", "link", "nowhere"):
         archive = zipped(tmp_path / "d.zip", {"a/new.csv": "new", f"a/{name}.csv": "other"})
         with pytest.raises(ForcingError, match=rf"{name.lower()}\.csv: is there already.*Move it away"):
-            fetch.unpacked_tables(archive, tmp_path)
+            fetch.unpack_tables(archive, tmp_path)
         assert not (tmp_path / "new.csv").exists()
     assert (tmp_path / "mine.csv").read_text() == (tmp_path / "victim.txt").read_text() == "PRECIOUS"
     assert not (tmp_path / "made.txt").exists()
@@ -193,11 +193,11 @@ def test_a_file_of_the_user_is_not_overwritten_by_a_table_of_its_name(tmp_path: 
 
 def test_tables_of_a_newer_database_take_the_place_of_the_older_ones_but_not_of_edited_ones(tmp_path: Path) -> None:
     for text in ("first", "second", "second"):
-        (table,) = fetch.unpacked_tables(zipped(tmp_path / "d.zip", {"a/x.csv": text}), tmp_path)
+        (table,) = fetch.unpack_tables(zipped(tmp_path / "d.zip", {"a/x.csv": text}), tmp_path)
         assert table.read_text() == text
     table.write_text("edited")
     with pytest.raises(ForcingError, match=r"x\.csv: is there already"):
-        fetch.unpacked_tables(zipped(tmp_path / "d.zip", {"a/x.csv": "third"}), tmp_path)
+        fetch.unpack_tables(zipped(tmp_path / "d.zip", {"a/x.csv": "third"}), tmp_path)
     assert table.read_text() == "edited"
 
 
@@ -219,7 +219,7 @@ def test_a_damaged_database_is_removed_and_told(fault: str, tmp_path: Path) -> N
     with pytest.raises(
         ForcingError, match=r"d\.zip: a damaged zip archive.*It was removed: run the same command again"
     ):
-        fetch.unpacked_tables(archive, tmp_path)
+        fetch.unpack_tables(archive, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -233,7 +233,7 @@ def test_a_damaged_database_is_removed_and_told(fault: str, tmp_path: Path) -> N
 )
 def test_a_database_that_cannot_be_unpacked_is_refused(members: dict[str, str], words: str, tmp_path: Path) -> None:
     with pytest.raises(ForcingError, match=words):
-        fetch.unpacked_tables(zipped(tmp_path / "d.zip", members), tmp_path)
+        fetch.unpack_tables(zipped(tmp_path / "d.zip", members), tmp_path)
     assert not list(tmp_path.glob("*.csv"))
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.diagnostics.summary import melt_by_fragment, melt_lines, summarize
-from riftberg.diagnostics.why import explain, words
-from riftberg.life.process import PROCESSES, melt_of
+from riftberg.diagnostics.why import explain, reason_lines
+from riftberg.life.process import PROCESSES, read_melt
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
@@ -57,15 +57,15 @@ def test_fragments_add_up_to_the_ledger_and_each_loses_its_own_ice(done) -> None
 
 @pytest.mark.slow
 def test_a_fragment_that_has_lost_nothing_has_zeros_and_a_resumed_run_goes_on(done, tmp_path: Path) -> None:
-    assert (melt_of({}, np.array([1, 2])) == 0.0).all()
+    assert (read_melt({}, np.array([1, 2])) == 0.0).all()
     model = two_bergs()
     model.run(steps=3)
     model.save(tmp_path / "r.nc")
     resumed = Model.resume(tmp_path / "r.nc", SEA)
     resumed.run(steps=3)
     numbers = np.array([1, 2, 99])
-    np.testing.assert_array_equal(melt_of(resumed.remembered, numbers), melt_of(done[0].remembered, numbers))
-    assert (melt_of(resumed.remembered, numbers)[2] == 0.0).all()
+    np.testing.assert_array_equal(read_melt(resumed.remembered, numbers), read_melt(done[0].remembered, numbers))
+    assert (read_melt(resumed.remembered, numbers)[2] == 0.0).all()
 
 
 def test_summary_words_map_and_replay_tell_of_it(done) -> None:
@@ -79,7 +79,7 @@ def test_summary_words_map_and_replay_tell_of_it(done) -> None:
         assert "Gt (base " in first
         assert "North" in second
         assert "South" in second
-        assert words(explain(run))[-3:-1] == [first, second]  # before the strength of the ice
+        assert reason_lines(explain(run))[-3:-1] == [first, second]  # before the strength of the ice
         figure = draw_map(run)
         assert any("Melted: " in text.get_text() for text in figure.findobj(lambda a: hasattr(a, "get_text")))
         write_replay(run, folder / "replay.html")
@@ -115,7 +115,7 @@ def test_bits_and_children_are_told_in_words_maps_replay_and_reasons(tmp_path: P
     ] * children
     with open_run(tmp_path / "run.nc") as run:
         reasons = explain(run)
-        assert line in words(reasons)
+        assert line in reason_lines(reasons)
         draw_reasons(reasons, tmp_path / "why.svg")
         figure = draw_map(run)
         shown = [text.get_text().replace("\u00a0", " ") for text in figure.findobj(lambda a: hasattr(a, "get_text"))]

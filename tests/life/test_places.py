@@ -119,11 +119,11 @@ CLASS = {"mass": (1e9, 2e9), "fraction": (1.0, 0.0), "scaling": (1.0, 1.0), "thi
 FLUX = {"land_ice_specific_mass_flux_due_to_calving": np.pad([[0.02]], ((2, 2), (2, 2)))}
 
 
-def calving(elements_at: list[float], radius: float) -> Exchange:
+def calving(read_elements: list[float], radius: float) -> Exchange:
     """An ocean of 5 x 5 cells of some 6 km, with ice in the middle one, into which land ice calves."""
     lon, lat = np.meshgrid(np.linspace(-40.0, -39.5, 6), np.linspace(-55.25, -55.0, 6))
     grid = ocean_grid(lon, lat)
-    berg = Iceberg.from_points(elements_at[:1], elements_at[1:], thickness=200.0, radius=radius)
+    berg = Iceberg.from_points(read_elements[:1], read_elements[1:], thickness=200.0, radius=radius)
     berg.elements.body.static[:] = 1.0
     p = Parameters(
         melt={"enabled": True}, calving={"south": CLASS, "north": CLASS},

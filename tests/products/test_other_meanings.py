@@ -15,7 +15,7 @@ from products.test_odd_files import CENTRE, START, arrives, elements, plain, tru
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products.mesh import Located, mesh_of
+from riftberg.products.mesh import Located, build_mesh
 from riftberg.products.registry import open_named, open_product, recognise
 
 # --- land -----------------------------------------------------------------------------------------------------------------
@@ -285,7 +285,7 @@ def test_an_axis_that_jumps_by_a_turn_is_one_axis(branch: Any, middle: float) ->
     """Depths of ROMS west of Greenwich were 'apart' from its currents."""
     lon, lat = middle + np.arange(-2.0, 2.1, 0.2), np.arange(-60.0, -55.0, 0.5)
     field = xr.DataArray(np.zeros((lat.size, lon.size)), dims=("lat", "lon"), coords={"lat": lat, "lon": branch(lon)})
-    there = Located(mesh_of(field), *np.meshgrid(lon + 0.05, lat))
+    there = Located(build_mesh(field), *np.meshgrid(lon + 0.05, lat))
     assert not there.outside.any()
     np.testing.assert_allclose(
         there.take(np.broadcast_to(lon, field.shape))[:, :-1], np.meshgrid(lon + 0.05, lat)[0][:, :-1]

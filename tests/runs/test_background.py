@@ -16,7 +16,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.analytic import Steady
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, memory_run, open_own, open_run
-from riftberg.runs.scene import GROUP, KeptWater, _axes, on_even_grid, stored_water, water_of
+from riftberg.runs.scene import GROUP, KeptWater, _axes, find_water, interpolate_evenly, stored_water
 
 
 class Turning(FakeForcing):
@@ -101,7 +101,7 @@ def test_bilinear_is_exact_for_bilinear_fields_and_blind_outside() -> None:
     px, py = np.array([0.3, 2.0, 0.0, 2.1]), np.array([0.7, 1.0, -1.0, 0.0])
     expected = (1.0 + px) * (2.0 - py)
     expected[3] = np.nan
-    np.testing.assert_allclose(on_even_grid(x, y, field, px, py), expected)
+    np.testing.assert_allclose(interpolate_evenly(x, y, field, px, py), expected)
 
 
 def test_a_run_in_memory_knows_its_water(tmp_path: Path) -> None:
@@ -110,15 +110,15 @@ def test_a_run_in_memory_knows_its_water(tmp_path: Path) -> None:
     berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
     run = Model(berg, sea).run(steps=1)
     for known in (run, run.copy(deep=True), run.isel(time=slice(0, 1))):
-        water = water_of(known)
+        water = find_water(known)
         assert isinstance(water, KeptWater)
         assert water.currents(np.array([-37.0]), np.array([-56.0]), 0.0)[0] == 0.1
         assert water.depth(np.array([-37.0]), np.array([-56.0])) == 300.0
-    passed = water_of(pickle.loads(pickle.dumps(run)))
+    passed = find_water(pickle.loads(pickle.dumps(run)))
     assert passed is not None
     assert np.isnan(passed.depth(np.zeros(2), np.zeros(2))).all()  # the forcing stays behind
     run.isel(time=slice(0, 1)).to_netcdf(tmp_path / "copy.nc")  # bug: xarray warned of the length of texts
-    assert water_of(open_run(tmp_path / "copy.nc")) is None
+    assert find_water(open_run(tmp_path / "copy.nc")) is None
 
 
 def test_a_forcing_that_cannot_be_asked_leaves_the_map_without_water() -> None:

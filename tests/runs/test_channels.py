@@ -14,7 +14,7 @@ from riftberg.ocean.analytic import Steady
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import Parameters
-from riftberg.runs.accessor import course_of
+from riftberg.runs.accessor import find_course
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import memory_run
 from riftberg.runs.scene import Scene
@@ -66,7 +66,7 @@ def test_a_berg_has_gone_all_the_way_round_a_channel(speed: float, kind: str) ->
     rows = [row["lon"] for row in summary["track"]]
     assert rows[-1] - rows[0] == pytest.approx(way, rel=0.02)
     assert np.diff(Scene(run).x[[0, -1]], axis=0) == pytest.approx(way, rel=0.02)
-    course = course_of(run)
+    course = find_course(run)
     assert course.x[-1] - course.x[0] == pytest.approx(way, rel=0.02)
     assert run.riftberg.compare(run)["distance"].values == pytest.approx(0.0, abs=1e-3)
     if kind == "grid":
@@ -115,7 +115,7 @@ def test_drift_round_a_sector_and_across_the_end_of_a_globe(width: float) -> Non
     assert entry["drift_east_km"] > 60.0
     way = np.degrees(entry["drift_east_km"] * 1e3 / (p.earth.radius * np.cos(np.radians(-55.0))))
     assert float(np.diff(Scene(run).x[:, 0])[-1]) == pytest.approx(way, rel=0.01)
-    assert np.ptp(course_of(run).x) == pytest.approx(way, rel=0.01)
+    assert np.ptp(find_course(run).x) == pytest.approx(way, rel=0.01)
 
 
 def test_pieces_that_break_off_are_marked_beside_the_track() -> None:
@@ -124,7 +124,7 @@ def test_pieces_that_break_off_are_marked_beside_the_track() -> None:
     with memory_run(None, 3.0) as writer:
         model.advance(1, recorders=[writer])
         run = writer.dataset()
-    (born,) = course_of(run).births
+    (born,) = find_course(run).births
     for turns in (-3.0, 2.0):
         moved = run.assign(fragment_x=run["fragment_x"] + turns * LENGTH)
-        assert course_of(moved).births[0]["lon"] == pytest.approx(born["lon"])
+        assert find_course(moved).births[0]["lon"] == pytest.approx(born["lon"])

@@ -13,7 +13,7 @@ from fakes import FakeForcing, FakeModel
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import GRAVITY
 from riftberg.diagnostics.summary import summarize
-from riftberg.diagnostics.why import explain, words
+from riftberg.diagnostics.why import explain, reason_lines
 from riftberg.engines.common.forces.media import FORCES, on_the_floor
 from riftberg.engines.common.fragments.grounding_log import GroundingEvent, GroundingLog, mass_on_floor
 from riftberg.runs.groundings import (
@@ -298,7 +298,7 @@ def test_run_file_and_why_know_the_stays(tmp_path: Path, latlon: bool) -> None:
         (stay,) = read_stays(run, Scene(run).name)
         assert stay.event == ROW
         assert stay.as_dict() == {**list_stays(model)[0].as_dict(), "name": stay.name}  # type: ignore[arg-type]
-        told = words(explain(run))[2]
+        told = reason_lines(explain(run))[2]
         place = "55.00 S, 38.90 W" if latlon else "x -38.9 m, y -55 m"
         assert told.endswith(
             f"ground 2020-12-09 14:00 to 2020-12-09 18:00: touched with its north-eastern side at {place}; touched 2 times and "
@@ -347,4 +347,4 @@ def test_a_landing_is_told_at_once_and_stands_in_all_that_a_run_leaves(
     with run:
         assert run["grounding_load"].values.tolist() == [stay["load"]]
         assert Scene(run).aground()[-1].sum() == stay["elements"] > 0
-        assert "touched with its eastern side" in words(explain(run))[-2]  # before the strength of the ice
+        assert "touched with its eastern side" in reason_lines(explain(run))[-2]  # before the strength of the ice

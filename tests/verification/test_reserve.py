@@ -13,7 +13,7 @@ from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.diagnostics import why
 from riftberg.diagnostics.summary import summarize
 from riftberg.engines.common.reserves import CAVEAT
-from riftberg.ensembles.vary import Draws, members_of, varied_of
+from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import BergError, InputError
 from riftberg.experiments import Options, build
 from riftberg.parameters import A68A_2022
@@ -121,7 +121,7 @@ def test_all_that_is_said_after_a_run_has_the_strength_of_the_place(tmp_path: Pa
             ends = [int(run[name].values[bond.bond]) for name in ("bond_first", "bond_second")]
             assert bond.prestress == pytest.approx(np.mean([prestress(thick[e], 850.0) for e in ends]))
         assert reasons.breakups
-        text = " ".join(why.words(reasons))
+        text = " ".join(why.reason_lines(reasons))
         assert CAVEAT in text
         assert f"{TIP / 1e3:.0f} kPa at the tips of its crevasses" in text
         assert "beside a pre-stress of" in text
@@ -223,14 +223,14 @@ def test_files_and_sets_that_hold_all_parameters_read_back(tmp_path: Path) -> No
 
 def test_it_is_varied_and_drawn() -> None:
     """In a list, and from 70 to 130 kPa as a forecast draws it."""
-    (listed,) = varied_of(["fracture.crevasse_strength=70..130kPa:3"])
+    (listed,) = read_varied(["fracture.crevasse_strength=70..130kPa:3"])
     assert listed.values == (70e3, 100e3, 130e3)
-    (drawn,) = varied_of(["fracture.crevasse_strength~uniform(70 kPa, 130 kPa)"])
-    values = [row["fracture.crevasse_strength"] for row in members_of([drawn], Draws(16))]
+    (drawn,) = read_varied(["fracture.crevasse_strength~uniform(70 kPa, 130 kPa)"])
+    values = [row["fracture.crevasse_strength"] for row in list_members([drawn], Draws(16))]
     assert 70e3 <= min(values) < 80e3
     assert 120e3 < max(values) <= 130e3
     with pytest.raises(InputError, match="impossible values"):
-        varied_of(["fracture.crevasse_strength~normal(-90 kPa, 10 kPa)"])
+        read_varied(["fracture.crevasse_strength~normal(-90 kPa, 10 kPa)"])
 
 
 # Rifts

@@ -23,12 +23,12 @@ from riftberg.parameters import PUBLISHED_DRAG
 from riftberg.verification import calibrate as module
 from riftberg.verification.calibrate import (
     Errors,
+    collect_observations,
+    compute_results,
     is_known,
+    make_targets,
     margin_until,
-    results_of,
     second_margin,
-    seen_of,
-    targets_of,
 )
 
 START = datetime(2020, 12, 9)
@@ -55,16 +55,16 @@ def members(margin: Any, broke: Any, north: Any = (0.0, 0.0)) -> xr.Dataset:
 
 def test_members_beside_what_was_seen() -> None:
     day = START + timedelta(days=1)
-    seen = seen_of(
+    seen = collect_observations(
         Observations("s", fixes=[Fix("a", day, False, -37.0, -56.0 + 3 * KM, 170.0)]), START, 2.0, broken=day
     )
-    found = results_of(members([[0, 0.5, 0.9], [0, 1, 1]], [np.nan, 0.5], (0.0, 5.0)), seen)
+    found = compute_results(members([[0, 0.5, 0.9], [0, 1, 1]], [np.nan, 0.5], (0.0, 5.0)), seen)
     # East, north (km from the place that was seen), azimuth (10 is 20 degrees clockwise from 170), logarithm of the margin.
     assert found[:, 0] == pytest.approx([0.0, 0.0], abs=1e-6)
     assert found[:, 1] == pytest.approx([-3.0, 2.0], abs=1e-3)
     assert found[:, 2] == pytest.approx([20.0, 20.0])
     assert np.exp(found[:, 3]) == pytest.approx([0.5, 1.0])
-    names = targets_of(seen, Errors()).names
+    names = make_targets(seen, Errors()).names
     assert names == ["2020-12-10 00:00 east, km", "2020-12-10 00:00 north, km", "2020-12-10 00:00 azimuth, degree",
                      "broken by 2020-12-10 00:00, log margin"]  # fmt: skip
 
@@ -78,29 +78,34 @@ def test_the_margin_to_the_second_break_up_goes_on_beyond_it_by_the_days_since()
     day = START + timedelta(days=2)
     margin = second_margin(ds, day)
     assert margin == pytest.approx([0.05 * 0.5, 0.5, 2.0, 1.0 + 1 / 24])
-    seen = seen_of(None, START, 2.0, second_break=day, broken=START + timedelta(days=1))
-    assert [name[:20] for name in targets_of(seen, Errors()).names] == ["broken by 2020-12-10", "second break by 2020"]
-    found = results_of(ds, seen)
+    seen = collect_observations(None, START, 2.0, second_break=day, broken=START + timedelta(days=1))
+    assert [name[:20] for name in make_targets(seen, Errors()).names] == [
+        "broken by 2020-12-10",
+        "second break by 2020",
+    ]
+    found = compute_results(ds, seen)
     assert found[:, 1] == pytest.approx(np.log(margin))
-    assert targets_of(seen, Errors()).misfit(found)[:, 1].tolist()[2:] == [0.0, 0.0]
-    once = seen_of(None, START, 2.0, one_break_until=day)
-    assert targets_of(once, Errors()).misfit(results_of(ds, once))[:, 0].argmax() == 2
+    assert make_targets(seen, Errors()).misfit(found)[:, 1].tolist()[2:] == [0.0, 0.0]
+    once = collect_observations(None, START, 2.0, one_break_until=day)
+    assert make_targets(once, Errors()).misfit(compute_results(ds, once))[:, 0].argmax() == 2
 
 
 def test_break_ups_out_of_order_are_refused() -> None:
     day = START + timedelta(days=1)
     with pytest.raises(InputError, match="broken by 2020-12-10 12:00, but second break by 2020-12-10 00:00"):
-        seen_of(None, START, 2.0, broken=day + timedelta(hours=12), second_break=day)
+        collect_observations(None, START, 2.0, broken=day + timedelta(hours=12), second_break=day)
     with pytest.raises(InputError, match="one break until 2020-12-10 00:00, but second break by 2020-12-10 00:00"):
-        seen_of(None, START, 2.0, one_break_until=day, second_break=day)
+        collect_observations(None, START, 2.0, one_break_until=day, second_break=day)
     with pytest.raises(InputError, match=r"--second-break: 2020-12-19 00:00 is not within the runs"):
-        seen_of(None, START, 2.0, second_break=START + timedelta(days=10))
+        collect_observations(None, START, 2.0, second_break=START + timedelta(days=10))
 
 
 def test_errors_of_the_model_last_and_those_of_observations_do_not() -> None:
     days = [START + timedelta(days=k) for k in (1, 6)]
-    seen = seen_of(Observations("s", fixes=[Fix("a", day, False, -37.0, -56.0) for day in days]), START, 9.0)
-    found = targets_of(seen, Errors(position=4.0, model=3.0)).covariance
+    seen = collect_observations(
+        Observations("s", fixes=[Fix("a", day, False, -37.0, -56.0) for day in days]), START, 9.0
+    )
+    found = make_targets(seen, Errors(position=4.0, model=3.0)).covariance
     assert found.shape == (4, 4)
     assert found[0, 0] == pytest.approx(25.0)
     assert found[0, 1] == pytest.approx(9.0 / np.e)  # five days apart
@@ -125,11 +130,15 @@ def test_few_members_make_nothing_known_by_chance() -> None:
 
 def test_many_dates_become_twelve_and_the_outline_gives_the_axis() -> None:
     hours = [START + timedelta(hours=k) for k in range(1, 49)]
-    seen = seen_of(Observations("s", fixes=[Fix("a", when, False, -37.0, -56.0) for when in hours]), START, 2.0)
-    assert len(seen.places) == 12
-    assert hours[-1] in seen.places
+    seen = collect_observations(
+        Observations("s", fixes=[Fix("a", when, False, -37.0, -56.0) for when in hours]), START, 2.0
+    )
+    assert len(seen.positions) == 12
+    assert hours[-1] in seen.positions
     ring = np.array([[-37.0, -56.0], [-36.0, -56.0], [-36.0, -55.9], [-37.0, -55.9]])  # along a parallel
-    drawn = seen_of(Observations("s", outlines=[Outline("a", datetime(2020, 12, 10), True, ring)]), START, 2.0)
+    drawn = collect_observations(
+        Observations("s", outlines=[Outline("a", datetime(2020, 12, 10), True, ring)]), START, 2.0
+    )
     assert list(drawn.azimuths.values()) == [pytest.approx(90.0, abs=1.0)]
 
 

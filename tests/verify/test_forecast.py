@@ -27,7 +27,7 @@ from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.verification.forecast import report, verified
 from riftberg.verification.scores import local, moved
-from riftberg.verification.sightings import Sighting, outline_of_run, outlines_at, pieces_of, sightings_of
+from riftberg.verification.sightings import Sighting, member_outlines, read_first_outline, read_pieces, select_sightings
 from riftberg.verification.tracks import Case, Start, dressed_without
 
 from .test_calibrate import eddied
@@ -344,7 +344,7 @@ def test_outlines_of_members_are_turned_and_moved_like_them(tmp_path: Path) -> N
 
 def test_the_outline_of_a_run_is_that_of_its_ice(tmp_path: Path) -> None:
     FakeModel(8, 3, turn_per_day=0.0).advance(0.25, recorders=[RunWriter(tmp_path / "run.nc", every_hours=6)])
-    assert outline_of_run(tmp_path / "run.nc").symmetric_difference(shapely.box(-12.0, -4.5, 12.0, 4.5)).area < 1.5
+    assert read_first_outline(tmp_path / "run.nc").symmetric_difference(shapely.box(-12.0, -4.5, 12.0, 4.5)).area < 1.5
 
 
 def test_of_several_pieces_the_largest_counts_with_its_axis() -> None:
@@ -354,7 +354,7 @@ def test_of_several_pieces_the_largest_counts_with_its_axis() -> None:
 
     observed = Observations("s", outlines=[ring(0, 0, 30, 3), ring(50, 0, 2, 9), ring(0, 40, 5, 20)],
                             fixes=[Fix("A01", START, True, -41.0, -57.0, 33.0)])  # fmt: skip
-    name, (seen,) = sightings_of(observed, None, START, 6.0)
+    name, (seen,) = select_sightings(observed, None, START, 6.0)
     assert (name, seen.when) == ("A01", START + timedelta(hours=6))
     assert local(-40.0, -56.0, seen.lon, seen.lat) == pytest.approx((0.0, 40.0), abs=0.05)  # 400, not 360 or 72 km2
     assert abs((seen.azimuth + 90.0) % 180.0 - 90.0) < 0.5
@@ -382,21 +382,21 @@ def test_outlines_of_members_that_broke_up() -> None:
     start = shapely.box(-15.0, -5.0, 15.0, 5.0)
     for k, length in ((0, 30.0), (1, 20.0), (2, 20.0)):
         seen = Sighting(datetime(2020, 12, 9 + k), -37.0, -56.0, np.nan, None)
-        (found,) = outlines_at(ds, start, seen, lambda number: one.shapes)
+        (found,) = member_outlines(ds, start, seen, lambda number: one.shapes)
         expected = rotate(shapely.box(-0.5 * length, -5.0, 0.5 * length, 5.0), -50.0 * k, origin=(0.0, 0.0))
         assert intersection_over_union(found, expected) > 0.98, k
-    assert not outlines_at(ds, start, seen)  # of an ensemble of an earlier version there are none
+    assert not member_outlines(ds, start, seen)  # of an ensemble of an earlier version there are none
 
 
 def test_pieces_of_a_real_run_cover_the_berg_at_its_start(tmp_path: Path) -> None:
     sweep(eddied, {"start.strength": [0.02]}, days="3 h", every_hours=3, workers=0, output=tmp_path / "s")
-    rings = pieces_of(tmp_path / "s", 0)
+    rings = read_pieces(tmp_path / "s", 0)
     shapes = [shapely.Polygon(np.array(ring) / 1e3) for _, ring in rings]
     assert len(shapes) > 1
     assert min(number for number, _ in rings) == 1
     assert sum(shape.area for shape in shapes) == pytest.approx(270.0, rel=0.05)
     assert shapely.union_all(shapes).difference(shapely.box(-15.0, -4.5, 15.0, 4.5)).area < 5.0
-    assert pieces_of(tmp_path / "nothing", 0) == []
+    assert read_pieces(tmp_path / "nothing", 0) == []
 
 
 @pytest.mark.slow

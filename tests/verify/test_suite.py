@@ -343,14 +343,14 @@ def test_giant_bergs_in_a_day_of_altimetry_are_as_far_off_as_measured(observed: 
 def test_a_point_that_goes_with_the_water_takes_the_current_in_the_middle_of_its_steps() -> None:
     """In a current that grows evenly the way is half of speed times time, to the digit."""
     from riftberg.ocean.series import Series
-    from riftberg.verification.suite import advected
+    from riftberg.verification.suite import make_advected
     from riftberg.verification.tracks import Start
 
     days = np.array([0.0, 1.0, 3.0])
     dates = [FIRST + timedelta(days=day) for day in days]
     sea = Series(dates, uo=0.0, vo=0.1 * days)
     for factor in (1.0, 0.5):
-        found = advected(factor)(Start("A", FIRST, -40.0, -56.0, {}), dates[1:], sea)
+        found = make_advected(factor)(Start("A", FIRST, -40.0, -56.0, {}), dates[1:], sea)
         way = factor * 0.5 * 0.1 * days[1:] ** 2 * 86400.0
         assert found[:, 1] == pytest.approx(-56.0 + METRE * way, abs=1e-6)
 

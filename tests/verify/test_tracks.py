@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from riftberg.cli.main import app
 from riftberg.errors import InputError
 from riftberg.verification import tracks
-from riftberg.verification.scores import carried_on, distance, local, moved
+from riftberg.verification.scores import distance, extrapolate, local, moved
 
 FIRST = datetime(2003, 1, 1)
 NORTHWARD = 10.0 / 111.19  # Degrees of 10 km
@@ -42,8 +42,8 @@ def test_a_straight_track_is_what_constant_velocity_forecasts(tmp_path: Path) ->
     assert [case.start.date for case in cases] == [FIRST + timedelta(days=k) for k in range(3, 11)]
     assert sorted(cases[0].seen) == [1, 3, 5, 7]
     assert sorted(cases[-1].seen) == [1]
-    straight_on = tracks.table(tracks.errors_of(tracks.constant_velocity, cases))
-    still = tracks.table(tracks.errors_of(tracks.staying_put, cases))
+    straight_on = tracks.table(tracks.compute_errors(tracks.constant_velocity, cases))
+    still = tracks.table(tracks.compute_errors(tracks.staying_put, cases))
     assert [row["median_km"] for row in straight_on] == pytest.approx([0.0] * 4, abs=1e-6)
     assert [row["median_km"] for row in still] == pytest.approx([10.0, 30.0, 50.0, 70.0], rel=1e-3)
     assert straight_on[0]["low_km"] is None  # one berg says nothing of others
@@ -99,7 +99,7 @@ def test_across_the_date_line_nothing_changes(tmp_path: Path) -> None:
     write_track(tmp_path, "x01", [((179.6 + 0.16 * k + 180.0) % 360.0 - 180.0, -56.0) for k in range(11)])
     (case, *_) = tracks.read_cases(tmp_path)
     assert case.start.heading == pytest.approx((29.8, 0.0), abs=0.2)
-    (row,) = (row for row in tracks.errors_of(tracks.constant_velocity, [case]) if row.lead == 7)
+    (row,) = (row for row in tracks.compute_errors(tracks.constant_velocity, [case]) if row.lead == 7)
     assert row.error < 1.0  # the berg keeps to its parallel, the forecast to the great circle
     west, east, south, north = case.box
     assert west < -187.0 < -173.0 < east
@@ -113,7 +113,7 @@ def test_places_and_displacements_are_inverse() -> None:
     there = moved(lon, lat, east, north)
     np.testing.assert_allclose(local(lon, lat, *there), [east, north], atol=1e-6)
     np.testing.assert_allclose(distance(lon, lat, *there), np.hypot(east, north), rtol=1e-9)
-    on = carried_on(10.0, 20.0, 11.0, 21.0, np.array([0.0, 1.0]))
+    on = extrapolate(10.0, 20.0, 11.0, 21.0, np.array([0.0, 1.0]))
     assert (on[0][0], on[1][0]) == pytest.approx((11.0, 21.0))
     assert distance(10.0, 20.0, on[0][1], on[1][1]) == pytest.approx(2 * distance(10.0, 20.0, 11.0, 21.0))
 
@@ -157,7 +157,7 @@ def test_noise_alone_lowers_the_score_of_a_bare_forecast(tmp_path: Path) -> None
     held, training = ([case for case in cases if case.held_out is out] for out in (True, False))
     scored = tracks.ensemble_table(tracks.Dressed(tracks.staying_put, training), held, 0.0)
     bare = {
-        lead: np.mean([row.error for row in tracks.errors_of(tracks.staying_put, held) if row.lead == lead])
+        lead: np.mean([row.error for row in tracks.compute_errors(tracks.staying_put, held) if row.lead == lead])
         for lead in (1, 3, 5, 7)
     }
     assert all(row["energy_km"] < 0.85 * bare[row["lead_days"]] for row in scored)
@@ -167,7 +167,7 @@ def test_noise_alone_lowers_the_score_of_a_bare_forecast(tmp_path: Path) -> None
 def test_the_baselines_are_those_of_the_published_tables(shared: Path) -> None:
     """Within a kilometre, with intervals from drawing bergs; computed independently from the same tables and rules."""
     cases = tracks.read_cases(shared / "data" / "tracks")
-    still, steady = (tracks.table(tracks.errors_of(model, cases)) for model in tracks.BASELINES.values())
+    still, steady = (tracks.table(tracks.compute_errors(model, cases)) for model in tracks.BASELINES.values())
     assert [row["median_km"] for row in still] == pytest.approx([12.0, 34.0, 55.0, 72.0], abs=1.0)
     assert [row["median_km"] for row in steady] == pytest.approx([11.0, 29.0, 52.0, 76.0], abs=1.0)
     for row, interval in ((still[-1], (62.0, 82.0)), (steady[-1], (69.0, 86.0))):

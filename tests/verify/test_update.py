@@ -16,9 +16,9 @@ from riftberg import open_sweep
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.probability import effective
-from riftberg.ensembles.vary import Draws, members_of, varied_of
+from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import InputError
-from riftberg.verification.sightings import drawn_anew, log_likelihood, weighted
+from riftberg.verification.sightings import log_likelihood, redraw_members, weighted
 
 KM = 1.0 / 111.195  # degrees of latitude
 DAYS = np.datetime64("2020-12-09", "ns") + np.arange(3) * np.timedelta64(1, "D")
@@ -120,17 +120,17 @@ def test_a_sweep_is_called_no_forecast(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() -> None:
-    varied = varied_of(
+    varied = read_varied(
         ["start.turn~normal(0, 5)", "start.strength~lognormal(1, 30 %)", "bonds.packing~choice(square, hexagonal)"]
     )
-    members = members_of(varied, Draws(4096))
+    members = list_members(varied, Draws(4096))
     plan: Any = SimpleNamespace(varied=varied, members=members)
     turn = np.array([m["start.turn"] for m in members])
     likelihood = -0.5 * ((turn - 6.0) / 2.0) ** 2
     weight = np.exp(likelihood - likelihood.max())
     weight /= weight.sum()
     assert effective(weight) < 2000
-    columns, base, parents = drawn_anew(plan, weight, likelihood)
+    columns, base, parents = redraw_members(plan, weight, likelihood)
     assert 1000 < parents < 4096
     new = np.array(columns["start.turn"])
     mean = weight @ turn
@@ -146,10 +146,10 @@ def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() 
 
 def test_members_around_a_single_one_are_no_copies_of_it() -> None:
     """Bug: one member that counts has no spread, so all new ones were the same, and every one of them counted."""
-    varied = varied_of(["start.turn~normal(0, 5)"])
-    plan: Any = SimpleNamespace(varied=varied, members=members_of(varied, Draws(64)))
+    varied = read_varied(["start.turn~normal(0, 5)"])
+    plan: Any = SimpleNamespace(varied=varied, members=list_members(varied, Draws(64)))
     weight = np.eye(64)[3]
-    columns, _, parents = drawn_anew(plan, weight, np.log(weight + 1e-300))
+    columns, _, parents = redraw_members(plan, weight, np.log(weight + 1e-300))
     assert parents == 1
     assert np.std(columns["start.turn"]) == pytest.approx(0.3 * 5.0, rel=0.25)  # the kernel, of the spread of all
 

@@ -61,7 +61,7 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def forget() -> None:
     """Forget shapes that were read before."""
-    basemap.coast_in.cache_clear()
+    basemap.clip_coast.cache_clear()
     basemap._shapes.cache_clear()
 
 
@@ -94,7 +94,7 @@ def test_land_with_its_lake_is_drawn_from_the_local_file_and_the_extent_stays(da
     ax = axes(CLOSE)
     assert basemap.draw_coast(ax, CLOSE)
     assert (*ax.get_xlim(), *ax.get_ylim()) == (CLOSE.west, CLOSE.east, CLOSE.south, CLOSE.north)
-    areas, lines = basemap.coast_in(CLOSE)
+    areas, lines = basemap.clip_coast(CLOSE)
     assert sum(polygon.area for polygon, _ in areas) == pytest.approx(0.4 * 0.15 - 0.1 * 0.05)
     assert len(lines) == 2
     inside = areas[0][0]
@@ -128,7 +128,7 @@ def test_without_cartopy_or_its_files_the_coast_of_the_package_is_drawn(
     assert basemap.draw_coast(axes(SOUTH_GEORGIA), SOUTH_GEORGIA)
     write_layer(data, "land", SQUARE)
     forget()
-    (polygon, _), *more = basemap.coast_in(Box(-39.5, -38.0, -55.2, -53.5))[0]
+    (polygon, _), *more = basemap.clip_coast(Box(-39.5, -38.0, -55.2, -53.5))[0]
     assert not more  # that of cartopy is drawn alone
     assert polygon.area == pytest.approx(0.4 * 0.15)
     for name in [n for n in sys.modules if n == "cartopy" or n.startswith("cartopy.")]:
@@ -141,24 +141,24 @@ def test_without_cartopy_or_its_files_the_coast_of_the_package_is_drawn(
 
 def test_the_coast_of_the_package_is_where_the_land_is(data: Path) -> None:
     """South Georgia with its area of 3,500 km2, an ice shelf, and open sea."""
-    areas, lines = basemap.coast_in(SOUTH_GEORGIA)
+    areas, lines = basemap.clip_coast(SOUTH_GEORGIA)
     km2 = sum(part.area for part, _ in areas) * 111.2**2 * np.cos(np.radians(54.4))
     assert km2 == pytest.approx(3500.0, rel=0.1)
     assert lines
-    ronne = basemap.coast_in(Box(-62.0, -48.0, -78.5, -76.0))[0]
+    ronne = basemap.clip_coast(Box(-62.0, -48.0, -78.5, -76.0))[0]
     assert sum(part.area for part, colour in ronne if colour == basemap.SHELF) > 15.0
-    assert basemap.coast_in(Box(-41.0, -39.5, -57.0, -56.0)) == ([], [])
+    assert basemap.clip_coast(Box(-41.0, -39.5, -57.0, -56.0)) == ([], [])
 
 
 @pytest.mark.parametrize(("box", "cut"), [((-80.0, -50.0, -45.0, -25.0), -35.0), ((-10.0, 20.0, 30.0, 50.0), 40.0)])
 def test_cuts_of_the_package_are_no_coasts(data: Path, box: tuple[float, ...], cut: float) -> None:
-    for line in basemap.coast_in(Box(*box))[1]:
+    for line in basemap.clip_coast(Box(*box))[1]:
         y = np.asarray(line.coords)[:, 1]
         assert not ((np.abs(y[1:] - cut) < 0.01) & (np.abs(y[:-1] - cut) < 0.01)).any()
 
 
 def test_neither_date_line_nor_pole_are_coasts(data: Path) -> None:
-    for line in basemap.coast_in(Box(150.0, 210.0, -90.0, -60.0))[1]:
+    for line in basemap.clip_coast(Box(150.0, 210.0, -90.0, -60.0))[1]:
         x, y = np.asarray(line.coords).T
         assert y.min() > -89.9
         assert not ((np.abs(x[1:] - 180.0) < 0.005) & (np.abs(x[:-1] - 180.0) < 0.005)).any()
@@ -176,10 +176,12 @@ def test_ice_that_floats_over_land_is_noticed(data: Path) -> None:
 
     ashore = run([[-39.2, -39.0], [-39.1, -38.87]], floor)
     found = "from 2020-12-09 12:00 on ice of this run floats over land of the map, at 54.9 S, 38.9 W"
-    assert basemap.over_land(ashore).startswith(f"{found}: its sea floor is 600 m deep there")
-    assert "it has no sea floor" in basemap.over_land(run([[-39.2, -39.0], [-39.1, -38.87]], np.full((2, 2), 10000.0)))
-    assert not basemap.over_land(run([[-39.2, -39.0], [-39.1, -38.95]], floor))  # beside it
-    assert not basemap.over_land(run([[-39.2, -39.0], [-39.1, -38.87]], np.full((2, 2), 150.0)))  # aground
+    assert basemap.ice_over_land(ashore).startswith(f"{found}: its sea floor is 600 m deep there")
+    assert "it has no sea floor" in basemap.ice_over_land(
+        run([[-39.2, -39.0], [-39.1, -38.87]], np.full((2, 2), 10000.0))
+    )
+    assert not basemap.ice_over_land(run([[-39.2, -39.0], [-39.1, -38.95]], floor))  # beside it
+    assert not basemap.ice_over_land(run([[-39.2, -39.0], [-39.1, -38.87]], np.full((2, 2), 150.0)))  # aground
 
 
 def test_a_run_in_metres_has_no_coast(data: Path) -> None:
@@ -191,14 +193,14 @@ def test_a_run_in_metres_has_no_coast(data: Path) -> None:
 @pytest.mark.parametrize("turn", [-360.0, 0.0, 360.0])
 def test_land_is_found_on_any_branch_of_the_longitudes(data: Path, turn: float) -> None:
     write_layer(data, "land", SQUARE)
-    areas, _ = basemap.coast_in(Box(CLOSE.west + turn, CLOSE.east + turn, CLOSE.south, CLOSE.north))
+    areas, _ = basemap.clip_coast(Box(CLOSE.west + turn, CLOSE.east + turn, CLOSE.south, CLOSE.north))
     assert areas[0][0].bounds == pytest.approx((-38.9 + turn, -54.95, -38.5 + turn, -54.8))
 
 
 def test_the_coastline_layer_replaces_the_edges_of_the_land(data: Path) -> None:
     write_layer(data, "land", SQUARE)
     write_layer(data, "coastline", SQUARE[:3], lines=True)  # as the continent, whose edge at 180 degrees is no shore
-    _, lines = basemap.coast_in(CLOSE)
+    _, lines = basemap.clip_coast(CLOSE)
     assert sum(line.length for line in lines) == pytest.approx(0.4 + 0.15)
 
 
@@ -206,7 +208,7 @@ def test_a_continent_is_cut_outside_of_the_map(data: Path) -> None:
     write_layer(data, "land", [(-60.0, -80.0), (0.0, -80.0), (0.0, -54.9), (-60.0, -54.9), (-60.0, -80.0)])
     ax = axes(CLOSE)
     assert basemap.draw_coast(ax, CLOSE)
-    (polygon, _), *_ = basemap.coast_in(CLOSE)[0]
+    (polygon, _), *_ = basemap.clip_coast(CLOSE)[0]
     west, south, east, north = polygon.bounds
     assert west < CLOSE.west
     assert east > CLOSE.east

@@ -102,7 +102,7 @@ def test_dates_of_the_map_show_what_broke_off(run: tuple[FakeModel, xr.Dataset])
 def test_fragments_are_named_by_size_and_tracked_from_birth(run: tuple[FakeModel, xr.Dataset]) -> None:
     scene = Scene(run[1])
     assert scene.numbers == [1, 2]
-    assert scene.area_of(2) == 12 * SIDE**2
+    assert scene.final_area(2) == 12 * SIDE**2
     _, _, there = scene.track(2)
     assert there[0] == 4
     birth = scene.birth(2)

@@ -20,9 +20,9 @@ from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Box
 from riftberg.viz import colours, style
-from riftberg.viz.coast import SIZE, coast_on
+from riftberg.viz.coast import SIZE, project_coast
 from riftberg.viz.map import draw_map, draw_tracks
-from riftberg.viz.panels import Map, PolarScene, PolarWater, depth_bar, on_a_map
+from riftberg.viz.panels import Map, PolarScene, PolarWater, depth_bar, project_run
 
 SOUTH = ConformalPlane(-40.0, -90.0, 6.37e6)
 
@@ -50,7 +50,7 @@ def extent(figure: Figure) -> float:
 @pytest.mark.parametrize(("lat", "polar"), [(-72.0, True), (72.0, True), (-55.0, False), (20.0, False)])
 def test_projection_is_chosen_by_latitude(tmp_path: Path, lat: float, polar: bool) -> None:
     run = finished(tmp_path, lat)
-    assert isinstance(on_a_map(run)[0], PolarScene) == polar
+    assert isinstance(project_run(run)[0], PolarScene) == polar
     assert (extent(draw_tracks(run)) > 1e3) == polar  # metres, or degrees
 
 
@@ -139,7 +139,7 @@ def test_a_floor_of_one_depth_has_no_scale(deep: float) -> None:
 
 
 def test_tracks_have_gaps_where_a_berg_lost_a_part() -> None:
-    x, y = style.gapped(np.arange(4.0), np.arange(4.0), np.array([9.0, 8.999, 5.0, 5.0]))
+    x, y = style.insert_gaps(np.arange(4.0), np.arange(4.0), np.array([9.0, 8.999, 5.0, 5.0]))
     np.testing.assert_array_equal(x, [0.0, 1.0, np.nan, 2.0, 3.0])
     np.testing.assert_array_equal(y, x)
 
@@ -187,7 +187,7 @@ def test_northward_current_runs_along_the_meridians(pole: float) -> None:
 def test_land_is_where_it_is() -> None:
     """On the plane as on the sphere; cut edges of the continent's stored parts do not bend over the sea."""
     box = Box(-1.5e6, 1.5e6, 0.6e6, 3.4e6)  # the Weddell Sea, its shelves and the Peninsula
-    areas, _ = coast_on(box, SOUTH)
+    areas, _ = project_coast(box, SOUTH)
 
     def under(lon: float, lat: float) -> set[str]:
         point = shapely.Point(*(float(v) for v in SOUTH.forward(np.array(lon), np.array(lat))))
@@ -201,7 +201,7 @@ def test_land_is_where_it_is() -> None:
 
 
 def test_map_around_the_pole_is_covered() -> None:
-    areas, _ = coast_on(Box(-5e5, 5e5, -5e5, 5e5), SOUTH)
+    areas, _ = project_coast(Box(-5e5, 5e5, -5e5, 5e5), SOUTH)
     assert all(
         any(a.contains(shapely.Point(x, y)) for a, _ in areas) for x, y in ((3e5, 3e5), (-4e5, 1e5), (2e5, -4e5))
     )

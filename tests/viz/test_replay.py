@@ -18,8 +18,8 @@ from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.viz import colours
-from riftberg.viz.ensemble import tracks_shown
-from riftberg.viz.replay import ForecastMembers, ReplayContent, chosen_records, quantised, write_replay
+from riftberg.viz.ensemble import choose_tracks
+from riftberg.viz.replay import ForecastMembers, ReplayContent, chosen_records, quantise, write_replay
 from viz.browser import drawn, opened, unpack, until
 
 RING = np.array([[-39.2, -55.1], [-38.8, -55.1], [-38.8, -54.9], [-39.2, -54.9]])
@@ -51,14 +51,14 @@ def data_of(page: Path) -> dict[str, Any]:
 @pytest.mark.parametrize("kind", ["int16", "uint16", "uint8"])
 def test_packing_keeps_values_to_half_a_step_and_gaps(kind: str) -> None:
     values = np.array([[-3.0, np.nan, 5.5], [1e-3, 2.0, 7.0]])
-    packed = quantised(values, kind)
+    packed = quantise(values, kind)
     np.testing.assert_allclose(unpack(packed), values, atol=0.501 * packed["scale"])
 
 
 def test_packing_of_whole_numbers_and_of_constants_is_exact() -> None:
     numbers = np.array([0.0, 3.0, 65_000.0])
-    np.testing.assert_array_equal(unpack(quantised(numbers, "uint16", step=1.0)), numbers)
-    np.testing.assert_allclose(unpack(quantised(np.full(4, 200.0))), 200.0)
+    np.testing.assert_array_equal(unpack(quantise(numbers, "uint16", step=1.0)), numbers)
+    np.testing.assert_allclose(unpack(quantise(np.full(4, 200.0))), 200.0)
 
 
 def test_positions_on_the_page_are_true_to_metres(run: xr.Dataset, page: Path) -> None:
@@ -76,7 +76,7 @@ def test_positions_on_the_page_are_true_to_metres(run: xr.Dataset, page: Path) -
 
 def test_stress_is_the_peak_of_bonds_that_held_at_the_record_before(run: xr.Dataset) -> None:
     content = ReplayContent(run, title="", observed={})
-    stress = content._largest_of_bonds(content.scene.tension()[content.records])
+    stress = content._largest_bond_value(content.scene.tension()[content.records])
     lonely = np.setdiff1d(np.arange(80), np.r_[run["bond_first"].values, run["bond_second"].values])
     assert not len(lonely)
     np.testing.assert_allclose(stress[0], 1000.0)
@@ -296,8 +296,8 @@ def test_members_that_sightings_rule_out_are_not_drawn(run: xr.Dataset, forecast
     weighted = forecast.assign_coords(weight=("member", [0.0, 2.0, 1e-9, 2.0]))
     content = ReplayContent(run, title="", observed={}, members=ForecastMembers(weighted, [], ""))
     assert content.data()["members"]["scenario"] == forecast["scenario"].values[[1, 3]].tolist()
-    assert tracks_shown(weighted).tolist() == [1, 3]
-    assert tracks_shown(forecast).tolist() == [0, 1, 2, 3]
+    assert choose_tracks(weighted).tolist() == [1, 3]
+    assert choose_tracks(forecast).tolist() == [0, 1, 2, 3]
 
 
 @pytest.mark.slow

@@ -323,7 +323,7 @@ def test_what_is_hatched_is_explained_wherever_it_is_drawn(
     run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Bug: maps at dates and of stress hatched the shoal without a word."""
-    monkeypatch.setattr(plots, "on_a_map", lambda run, projection: (Scene(run), AllShallow()))
+    monkeypatch.setattr(plots, "project_run", lambda run, projection: (Scene(run), AllShallow()))
     label = plots.draw_stress(run).axes[-1].get_xlabel().replace("\n", " ")
     assert "hatched: shallower than the keel" in label
     told: list[str] = []
@@ -754,7 +754,7 @@ def test_longitude_180_is_neither_east_nor_west() -> None:
 
 
 def test_members_with_the_same_value_have_the_first_colour_of_the_scale() -> None:
-    same, apart = (ensemble._scale_of(np.array(values)) for values in ([3.0, 3.0], [3.0, 4.0]))
+    same, apart = (ensemble._colour_scale(np.array(values)) for values in ([3.0, 3.0], [3.0, 4.0]))
     assert same.to_rgba(3.0) == apart.to_rgba(3.0) != apart.to_rgba(4.0)
 
 
@@ -781,7 +781,7 @@ def test_a_number_stays_with_its_unit_where_a_title_breaks() -> None:
     """A title broke between "2500" and "m"."""
     text = "sea floor that deepens by 10 m per km towards south, 2500 m at 56.00 S, 37.00 W on 9 Dec 2020 with 18 kPa"
     for inches in np.linspace(2.0, 9.0, 60):
-        lines = style.wrapped(text, float(inches), size=12.0)
+        lines = style.wrap_text(text, float(inches), size=12.0)
         assert " ".join(lines).replace("\u00a0", " ") == text
         for line in lines[1:]:
             assert not re.match(r"(m|S|W|Dec|kPa)\b", line), lines

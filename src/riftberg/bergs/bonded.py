@@ -1,4 +1,4 @@
-"""A berg as it lies there: elements and bonds, what can be done to them, several as one start, and what it says of itself."""
+"""A placed berg: elements and bonds, changes to them, several bergs as one start, and descriptions."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import numpy as np
 
 from riftberg.bergs.bonding import (
     Metric,
-    crossed_by,
+    find_crossed,
     given_strengths,
     inscribed_radius,
-    mapped,
     mark_cracks,
     refuse_overlap,
+    sample_bonds,
     scatter,
     separations,
     share_outside,
@@ -38,7 +38,7 @@ from riftberg.state import Bonds, Elements, Floats, build_elements, copy_state
 from riftberg.system.input_files import value_shown
 
 
-def seed_of(seed: Any) -> int:
+def check_seed(seed: Any) -> int:
     """Return a seed as a whole number, 0 or more; one is drawn for None."""
     plain = native(seed)
     if plain is None:
@@ -57,7 +57,7 @@ def outside_text(share: float) -> str:
 
 
 def check_name(name: Any) -> None:
-    """Refuse what is no name of a berg.
+    """Refuse a text that is no name of a berg.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def check_name(name: Any) -> None:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class BondedBerg:
-    """A lattice of ice columns joined by bonds, and what can be asked of and done to it.
+    """A lattice of ice columns joined by bonds, with methods that describe or change it.
 
     `riftberg.bergs.iceberg.Iceberg` adds the ways to make one, and lists the attributes.
     """
@@ -89,11 +89,11 @@ class BondedBerg:
     def __repr__(self) -> str:
         e = self.elements
         lon, lat = self.centroid
-        place = place_text(lon, lat, latlon=self.latlon)
+        position = place_text(lon, lat, latlon=self.latlon)
         bonds, pieces = int((self.bonds.status == 0).sum()), int(e.berg.max())
         return (
             f"<{type(self).__name__}: {len(e.id)} {_kinds(self)} elements of radius {_radii(self)} m, {self.area / 1e6:.6g} km2, "
-            f"{self.mass / 1e12:.4g} Gt, {bonds} bonds, {count_text(pieces, 'piece')}, at {place}>"
+            f"{self.mass / 1e12:.4g} Gt, {bonds} bonds, {count_text(pieces, 'piece')}, at {position}>"
         )
 
     def _repr_html_(self) -> str:
@@ -119,8 +119,8 @@ class BondedBerg:
         lines.append(
             f"  thickness: {_range(e.thickness)} m, draft {_range(draft)} m, freeboard {_range(e.thickness - draft)} m"
         )
-        place = place_text(lon, lat, latlon=self.latlon, digits=4)
-        lines.append(f"  centroid: {place}")
+        position = place_text(lon, lat, latlon=self.latlon, digits=4)
+        lines.append(f"  centroid: {position}")
         long_axis, short_axis, azimuth = principal_axes(self)
         lines.append(
             f"  extents: {long_axis / 1e3:.4g} km x {short_axis / 1e3:.4g} km, long axis {azimuth:.0f} degrees from north"
@@ -128,9 +128,9 @@ class BondedBerg:
         gone, weak = int((b.status != 0).sum()), int(((b.strength < 1) & (b.status == 0)).sum())
         lines.append(f"  bonds: {len(b.first) - gone} ({gone} removed, {weak} weaker than nominal)")
         lines += [
-            f"  rift {k}: {count_text(made['crossed'], 'bond')} crossed; {outside_text(made['outside'])}"
-            for k, made in enumerate(self.report.get("rifts", ()), 1)
-            if made["outside"] > 0.0
+            f"  rift {k}: {count_text(rift['crossed'], 'bond')} crossed; {outside_text(rift['outside'])}"
+            for k, rift in enumerate(self.report.get("rifts", ()), 1)
+            if rift["outside"] > 0.0
         ]
         count = int(e.berg.max())
         drawn = self.report.get("outline_pieces", count)
@@ -210,7 +210,7 @@ class BondedBerg:
         broken : bool
             Remove the crossed bonds instead; their ``break_time`` stays NaN, for they never existed in the run.
         depth : float, optional
-            Part of the thickness, between 0 and 1, that the rift cuts instead: the crossed bonds bear what is left
+            Part of the thickness, between 0 and 1, that the rift cuts instead: the crossed bonds bear the rest
             (`riftberg.physics.crevasses`). It changes nothing where the ice is crevassed as deep without it.
         crevasse_strength : float, optional
             With ``depth``: `fracture.crevasse_strength` of the run, Pa.
@@ -222,8 +222,8 @@ class BondedBerg:
         Raises
         ------
         BergError
-            If no bond is crossed, or what is done to them is not said once. What lies outside of the ice is in ``report`` and
-            `describe`.
+            If no bond is crossed, or none or several of the changes are given. ``report`` and `describe` hold the part outside
+            of the ice.
         """
         broken = flag(broken, where="broken", kind=BergError)
         if (strength is not None) + broken + (depth is not None) > 1:
@@ -237,23 +237,23 @@ class BondedBerg:
             from riftberg.bergs.outline import line_strings  # which needs shapely
 
             lines = line_strings(rift, crs)
-        crossed = crossed_by(elements, bonds, rift, lines, latlon=self.latlon, threshold=threshold)
+        crossed = find_crossed(elements, bonds, rift, lines, latlon=self.latlon, threshold=threshold)
         outside = share_outside(elements, rift, lines, latlon=self.latlon, threshold=threshold)
-        made: dict[str, Any] = {"crossed": int(crossed.sum()), "broken": broken, "outside": outside}
+        record: dict[str, Any] = {"crossed": int(crossed.sum()), "broken": broken, "outside": outside}
         if depth is not None:
-            factor, crevassed = self._cut_to(crossed, depth, crevasse_strength)
-            made |= {"depth": depth, "crevassed": crevassed, "unchanged": int((factor == 1.0).sum())}
+            factor, crevassed = self._cut_strength(crossed, depth, crevasse_strength)
+            record |= {"depth": depth, "crevassed": crevassed, "unchanged": int((factor == 1.0).sum())}
         else:
             factor = np.array(share)
-            made["strength"] = share
+            record["strength"] = share
         weaken(elements, bonds, crossed, strength=factor, broken=broken)
         if broken and lines is not None:
             mark_cracks(elements, bonds, lines, self.latlon, crossed)
-        report = {**self.report, "rifts": [*self.report.get("rifts", []), made]}
+        report = {**self.report, "rifts": [*self.report.get("rifts", []), record]}
         return replace(self, elements=elements, bonds=bonds, report=report)
 
-    def _cut_to(self, crossed: Booleans, depth: float, crevasse_strength: Any) -> tuple[Floats, float]:
-        """Return what a rift leaves of the reserve of the bonds crossed, and how deep crevasses reach without it."""
+    def _cut_strength(self, crossed: Booleans, depth: float, crevasse_strength: Any) -> tuple[Floats, float]:
+        """Return the reserve that a rift leaves to the bonds crossed, and how deep crevasses reach without it."""
         if crevasse_strength is None:
             raise BergError(
                 f"a rift of the depth {depth:g} in ice whose crevasses have no strength", where="depth",
@@ -279,7 +279,7 @@ class BondedBerg:
     ) -> Self:
         """Return the berg with scattered bond strengths.
 
-        Strengths are factors on the fracture thresholds; they multiply what is there.
+        Strengths are factors on the fracture thresholds; they multiply earlier factors.
 
         Parameters
         ----------
@@ -304,23 +304,23 @@ class BondedBerg:
                 where="strength",
                 remedy="Leave them out where strengths are given",
             )
-        made: dict[str, Any]
+        record: dict[str, Any]
         if drawn:
             shape, spread = (
                 None if value is None else number(value, "1", where=name, kind=BergError)
                 for name, value in (("shape", shape), ("spread", spread))
             )
-            seed = seed_of(seed)
+            seed = check_seed(seed)
             factors = scatter(len(bonds.first), distribution, shape=shape, spread=spread, seed=seed)
-            made = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}
+            record = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}
         else:
             if is_map(distribution) or isinstance(distribution, Path):
-                factors = mapped(distribution, elements, bonds)
+                factors = sample_bonds(distribution, elements, bonds)
             else:
                 factors = given_strengths(distribution, len(bonds.first))
-            made = {"distribution": "given", "least": float(factors.min()), "largest": float(factors.max())}
+            record = {"distribution": "given", "least": float(factors.min()), "largest": float(factors.max())}
         bonds.strength[:] *= factors
-        return replace(self, elements=elements, bonds=bonds, report={**self.report, "scatter": made})
+        return replace(self, elements=elements, bonds=bonds, report={**self.report, "scatter": record})
 
 
 B = TypeVar("B", bound=BondedBerg)
@@ -330,61 +330,67 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
     """Return several bergs as one start of a run; see `riftberg.bergs.iceberg.Iceberg.join`."""
     if isinstance(bergs, Mapping):
         return join(list(bergs.values()), list(bergs) if names is None else names)
-    parts = list(bergs) if isinstance(bergs, Iterable) and not isinstance(bergs, str) else []
-    if not parts or not all(isinstance(berg, BondedBerg) for berg in parts):
+    members = list(bergs) if isinstance(bergs, Iterable) and not isinstance(bergs, str) else []
+    if not members or not all(isinstance(berg, BondedBerg) for berg in members):
         raise BergError(
             "no list of bergs",
             where="Iceberg.join",
             remedy="Give a list of one Iceberg or more, or a dict of names and bergs",
         )
-    for what, unit in (("latlon", ""), ("earth_radius", " m"), ("density", " kg m-3")):
-        values = {getattr(berg, what) for berg in parts}
+    for attribute, unit in (("latlon", ""), ("earth_radius", " m"), ("density", " kg m-3")):
+        values = {getattr(berg, attribute) for berg in members}
         if len(values) > 1:
-            one, other = sorted(values)[:2]
+            smaller, larger = sorted(values)[:2]
             raise BergError(
-                f"bergs with {what} {one}{unit} and {other}{unit}", where="Iceberg.join",
+                f"bergs with {attribute} {smaller}{unit} and {larger}{unit}", where="Iceberg.join",
                 remedy="All bergs of a run have the same",
             )  # fmt: skip
-    if any(berg.dates for berg in parts):
+    if any(berg.dates for berg in members):
         raise BergError(
             "a cloud whose bergs have dates stands alone", where="Iceberg.join",
             remedy="Leave its dates out, or run it by itself",
         )  # fmt: skip
-    named = _named(parts, names)
-    called = [name for name, _ in named]
-    shown = ", ".join(called) if len(called) <= 6 else f"{', '.join(called[:5])} and {len(called) - 5} more"
-    first = parts[0]
-    whole = replace(
+    counts = _count_elements(members, names)
+    all_names = [name for name, _ in counts]
+    name_text = (
+        ", ".join(all_names) if len(all_names) <= 6 else f"{', '.join(all_names[:5])} and {len(all_names) - 5} more"
+    )
+    first = members[0]
+    joined = replace(
         first,
-        elements=_joined_elements(parts),
-        bonds=_joined_bonds(parts),
+        elements=_joined_elements(members),
+        bonds=_joined_bonds(members),
         # Elements know their sides; the packing of the whole says how many bonds one may have.
-        packing="hexagonal" if any(berg.packing == "hexagonal" for berg in parts) else "square",
-        radius=float(np.average([berg.radius for berg in parts], weights=[berg.elements.size for berg in parts])),
-        report={"source": f"{len(named)} bergs: {shown}"},
-        bergs=tuple(named),
-        outlines=tuple(outline for berg in parts for outline in berg.outlines),
+        packing="hexagonal" if any(berg.packing == "hexagonal" for berg in members) else "square",
+        radius=float(np.average([berg.radius for berg in members], weights=[berg.elements.size for berg in members])),
+        report={"source": f"{len(counts)} bergs: {name_text}"},
+        bergs=tuple(counts),
+        outlines=tuple(outline for berg in members for outline in berg.outlines),
     )
     refuse_overlap(
-        whole.elements, whole.packing, Metric(first.latlon, first.earth_radius, 360.0 if first.latlon else 0.0)
+        joined.elements, joined.packing, Metric(first.latlon, first.earth_radius, 360.0 if first.latlon else 0.0)
     )
-    asked = [berg.report.get("outline_area") for berg in parts]
-    # What the lattices lose is reported of all together, where each was made from a shape.
-    return whole if None in asked else whole._reported({**whole.report, "outline_area": sum(asked)})
+    outline_areas = [berg.report.get("outline_area") for berg in members]
+    # Losses by the lattices are reported of all together, where each was made from a shape.
+    return joined if None in outline_areas else joined._reported({**joined.report, "outline_area": sum(outline_areas)})
 
 
-def _named(bergs: Sequence[BondedBerg], names: Sequence[str] | None) -> list[tuple[str, int]]:
+def _count_elements(bergs: Sequence[BondedBerg], names: Sequence[str] | None) -> list[tuple[str, int]]:
     """Return name and number of elements of each berg; those without a name are called ``berg 1`` and so on."""
     if names is not None and len(names) != len(bergs):
         raise BergError(f"{len(names)} names for {len(bergs)} bergs", where="Iceberg.join", remedy="Give one name each")
     counts: list[tuple[str, int]] = []
     for k, berg in enumerate(bergs, start=1):
-        own = berg.bergs if names is None else ((names[k - 1], berg.elements.size),)
-        counts += own or ((f"berg {k}", berg.elements.size),)
+        berg_names = berg.bergs if names is None else ((names[k - 1], berg.elements.size),)
+        counts += berg_names or ((f"berg {k}", berg.elements.size),)
     for name, _ in counts:
         check_name(name)
-    taken = [name for name, _ in counts]
-    twice = next((name for name in taken if taken.count(name) > 1), None) if len(set(taken)) < len(taken) else None
+    all_names = [name for name, _ in counts]
+    twice = (
+        next((name for name in all_names if all_names.count(name) > 1), None)
+        if len(set(all_names)) < len(all_names)
+        else None
+    )
     if twice is not None:
         raise BergError(f"two bergs are called {twice!r}", where="Iceberg.join", remedy="Give each its own name")
     return counts
@@ -393,24 +399,24 @@ def _named(bergs: Sequence[BondedBerg], names: Sequence[str] | None) -> list[tup
 def _joined_elements(bergs: Sequence[BondedBerg]) -> Any:
     """Return all elements, with identifiers and pieces numbered on."""
     arrays = [berg.elements.arrays() for berg in bergs]
-    whole = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
-    # Pieces are numbered on from those of the bergs before.
-    before = np.cumsum([0, *(int(berg.elements.berg.max(initial=0)) for berg in bergs)])
-    whole["berg"] = np.concatenate([berg.elements.berg + n for berg, n in zip(bergs, before, strict=False)])
-    whole["id"] = np.arange(1, whole["id"].size + 1)
-    return build_elements(whole)
+    columns = {name: np.concatenate([berg_arrays[name] for berg_arrays in arrays]) for name in arrays[0]}
+    # Numbers of pieces go on from the bergs before.
+    offsets = np.cumsum([0, *(int(berg.elements.berg.max(initial=0)) for berg in bergs)])
+    columns["berg"] = np.concatenate([berg.elements.berg + n for berg, n in zip(bergs, offsets, strict=False)])
+    columns["id"] = np.arange(1, columns["id"].size + 1)
+    return build_elements(columns)
 
 
 def _joined_bonds(bergs: Sequence[BondedBerg]) -> Bonds:
     """Return all bonds, between the rows of all elements."""
     arrays = [berg.bonds.arrays() for berg in bergs]
-    whole = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
+    columns = {name: np.concatenate([bond_arrays[name] for bond_arrays in arrays]) for name in arrays[0]}
     # Ends of bonds are rows, which move by the elements of the bergs before.
-    before = np.cumsum([0, *(berg.elements.size for berg in bergs)])
+    offsets = np.cumsum([0, *(berg.elements.size for berg in bergs)])
     for end in ("first", "second"):
-        whole[end] = np.concatenate([part[end] + n for part, n in zip(arrays, before, strict=False)])
-    whole["id"] = np.arange(1, whole["id"].size + 1)
-    return Bonds(**whole)
+        columns[end] = np.concatenate([bond_arrays[end] + n for bond_arrays, n in zip(arrays, offsets, strict=False)])
+    columns["id"] = np.arange(1, columns["id"].size + 1)
+    return Bonds(**columns)
 
 
 MOST_LISTED = 10
@@ -446,21 +452,25 @@ def _radii(berg: BondedBerg) -> str:
 
 
 def lost_in_lattice(berg: BondedBerg) -> tuple[str, bool]:
-    """Return in a line what a lattice makes of the shape that was asked for, and whether a finer one would come closer.
+    """Return a line on the fit of a lattice to the requested shape, and whether a finer one would come closer.
 
-    The line is empty where no shape was asked for, and where area and pieces are those of the shape. Half a per cent of the
-    area is what a reader would notice.
+    The line is empty where no shape was asked for, and where area and pieces equal the shape. A reader would notice half a
+    per cent of the area.
     """
-    asked = berg.report.get("outline_area")
-    if not asked:
+    outline_area = berg.report.get("outline_area")
+    if not outline_area:
         return "", False
-    error, pieces, drawn = berg.area / asked - 1.0, int(berg.elements.berg.max()), berg.report.get("outline_pieces")
+    error, pieces, drawn = (
+        berg.area / outline_area - 1.0,
+        int(berg.elements.berg.max()),
+        berg.report.get("outline_pieces"),
+    )
     shape = f", in {pieces} of {drawn} pieces" if drawn not in (None, pieces) else ""
     if abs(error) < 1e-6 and not shape:
         return "", False
     loses = abs(error) > 0.005 or bool(shape)
     line = (
-        f"Asked for {asked / 1e6:.6g} km2 and {berg.mass / (1.0 + error) / 1e12:.4g} Gt; the lattice has "
+        f"Asked for {outline_area / 1e6:.6g} km2 and {berg.mass / (1.0 + error) / 1e12:.4g} Gt; the lattice has "
         f"{berg.area / 1e6:.6g} km2 and {berg.mass / 1e12:.4g} Gt ({100.0 * error:+.2f} %){shape}"
     )
     return (f"{line}. A smaller berg.radius comes closer" if loses else line), loses
@@ -481,7 +491,7 @@ def principal_axes(berg: BondedBerg) -> tuple[float, float, float]:
     # The angle that makes the mixed second moment 0.
     angle = 0.5 * np.arctan2(2.0 * np.mean(x * y), np.mean(x * x) - np.mean(y * y))
     along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
-    # From rim to rim: the extremes are those of centres.
+    # From rim to rim: the extremes hold for centres.
     size = 2.0 * berg.radius
     return float(np.ptp(along)) + size, float(np.ptp(across)) + size, float((90.0 - np.degrees(angle)) % 180.0)
 
@@ -530,6 +540,6 @@ def _mark(x: float, y: float, half: float, turn: float, hexagonal: bool, colour:
 
 def card(picture: str, text: str) -> str:
     """Return a picture beside lines of text, as a notebook shows it."""
-    shown = html.escape(text)
-    pre = f'<pre style="margin:0;white-space:pre-wrap">{shown}</pre>'
+    escaped = html.escape(text)
+    pre = f'<pre style="margin:0;white-space:pre-wrap">{escaped}</pre>'
     return f'<div style="display:flex;gap:1em;align-items:center"><div>{picture}</div>{pre}</div>'

@@ -2,7 +2,7 @@
 
 Two elements are bonded by a rule on the distance of their centres (equations 1.3, and quirk Q14 for the factor 1.25).
 `riftberg.state.Bonds.strength` multiplies the fracture thresholds of a bond (1 is nominal). Rifts and values from a
-distribution, a list or a map multiply what is there, so they may be combined in any order.
+distribution, a list or a map multiply earlier factors, so they may be combined in any order.
 """
 
 from __future__ import annotations
@@ -113,8 +113,8 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     # The search measures distances with a fast cosine; a margin keeps all that the exact distance below may join.
     reach = 2.0 * float(reaches.max()) * (1.0 + SEARCH_MARGIN)
     lon, lat = elements.place.lon, elements.place.lat
-    near = find_pairs(lon, lat, elements.body.berg, reach, ANY, metric.latlon, metric.radius, metric.period)
-    first, second = np.repeat(np.arange(size), np.diff(near.start)), near.partner
+    neighbours = find_pairs(lon, lat, elements.body.berg, reach, ANY, metric.latlon, metric.radius, metric.period)
+    first, second = np.repeat(np.arange(size), np.diff(neighbours.start)), neighbours.partner
     # The search lists each pair from both ends.
     once = first < second
     first, second = first[once], second[once]
@@ -125,7 +125,7 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
 
 
 def give_velocity(elements: Elements, east: Any, north: Any) -> None:
-    """Give elements a velocity (m s-1) beside what they have, at the moment of the position and as others see it too."""
+    """Add a velocity (m s-1) to the elements, at the moment of the position and as others see it too."""
     for when in ("", "_sync", "_pair"):
         getattr(elements, f"u{when}")[:] += east
         getattr(elements, f"v{when}")[:] += north
@@ -139,19 +139,23 @@ def turn_rigidly(elements: Elements, rate: Any, metric: Metric) -> None:
     rates = np.broadcast_to(np.asarray(rate, np.float64), elements.berg.shape)
     elements.spin[:] += rates
     east, north = np.zeros((2, elements.size))
-    whole, size = np.unique(elements.berg, return_counts=True)
-    for piece in whole[size > 1]:  # a lone element turns about its own centre
-        some = elements.berg == piece
-        lon, lat, share = elements.lon[some], elements.lat[some], elements.mass[some] / elements.mass[some].sum()
+    pieces, size = np.unique(elements.berg, return_counts=True)
+    for piece in pieces[size > 1]:  # a lone element turns about its own centre
+        members = elements.berg == piece
+        lon, lat, share = (
+            elements.lon[members],
+            elements.lat[members],
+            elements.mass[members] / elements.mass[members].sum(),
+        )
         if metric.period > 0.0:
             lon = near(lon, lon[0], metric.period)
         lon0, lat0 = (float(a.mean() + share @ (a - a.mean())) for a in (lon, lat))
         if metric.latlon:  # exact on the sphere, in the local axes of each element
             x, y, y0 = (lon - lon0) * DEGREE, lat * DEGREE, lat0 * DEGREE
             south = np.cos(y0) * np.sin(y) * np.cos(x) - np.sin(y0) * np.cos(y)
-            east[some], north[some] = -metric.radius * south, metric.radius * np.cos(y0) * np.sin(x)
+            east[members], north[members] = -metric.radius * south, metric.radius * np.cos(y0) * np.sin(x)
         else:
-            east[some], north[some] = lat0 - lat, lon - lon0
+            east[members], north[members] = lat0 - lat, lon - lon0
     give_velocity(elements, rates * east, rates * north)
 
 
@@ -167,7 +171,7 @@ def make_elements(lon: Floats, lat: Floats, settings: BergOptions, *, static: An
     check_elements(len(lon), kind=BergError)
     radius, density, velocity = settings.radius, settings.density, settings.velocity
     elements = new_elements(len(lon))
-    thickness = np.broadcast_to(thickness_of_each(settings.thickness, len(lon)), lon.shape)
+    thickness = np.broadcast_to(broadcast_thickness(settings.thickness, len(lon)), lon.shape)
     _check_elements(lon, lat, radius, thickness, density, settings.latlon)
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
@@ -222,15 +226,15 @@ def _check_elements(lon: Floats, lat: Floats, radius: Any, thickness: Floats, de
 
 def refuse_overlap(elements: Elements, packing: Packing, metric: Metric) -> None:
     """Raise `BergError` if two elements stand closer than their radii allow."""
-    near = form_bonds(elements, BondRule(packing=packing), metric)
+    bonds = form_bonds(elements, BondRule(packing=packing), metric)
     radius = inscribed_radius(elements, packing)
-    ratio = near.bond_length / (radius[near.first] + radius[near.second])
+    ratio = bonds.bond_length / (radius[bonds.first] + radius[bonds.second])
     if len(ratio) == 0 or ratio.min() >= 1.0 - OVERLAP_ALLOWED:
         return
     k = int(np.argmin(ratio))
-    i, j = int(near.first[k]), int(near.second[k])
+    i, j = int(bonds.first[k]), int(bonds.second[k])
     raise BergError(
-        f"elements {i + 1} and {j + 1} overlap: {near.bond_length[k]:.6g} m apart "
+        f"elements {i + 1} and {j + 1} overlap: {bonds.bond_length[k]:.6g} m apart "
         f"instead of {radius[i] + radius[j]:.6g} m",
         where=f"near {elements.lon[i]:.5f}, {elements.lat[i]:.5f}",
         remedy="Place elements at least two radii apart, or give a smaller radius",
@@ -242,7 +246,7 @@ def inscribed_radius(elements: Elements, packing: Packing) -> Floats:
     return np.sqrt(elements.body.length * elements.body.width * inscribed_share(elements, packing))
 
 
-def thickness_of_each(values: Any, size: int) -> Floats:
+def broadcast_thickness(values: Any, size: int) -> Floats:
     """Return one thickness, or one for each of ``size`` things, as floats; lists and numbers of any kind will do."""
     try:
         array = np.asarray(values, dtype=np.float64)
@@ -260,7 +264,7 @@ def thickness_of_each(values: Any, size: int) -> Floats:
     return array
 
 
-def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
+def sample_thickness(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
     """Return thickness at positions: a number, one value per element, or a map that is sampled.
 
     Of a map only ice counts, values above zero: the zeros and gaps around a berg are left out of the bilinear mean, or
@@ -269,7 +273,7 @@ def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
     ``source``: the thickness, m.
     """
     if not (isinstance(source, str | Path | Raster) or is_gridded(source)):
-        return thickness_of_each(source, len(lon))
+        return broadcast_thickness(source, len(lon))
     raster: Raster = source if isinstance(source, Raster) else read(source)
     values = raster.above(0.0).sample(lon, lat)
     missing = ~np.isfinite(values)
@@ -285,10 +289,10 @@ def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
 
 def within_pieces(bonds: Bonds, piece: Ints) -> Bonds:
     """Return the bonds whose ends lie in the same piece."""
-    held = piece[bonds.first] == piece[bonds.second]
-    kept = new_bonds(bonds.first[held], bonds.second[held])
-    kept.bond_length[:] = bonds.bond_length[held]
-    return kept
+    same_piece = piece[bonds.first] == piece[bonds.second]
+    inner = new_bonds(bonds.first[same_piece], bonds.second[same_piece])
+    inner.bond_length[:] = bonds.bond_length[same_piece]
+    return inner
 
 
 def crossings(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bool) -> tuple[Ints, Floats, Floats]:
@@ -304,7 +308,7 @@ def crossings(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bo
     squeeze = math.cos(lat0 * DEGREE) if latlon else 1.0
     x, y = (elements.lon - lon0) * squeeze, elements.lat - lat0
     ax, ay, bx, by = x[bonds.first], y[bonds.first], x[bonds.second], y[bonds.second]
-    number, along, part = np.full(len(ax), -1), np.zeros(len(ax)), np.zeros(len(ax))
+    number, along, fraction = np.full(len(ax), -1), np.zeros(len(ax)), np.zeros(len(ax))
     for n, line in enumerate(lines):
         east = line[:, 0] - lon0
         if latlon:  # on the branch of the berg, and in one piece where the line itself crosses the date line
@@ -317,20 +321,24 @@ def crossings(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bo
             crossed = ends_apart & (_left(ax, ay, bx, by, *c) != _left(ax, ay, bx, by, *d)) & (number < 0)
             dx, dy, ex, ey = d[0] - c[0], d[1] - c[1], (bx - ax)[crossed], (by - ay)[crossed]
             fx, fy, turn = ax[crossed] - c[0], ay[crossed] - c[1], dx * ey - dy * ex
-            along[crossed], part[crossed] = k + (fx * ey - fy * ex) / turn, (fx * dy - fy * dx) / turn
+            along[crossed], fraction[crossed] = k + (fx * ey - fy * ex) / turn, (fx * dy - fy * dx) / turn
             number[crossed] = n
-    return number, along, np.clip(part, 0.0, 1.0)
+    return number, along, np.clip(fraction, 0.0, 1.0)
 
 
 def mark_cracks(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bool, chosen: Booleans) -> None:
     """Note the lines that have parted the ice as cracks: their numbers, and which bonds they cross, where and in which order."""
-    number, along, part = crossings(elements, bonds, lines, latlon)
-    before = int(bonds.crack.max(initial=0))
+    number, along, fraction = crossings(elements, bonds, lines, latlon)
+    crack_number = int(bonds.crack.max(initial=0))
     for n in np.unique(number[chosen & (number >= 0)]):
-        before += 1
+        crack_number += 1
         rows = np.flatnonzero(chosen & (number == n))
         rows = rows[np.argsort(along[rows], kind="stable")]
-        bonds.crack[rows], bonds.crack_order[rows], bonds.crack_part[rows] = before, np.arange(rows.size), part[rows]
+        bonds.crack[rows], bonds.crack_order[rows], bonds.crack_part[rows] = (
+            crack_number,
+            np.arange(rows.size),
+            fraction[rows],
+        )
 
 
 def _left(ax: Any, ay: Any, bx: Any, by: Any, px: Any, py: Any) -> Any:
@@ -343,14 +351,14 @@ def crossed_by_mask(elements: Elements, bonds: Bonds, mask: Raster, threshold: f
     crossed = np.zeros(len(bonds.first), dtype=bool)
     i, j = bonds.first, bonds.second
     # A rift may be narrower than a bond is long, but not than an eighth of it.
-    for part in np.linspace(0.0, 1.0, 9):
-        lon = (1 - part) * elements.lon[i] + part * elements.lon[j]
-        lat = (1 - part) * elements.lat[i] + part * elements.lat[j]
+    for fraction in np.linspace(0.0, 1.0, 9):
+        lon = (1 - fraction) * elements.lon[i] + fraction * elements.lon[j]
+        lat = (1 - fraction) * elements.lat[i] + fraction * elements.lat[j]
         crossed |= np.nan_to_num(mask.sample(lon, lat)) > threshold
     return crossed
 
 
-def crossed_by(
+def find_crossed(
     elements: Elements, bonds: Bonds, rift: Any, lines: list[Any] | None, *, latlon: bool, threshold: float = 0.5
 ) -> Booleans:
     """Return which unbroken bonds a rift crosses: its ``lines``, or the mask ``rift`` where these are None."""
@@ -395,18 +403,18 @@ def share_outside(
     if lines is None:
         mask = rift if isinstance(rift, Raster) else read_raster(rift)
         row, column = np.nonzero(np.nan_to_num(mask.values) > threshold)
-        places = mask.lon[column], mask.lat[row]
+        positions = mask.lon[column], mask.lat[row]
         if mask.crs is not None:
-            places = projection(mask.crs).transform(*places, direction="INVERSE")
-        points = np.column_stack(plane.forward(*places))
+            positions = projection(mask.crs).transform(*positions, direction="INVERSE")
+        points = np.column_stack(plane.forward(*positions))
     else:
         drawn = []
         for line in lines:
             ends = np.column_stack(plane.forward(line[:, 0], line[:, 1]))
-            way = np.concatenate([[0.0], np.hypot(*np.diff(ends, axis=0).T).cumsum()])
-            at = np.linspace(0.0, way[-1], 1 + min(int(4.0 * way[-1] / spacing) + 1, 10_000))
-            drawn.append(np.column_stack([np.interp(at, way, side) for side in ends.T]))
-            steps = np.append(steps, np.full(at.size, way[-1] / at.size))
+            distance = np.concatenate([[0.0], np.hypot(*np.diff(ends, axis=0).T).cumsum()])
+            at = np.linspace(0.0, distance[-1], 1 + min(int(4.0 * distance[-1] / spacing) + 1, 10_000))
+            drawn.append(np.column_stack([np.interp(at, distance, side) for side in ends.T]))
+            steps = np.append(steps, np.full(at.size, distance[-1] / at.size))
         points = np.concatenate(drawn)
     centres = np.column_stack(plane.forward(elements.lon, elements.lat))
     outside = KDTree(centres).query(points)[0] > BEYOND * spacing
@@ -466,30 +474,30 @@ def given_strengths(values: Any, size: int) -> Floats:
     return strengths
 
 
-def mapped(source: Any, elements: Elements, bonds: Bonds) -> Floats:
+def sample_bonds(source: Any, elements: Elements, bonds: Bonds) -> Floats:
     """Return the values of a map (Raster, DataArray, file) at the middles of the bonds."""
     raster = source if isinstance(source, Raster) else read_raster(source)
     lon, lat = (0.5 * (a[bonds.first] + a[bonds.second]) for a in (elements.lon, elements.lat))
     values = raster.sample(lon, lat)
-    places = [f"{x:.4f}, {y:.4f}" for x, y in zip(lon, lat, strict=True)]
+    positions = [f"{x:.4f}, {y:.4f}" for x, y in zip(lon, lat, strict=True)]
     missing = np.isnan(values)
     if missing.any():
         raise BergError(
-            f"no strength for {missing.sum()} of {len(values)} bonds, the first at {places[int(np.argmax(missing))]}",
+            f"no strength for {missing.sum()} of {len(values)} bonds, the first at {positions[int(np.argmax(missing))]}",
             where=raster.name,
             remedy="Extend the map or fill its gaps",
         )
-    _check_strengths(values, places, raster.name)
+    _check_strengths(values, positions, raster.name)
     return values
 
 
-def _check_strengths(strengths: Floats, places: list[str], name: str = "strength") -> None:
+def _check_strengths(strengths: Floats, positions: list[str], name: str = "strength") -> None:
     bad = ~(np.isfinite(strengths) & (strengths > 0.0))
     if bad.any():
         k = int(np.argmax(bad))
         raise BergError(
             f"strength {strengths[k]:g} ({bad.sum()} of {len(bad)} values are not positive numbers)",
-            where=f"{name}, {places[k]}",
+            where=f"{name}, {positions[k]}",
             remedy="Give positive factors, 1 where a bond is as strong as the parameters say",
         )
 

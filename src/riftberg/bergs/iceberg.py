@@ -13,7 +13,7 @@ import shapely
 import shapely.affinity
 
 from riftberg.bergs import outline as outlines
-from riftberg.bergs.bonded import BondedBerg, join, seed_of
+from riftberg.bergs.bonded import BondedBerg, check_seed, join
 from riftberg.bergs.bonding import (
     BondRule,
     Metric,
@@ -21,8 +21,8 @@ from riftberg.bergs.bonding import (
     make_elements,
     number_pieces,
     refuse_overlap,
+    sample_thickness,
     separations,
-    thickness_at,
     turn_rigidly,
     within_pieces,
 )
@@ -42,9 +42,9 @@ from riftberg.bergs.keys import (
 from riftberg.bergs.lattice import (
     Lattice,
     Region,
-    cells_of_rows,
     cells_region,
     element_area,
+    expand_rows,
     fill,
     is_lone,
     lone_element,
@@ -55,11 +55,11 @@ from riftberg.bergs.regions import (
     FillingPlane,
     IceMask,
     ReferencePlane,
-    centroid_moved,
     filling_plane,
     ice_cells,
     makeberg_lattice,
     mask_region,
+    move_centroid,
     outline_region,
     relax,
     turned,
@@ -214,7 +214,7 @@ class Iceberg(BondedBerg):
             # The script pairs mask points with positions half a cell further south-west; thickness follows the mask.
             lon, lat = plane.inverse(lattice.x, lattice.y)
             lon, lat = lon - settings.shift[0], lat - settings.shift[1]
-            heights = thickness_at(mask if thickness is None else settings.thickness, lon, lat, read_raster)
+            heights = sample_thickness(mask if thickness is None else settings.thickness, lon, lat, read_raster)
             report: dict[str, Any] = {"source": mask.name, "rules": "makeberg"}
             settings = settings.model_copy(update={"thickness": heights, "conformal": False})
             return cls._placed(lattice.x, lattice.y, plane, settings, report)
@@ -257,7 +257,7 @@ class Iceberg(BondedBerg):
         rows = given(rows, LatticeRows, "rows", kind=BergError)
         if options.get("radius") is None:
             settings = settings.model_copy(update={"radius": table_radius})
-        column, row = cells_of_rows(rows)
+        column, row = expand_rows(rows)
         region = cells_region(column, row, 2.0 * table_radius)
         centre = (2.0 * table_radius * (column.mean() + 0.5), 2.0 * table_radius * (row.mean() + 0.5))
         west, south = 2.0 * table_radius * column - centre[0], 2.0 * table_radius * row - centre[1]
@@ -335,7 +335,7 @@ class Iceberg(BondedBerg):
             Lone bergs may lie on each other; they run without contact alone (``stepping.interactions: false``).
         **options
             Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius,
-            velocity and spin may be arrays (spins are then those of elements about themselves, and not of their berg), and
+            velocity and spin may be arrays (spins are then of elements about themselves, and not of their berg), and
             elements of different pieces are not bonded, however close they are.
 
         Examples
@@ -442,10 +442,10 @@ class Iceberg(BondedBerg):
         gap = given(gap, FieldOfBergs, "gap", kind=BergError)
         between = given(between, FieldOfBergs, "between", kind=BergError)
         area = checked_area(area, latlon=flag(options.get("latlon", True), where="latlon", kind=BergError))
-        seed = seed_of(seed)
+        seed = check_seed(seed)
         random = np.random.default_rng(seed)
         plan = areas(n, sizes, random, between)
-        heights = thickness_of(plan) if thickness is None else thickness
+        heights = usual_thickness(plan) if thickness is None else thickness
         settings = berg_options(options, FieldOptions, heights)
         # The length over the width of bergs of a distribution: the classes are of long bergs, all others of squares.
         aspect = ASPECT if isinstance(sizes, str) and sizes == "gladstone" else 1.0
@@ -453,7 +453,7 @@ class Iceberg(BondedBerg):
         reach = np.sqrt(0.25 * (aspect + 1.0 / aspect) * plan)
         metric = Metric(settings.latlon, settings.earth_radius, 360.0 if settings.latlon else 0.0)
         box = checked_box(area)
-        x, y = places(reach, lambda: _drawn(*box, metric.latlon, random), gap, metric, where="Iceberg.field")
+        x, y = place_discs(reach, lambda: _draw_point(*box, metric.latlon, random), gap, metric, where="Iceberg.field")
         berg = cls.from_points(
             x, y, thickness=heights, radius=0.5 * np.sqrt(plan), pieces=np.arange(n), **options
         )  # fmt: skip
@@ -514,7 +514,7 @@ class Iceberg(BondedBerg):
         radius = given(radius, CloudOfBergs, "radius", kind=BergError)
         gap = given(rest.pop("gap", 0.0), CloudOfBergs, "gap", kind=BergError)
         between = given(rest.pop("between", (0.1e6, 10e6)), CloudOfBergs, "between", kind=BergError)
-        seed = seed_of(seed)
+        seed = check_seed(seed)
         random = np.random.default_rng(seed)
         if length is None and width is None:
             plan = areas(n, sizes, random, between)
@@ -522,7 +522,7 @@ class Iceberg(BondedBerg):
             long, wide = np.sqrt(aspect * plan), np.sqrt(plan / aspect)
         else:
             long, wide = _sides(length, width, n)
-        heights = thickness_of(long * wide) if thickness is None else thickness
+        heights = usual_thickness(long * wide) if thickness is None else thickness
         settings = berg_options(rest, CloudOptions, heights, placement=placement)
         assert settings.placement is not None
         middle = settings.placement
@@ -530,26 +530,26 @@ class Iceberg(BondedBerg):
         plane = EqualAreaPlane(*middle, settings.earth_radius) if settings.latlon else None
 
         def drawn() -> tuple[float, float]:
-            away, turn = radius * np.sqrt(random.random()), 2.0 * np.pi * random.random()
-            east, north = away * np.cos(turn), away * np.sin(turn)
+            distance, turn = radius * np.sqrt(random.random()), 2.0 * np.pi * random.random()
+            east, north = distance * np.cos(turn), distance * np.sin(turn)
             if plane is None:
                 return middle[0] + east, middle[1] + north
             lon, lat = plane.inverse(np.array([east]), np.array([north]))
             return float(lon[0]), float(lat[0])
 
         if overlap:
-            x, y = (np.array(part) for part in zip(*(drawn() for _ in range(n)), strict=True))
+            x, y = (np.array(coordinate) for coordinate in zip(*(drawn() for _ in range(n)), strict=True))
         else:  # rectangles of any turn keep clear of each other where their corners do
-            x, y = places(0.5 * np.hypot(long, wide), drawn, gap, metric, where="Iceberg.cloud")
+            x, y = place_discs(0.5 * np.hypot(long, wide), drawn, gap, metric, where="Iceberg.cloud")
         berg = cls._lone_bergs(x, y, long, wide, heights, rest, {}, overlap=overlap)
-        return replace(berg, report={"source": f"cloud of {n} bergs", "seed": seed}, dates=dates_of_bergs(dates, n))
+        return replace(berg, report={"source": f"cloud of {n} bergs", "seed": seed}, dates=berg_dates(dates, n))
 
     @classmethod
     def _lone_bergs(
         cls, lon: Any, lat: Any, length: Any, width: Any, thickness: Any, options: dict[str, Any], idle: dict[str, Any],
         *, overlap: bool = False,
     ) -> Iceberg:  # fmt: skip
-        """Return bergs of one element each; ``idle``: what they cannot have, by name."""
+        """Return bergs of one element each; ``idle``: options that they cannot have, by name."""
         extra = [*(name for name, value in idle.items() if value is not None), *({"radius", "pieces"} & options.keys())]
         if extra:
             raise BergError(
@@ -557,7 +557,10 @@ class Iceberg(BondedBerg):
                 remedy="Each berg of given length and width is one element, which is bonded to none: leave it out",
             )  # fmt: skip
         count = max(np.size(lon), np.size(lat))
-        lon, lat = (np.broadcast_to(np.atleast_1d(part), count) if np.size(part) == 1 else part for part in (lon, lat))
+        lon, lat = (
+            np.broadcast_to(np.atleast_1d(coordinate), count) if np.size(coordinate) == 1 else coordinate
+            for coordinate in (lon, lat)
+        )
         long, wide = _sides(length, width, count)
         packing = options.get("packing", "square")
         radius = np.sqrt(long * wide / element_area(1.0, packing))
@@ -611,14 +614,14 @@ class Iceberg(BondedBerg):
         with placed_in(report["source"]):
             lattice, radius = _fitting_lattice(region, settings)
         # Of a map where the ice was drawn, before it is turned and moved.
-        heights = thickness_at(thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
+        heights = sample_thickness(thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
         cx, cy = plane.forward(np.array([centroid[0]]), np.array([centroid[1]]))
         x, y = turned(lattice.x - cx, lattice.y - cy, settings.rotation)
         if outline is not None:
             outline = shapely.affinity.rotate(outline, settings.rotation, origin=(float(cx[0]), float(cy[0])))
-        moved = centroid_moved(plane, centroid, settings.placement, settings.shift)
+        moved = move_centroid(plane, centroid, settings.placement, settings.shift)
         settings = settings.model_copy(
-            update={"radius": radius, "thickness": heights, "pieces": region.piece_of(lattice)}
+            update={"radius": radius, "thickness": heights, "pieces": region.piece_numbers(lattice)}
         )
         report = {**report, "outline_area": region.area, "outline_pieces": region.pieces}
         return cls._placed(x + cx, y + cy, moved, settings, report, outline)
@@ -627,7 +630,7 @@ class Iceberg(BondedBerg):
     def _about(
         cls, region: Region, centre: tuple[float, float], settings: BergOptions, source: str, outline: Any
     ) -> Iceberg:
-        """Fill a region in metres and place its centre; ``outline``: that of the ice about the centre."""
+        """Fill a region in metres and place its centre; ``outline``: of the ice about the centre."""
         lattice, radius = _fitting_lattice(region, settings)
         x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
         settings = settings.model_copy(update={"radius": radius})
@@ -663,8 +666,8 @@ class Iceberg(BondedBerg):
         if outline is None:
             return self
         # Straight sides of the plane are none in longitude and latitude: they get points as dense as the elements.
-        there = shapely.transform(shapely.segmentize(outline, 2.0 * self.radius), placed, interleaved=False)
-        return replace(self, outlines=tuple(getattr(there, "geoms", [there])))
+        shape = shapely.transform(shapely.segmentize(outline, 2.0 * self.radius), placed, interleaved=False)
+        return replace(self, outlines=tuple(getattr(shape, "geoms", [shape])))
 
 
 def _fitting_lattice(region: Region, settings: BergOptions) -> tuple[Lattice, float]:
@@ -682,7 +685,7 @@ SHORTEST: Final = 1e-6
 
 
 def _positions(lon: Any, lat: Any, period: Any, latlon: bool) -> tuple[Floats, Floats, float]:
-    """Return positions of elements and the zonal period (degrees; m if not ``latlon``), by default that of the globe."""
+    """Return positions of elements and the zonal period (degrees; m if not ``latlon``), by default the period of the globe."""
     unit = "degree" if latlon else "m"
     period = (360.0 if latlon else 0.0) if period is None else number(period, unit, where="period", kind=BergError)
     lon = np.atleast_1d(numbers(lon, unit, where="lon", kind=BergError))
@@ -693,7 +696,7 @@ def _positions(lon: Any, lat: Any, period: Any, latlon: bool) -> tuple[Floats, F
 
 
 def _sides(length: Any, width: Any, count: int) -> tuple[Floats, Floats]:
-    """Return length and width (m) of so many bergs, or refuse what are none."""
+    """Return length and width (m) of so many bergs, or refuse impossible ones."""
     if length is None:
         raise BergError("a width without a length", where="width", remedy="Give length too")
     sides = []
@@ -739,33 +742,33 @@ TRIES: Final = 2000
 SIZES: Final = ("gladstone", "tournadre")
 
 
-def dates_of_bergs(dates: Any, count: int) -> tuple[datetime, ...]:
+def berg_dates(dates: Any, count: int) -> tuple[datetime, ...]:
     """Return the date (UTC) at which each of some bergs comes: one for all, first and last, or one for each; none for None.
 
     Examples
     --------
-    >>> [str(date) for date in dates_of_bergs(("2020-12-09", "2020-12-11"), 3)]
+    >>> [str(date) for date in berg_dates(("2020-12-09", "2020-12-11"), 3)]
     ['2020-12-09 00:00:00', '2020-12-10 00:00:00', '2020-12-11 00:00:00']
     """
     if dates is None:
         return ()
     given_dates = list(dates) if isinstance(dates, list | tuple | np.ndarray) else [dates]
     try:
-        known = [moment(date, where="dates") for date in given_dates]
+        moments = [moment(date, where="dates") for date in given_dates]
     except InputError as error:
         raise BergError(str(error)) from error
-    if len(known) not in (1, 2, count):
+    if len(moments) not in (1, 2, count):
         raise BergError(
-            f"{len(known)} dates for {count} bergs",
+            f"{len(moments)} dates for {count} bergs",
             where="dates",
             remedy="Give one, the first and the last, or one for each",
         )
-    if any(late < early for early, late in pairwise(known)):
+    if any(late < early for early, late in pairwise(moments)):
         raise BergError("dates do not rise", where="dates", remedy="Give them in their order")
-    if len(known) == count:
-        return tuple(known)
-    span = known[-1] - known[0]
-    return tuple(known[0] + span * (k / max(1, count - 1)) for k in range(count))
+    if len(moments) == count:
+        return tuple(moments)
+    span = moments[-1] - moments[0]
+    return tuple(moments[0] + span * (k / max(1, count - 1)) for k in range(count))
 
 
 def areas(count: int, sizes: Any, random: np.random.Generator, between: tuple[float, float]) -> Floats:
@@ -787,7 +790,7 @@ def areas(count: int, sizes: Any, random: np.random.Generator, between: tuple[fl
 
 
 def checked_area(area: Any, *, latlon: bool) -> tuple[float, float, float, float]:
-    """Return west, east, south and north of a field (degrees; m if not ``latlon``), or refuse what is no such box."""
+    """Return west, east, south and north of a field (degrees; m if not ``latlon``), or refuse an impossible box."""
     if latlon:
         west, east, south, north = given(area, FieldOfBergs, "area", kind=BergError)
         for latitude in (south, north):
@@ -813,7 +816,7 @@ def power_law(share: Floats, least: float, largest: float, exponent: float = EXP
     return np.asarray((a + share * (b - a)) ** (1.0 / (1.0 - exponent)))
 
 
-def thickness_of(area: Floats) -> Floats:
+def usual_thickness(area: Floats) -> Floats:
     """Return the thickness (m) that goes with plan areas (m2), by the length of bergs of the usual aspect."""
     return np.asarray(np.interp(np.sqrt(ASPECT * area), LENGTHS, THICKNESSES), np.float64)
 
@@ -828,7 +831,7 @@ def checked_box(box: tuple[float, float, float, float]) -> tuple[float, float, f
     return box
 
 
-def places(
+def place_discs(
     radius: Floats, drawn: Callable[[], tuple[float, float]], gap: float, metric: Metric, *, where: str
 ) -> tuple[Floats, Floats]:
     """Return places at which discs of these radii (m) keep a gap (m), the largest first placed.
@@ -839,11 +842,11 @@ def places(
     order = np.argsort(-radius, kind="stable")
     lon, lat = np.full(radius.size, np.nan), np.full(radius.size, np.nan)
     for n, k in enumerate(order):
-        done = order[:n]
+        placed = order[:n]
         for _ in range(TRIES):
             x, y = drawn()
-            dx, dy = separations(metric, lon[done], lat[done], np.asarray(x), np.asarray(y))
-            if n == 0 or (np.hypot(dx, dy) > radius[done] + radius[k] + gap).all():
+            dx, dy = separations(metric, lon[placed], lat[placed], np.asarray(x), np.asarray(y))
+            if n == 0 or (np.hypot(dx, dy) > radius[placed] + radius[k] + gap).all():
                 lon[k], lat[k] = x, y
                 break
         else:
@@ -854,7 +857,7 @@ def places(
     return lon, lat
 
 
-def _drawn(
+def _draw_point(
     west: float, east: float, south: float, north: float, latlon: bool, random: np.random.Generator
 ) -> tuple[float, float]:
     """Return a point of a box, each square metre as likely as any other."""

@@ -1,6 +1,6 @@
-"""What can be said of a berg, in experiment files and in Python alike: names, kinds, units and limits.
+"""Options of a berg, in experiment files and in Python alike: names, kinds, units and limits.
 
-The constructors of `riftberg.bergs.iceberg.Iceberg` take `BergOptions` by name, beside what is their own; the typed dicts list
+The constructors of `riftberg.bergs.iceberg.Iceberg` take `BergOptions` by name, beside their own; the typed dicts list
 which each of them takes.
 """
 
@@ -38,7 +38,7 @@ from riftberg.parameters import Packing
 
 def _within_a_pitch(offset: Pair) -> Pair:
     """Refuse a longer shift of the lattice, which would leave a strip of the outline empty."""
-    if not all(0.0 <= part <= 1.0 for part in offset):
+    if not all(0.0 <= fraction <= 1.0 for fraction in offset):
         raise UnfitError(
             f"({offset[0]:g}, {offset[1]:g}) is no shift within one pitch of the lattice",
             "Allowed: 2 numbers from 0 to 1, parts of the distance between neighbouring elements",
@@ -51,7 +51,7 @@ LATTICE = frozenset({"lattice_angle", "offset"})
 
 
 class LatticeKeys(Section):
-    """Elements that fill a shape: what a result should not depend on."""
+    """Elements that fill a shape: a result should not depend on them."""
 
     radius: float = key(
         1500.0,
@@ -62,7 +62,7 @@ class LatticeKeys(Section):
     )
     packing: Packing = key("square", "", "square or hexagonal elements")
     lattice_angle: float = key(0.0, "degree", "rotation of the lattice inside the outline, counter-clockwise")
-    # By default the shift with which the centre of the elements comes nearest to that of the outline.
+    # By default the shift with which the centre of the elements comes nearest to the centre of the outline.
     offset: Annotated[Pair, AfterValidator(_within_a_pitch)] | None = key(
         None, "", "shift of the lattice inside of the outline, in parts of the distance between its rows"
     )
@@ -83,7 +83,7 @@ class BergKeys(LatticeKeys):
 
 
 class BergOptions(BergKeys):
-    """What the constructors of a berg take beside its shape."""
+    """Options of the constructors of a berg beside its shape."""
 
     # m; also one for each element, or a map that is sampled
     thickness: Any = None
@@ -95,7 +95,7 @@ class BergOptions(BergKeys):
 
 
 class MaterialOptions(TypedDict, total=False):
-    """What every constructor takes."""
+    """Options of every constructor."""
 
     radius: float
     packing: Packing
@@ -106,7 +106,7 @@ class MaterialOptions(TypedDict, total=False):
 
 
 class ShapeOptions(MaterialOptions, total=False):
-    """What the constructors take that fill a shape drawn in degrees."""
+    """Options of the constructors that fill a shape drawn in degrees."""
 
     rotation: float
     shift: tuple[float, float]
@@ -117,7 +117,7 @@ class ShapeOptions(MaterialOptions, total=False):
 
 
 class TableOptions(MaterialOptions, total=False):
-    """What `Iceberg.from_table` takes."""
+    """Options of `Iceberg.from_table`."""
 
     rotation: float
     lattice_angle: float
@@ -127,7 +127,7 @@ class TableOptions(MaterialOptions, total=False):
 
 
 class PointOptions(TypedDict, total=False):
-    """What `Iceberg.from_points` takes; arrays hold one value per element."""
+    """Options of `Iceberg.from_points`; arrays hold one value per element."""
 
     radius: Any
     packing: Packing
@@ -140,7 +140,7 @@ class PointOptions(TypedDict, total=False):
 
 
 class FieldOptions(TypedDict, total=False):
-    """What `Iceberg.field` takes beside what makes a field."""
+    """Options of `Iceberg.field` beside those that make a field."""
 
     density: float
     velocity: tuple[Any, Any]
@@ -149,7 +149,7 @@ class FieldOptions(TypedDict, total=False):
 
 
 class CloudOptions(FieldOptions, total=False):
-    """What `Iceberg.cloud` takes beside what makes a cloud."""
+    """Options of `Iceberg.cloud` beside those that make a cloud."""
 
     length: float | None
     width: float | None
@@ -159,24 +159,24 @@ class CloudOptions(FieldOptions, total=False):
     dates: Any
 
 
-def berg_options(options: Mapping[str, Any], kind: type, thickness: Any, **own: Any) -> BergOptions:
-    """Return options without units; a typed dict lists those that are known, and ``own`` are further ones."""
-    check_names(options, kind, "thickness", *own)
+def berg_options(options: Mapping[str, Any], kind: type, thickness: Any, **further: Any) -> BergOptions:
+    """Return options without units; a typed dict lists those that are known, and ``further`` are further ones."""
+    check_names(options, kind, "thickness", *further)
     thickness, metres = _thickness(thickness), says_metres(options.get("latlon"))
-    # Arrays with one value for each element pass by the section, whose limits are those of one number.
+    # Arrays with one value for each element pass by the section, whose limits hold for one number.
     each = {name: _each(name, value) for name, value in options.items() if _one_per_element(name, value)}
-    one = {name: value for name, value in options.items() if name not in each} | own
-    if "placement" in own and own["placement"] is None:
+    scalars = {name: value for name, value in options.items() if name not in each} | further
+    if "placement" in further and further["placement"] is None:
         raise BergError("no place", where="placement", remedy="Give longitude and latitude (x and y in metres)")
     try:
-        settings = BergOptions.model_validate(one, context={"metres": metres})
+        settings = BergOptions.model_validate(scalars, context={"metres": metres})
     except ValidationError as error:
         raise explained(error, BergOptions, kind=BergError, metres=metres) from error
     return settings.model_copy(update={**each, "thickness": thickness})
 
 
 def _thickness(thickness: Any) -> Any:
-    """Return a thickness with a unit, or a Series or list of thicknesses, in metres; maps and paths pass as they are."""
+    """Return a thickness with a unit, or a Series or list of thicknesses, in metres; maps and paths pass unchanged."""
     if (
         isinstance(thickness, bool)
         or thickness is None
@@ -190,7 +190,7 @@ def _thickness(thickness: Any) -> Any:
 
 def _one_per_element(name: str, value: Any) -> bool:
     if name == "velocity":
-        return isinstance(value, tuple | list) and any(np.ndim(part) > 0 for part in value)
+        return isinstance(value, tuple | list) and any(np.ndim(component) > 0 for component in value)
     return name in ("radius", "spin", "pieces") and not isinstance(value, str) and np.ndim(value) > 0
 
 
@@ -198,8 +198,10 @@ def _each(name: str, value: Any) -> Any:
     if name == "pieces":
         return value
     unit = {"radius": "m", "velocity": "m s-1", "spin": "rad s-1"}[name]
-    parts = [numbers(part, unit, where=name, kind=BergError) for part in (value if name == "velocity" else [value])]
-    return tuple(parts) if name == "velocity" else parts[0]
+    components = [
+        numbers(component, unit, where=name, kind=BergError) for component in (value if name == "velocity" else [value])
+    ]
+    return tuple(components) if name == "velocity" else components[0]
 
 
 class Rectangle(Section):
@@ -231,7 +233,7 @@ class CloudOfBergs(Section):
     @classmethod
     def _as_dates(cls, dates: Any) -> Any:
         try:
-            return [moment(one, where="") for one in dates] if isinstance(dates, list) else dates
+            return [moment(date, where="") for date in dates] if isinstance(dates, list) else dates
         except InputError as error:
             raise UnfitError(error.what, error.remedy) from error
 

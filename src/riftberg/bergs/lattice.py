@@ -38,7 +38,7 @@ class Region:
     piece: Callable[[Floats, Floats], Ints] | None = None
     pieces: int = 1  # Number of separate pieces
 
-    def piece_of(self, lattice: Lattice) -> Ints | None:
+    def piece_numbers(self, lattice: Lattice) -> Ints | None:
         """Return the number of the piece of each point of a lattice, None where there is one piece."""
         return None if self.piece is None or self.pieces == 1 else self.piece(lattice.x, lattice.y)
 
@@ -101,8 +101,8 @@ def lattice_points(
         # Every other column of a hexagonal lattice stands half an element higher.
         y = y + (column % 2) * radius
     inside = (x > 0) & (x < x1 - x0) & (y > 0) & (y < y1 - y0)
-    places = (np.asarray(x0 + x, np.float64), np.asarray(y0 + y, np.float64))
-    return Lattice(*places, column.astype(np.int64), row.astype(np.int64)).where(inside)
+    positions = (np.asarray(x0 + x, np.float64), np.asarray(y0 + y, np.float64))
+    return Lattice(*positions, column.astype(np.int64), row.astype(np.int64)).where(inside)
 
 
 def fill(
@@ -111,7 +111,7 @@ def fill(
     """Fill a region with the elements whose centres lie in it, and with its area.
 
     The lattice is turned by ``angle`` (degrees, counter-clockwise), shifted by ``offset`` (parts of its pitch; by default the
-    shift that fits best), and stretched until the area of the elements is that of the region. Returns the lattice and the
+    shift that fits best), and stretched until the area of the elements equals the region. Returns the lattice and the
     radius (m) of its elements, which is ``radius`` where that fits already.
     """
     if not radius > 0 or not math.isfinite(radius):
@@ -126,28 +126,28 @@ def fill(
         )
     check_elements(region.area / size, kind=BergError)
     check_elements((x1 - x0) * (y1 - y0) / size / _SPARSE, kind=BergError)
-    parts = [k / OFFSETS_TRIED for k in range(OFFSETS_TRIED)]
-    tried = [(a, b) for a in parts for b in parts] if offset is None else [offset]
+    fractions = [k / OFFSETS_TRIED for k in range(OFFSETS_TRIED)]
+    tried = [(a, b) for a in fractions for b in fractions] if offset is None else [offset]
     fits: list[tuple[float, int]] = []
     for k, shift in enumerate(tried):  # one lattice at a time: of a million elements all of them would take 800 MB
-        lattice = _filled(region, radius, packing, shift, angle)
+        lattice = _fill_region(region, radius, packing, shift, angle)
         if len(lattice):
             # Equal fits keep the first shift.
             fits.append((round(_misfit(lattice, region, radius, packing), 9), k))
-    one = element_area(radius, packing)
-    if not fits or region.area < one:
+    element_size = element_area(radius, packing)
+    if not fits or region.area < element_size:
         x0, y0, x1, y1 = region.bounds
-        fault, wide = f"is smaller than one element ({one / 1e6:.4g} km2)", math.sqrt(region.area)
-        if region.area >= one:
+        fault, wide = f"is smaller than one element ({element_size / 1e6:.4g} km2)", math.sqrt(region.area)
+        if region.area >= element_size:
             fault, wide = "is too narrow for one element", region.area / math.hypot(x1 - x0, y1 - y0)
         raise BergError(
             f"the outline ({region.area / 1e6:.4g} km2) {fault}", remedy=f"Give a radius below {0.2 * wide:.3g} m"
         )
     # All shifts of a small lattice are stretched, the three that fit best of a large one.
-    most = max(3, int(MOST_STRETCHED * one / region.area))
-    made = [_with_area_of(region, radius, packing, tried[k], angle) for _, k in sorted(fits)[:most]]
-    lattice, own = min(made, key=lambda one: round(_misfit(one[0], region, one[1], packing), 9))
-    return along(lattice), own
+    most = max(3, int(MOST_STRETCHED * element_size / region.area))
+    stretched = [_stretch_to_area(region, radius, packing, tried[k], angle) for _, k in sorted(fits)[:most]]
+    lattice, fitted_radius = min(stretched, key=lambda fit: round(_misfit(fit[0], region, fit[1], packing), 9))
+    return along(lattice), fitted_radius
 
 
 LONGEST_LONE = 3.0
@@ -163,12 +163,12 @@ def is_lone(region: Region, radius: float, packing: Packing) -> bool:
 
 def lone_element(region: Region, packing: Packing) -> tuple[Lattice, float]:
     """Return one element at the centroid of a region, and the radius (m) with which it has the region's area."""
-    x, y = (np.array([place]) for place in region.centroid)
-    place = np.zeros(1, np.int64)
-    return Lattice(x, y, place, place), math.sqrt(region.area / element_area(1.0, packing))
+    x, y = (np.array([coordinate]) for coordinate in region.centroid)
+    cell = np.zeros(1, np.int64)
+    return Lattice(x, y, cell, cell), math.sqrt(region.area / element_area(1.0, packing))
 
 
-def _filled(region: Region, radius: float, packing: Packing, shift: tuple[float, float], angle: float) -> Lattice:
+def _fill_region(region: Region, radius: float, packing: Packing, shift: tuple[float, float], angle: float) -> Lattice:
     """Return the lattice points in a region, the lattice turned by an angle (degrees) about the middle of its box."""
     if angle == 0.0:
         lattice = lattice_points(region.bounds, radius, packing, shift)
@@ -177,8 +177,8 @@ def _filled(region: Region, radius: float, packing: Packing, shift: tuple[float,
         x, y, c, s = 0.5 * (x0 + x1), 0.5 * (y0 + y1), math.cos(math.radians(angle)), math.sin(math.radians(angle))
         # The box of the region as the turned lattice sees it.
         wide, high = 0.5 * (abs(c) * (x1 - x0) + abs(s) * (y1 - y0)), 0.5 * (abs(s) * (x1 - x0) + abs(c) * (y1 - y0))
-        own = lattice_points((-wide, -high, wide, high), radius, packing, shift)
-        lattice = replace(own, x=x + c * own.x - s * own.y, y=y + s * own.x + c * own.y)
+        turned = lattice_points((-wide, -high, wide, high), radius, packing, shift)
+        lattice = replace(turned, x=x + c * turned.x - s * turned.y, y=y + s * turned.x + c * turned.y)
     return lattice.where(region.inside(lattice.x, lattice.y))
 
 
@@ -192,28 +192,28 @@ STRETCH_STEP = 0.005
 """Part by which it is changed at first, until the area changes from too large to too small or back."""
 
 
-def _with_area_of(
+def _stretch_to_area(
     region: Region, radius: float, packing: Packing, shift: tuple[float, float], angle: float
 ) -> tuple[Lattice, float]:
     """Return the lattice whose elements have the area of the region, and their radius, the nearest to ``radius`` (m).
 
     Area over radius is a saw: it grows as elements grow, and drops where one leaves the outline. Between a radius with too small
     and one with too large an area bisection therefore ends on a slope, where the number of elements gives the radius. Where
-    none is found (an outline one or two elements wide), the lattice stays as it is.
+    none is found (an outline one or two elements wide), the lattice stays unchanged.
     """
 
     def excess(count: int, r: float) -> float:
         return count * element_area(r, packing) / region.area - 1.0
 
-    lattice = _filled(region, radius, packing, shift, angle)
+    lattice = _fill_region(region, radius, packing, shift, angle)
     start = excess(len(lattice), radius)
     if abs(start) < 1e-9:
         return lattice, radius
-    inner, many, away = radius, len(lattice), -STRETCH_STEP if start > 0.0 else STRETCH_STEP
+    inner, many, step = radius, len(lattice), -STRETCH_STEP if start > 0.0 else STRETCH_STEP
     # Step by step first: area over radius is a saw, and bisection from far away would end at another tooth.
     for k in range(1, round(MOST_STRETCH / STRETCH_STEP) + 1):
-        outer = radius * (1.0 + k * away)
-        few = len(_filled(region, outer, packing, shift, angle))
+        outer = radius * (1.0 + k * step)
+        few = len(_fill_region(region, outer, packing, shift, angle))
         if (excess(few, outer) > 0.0) != (start > 0.0):
             break
         inner, many = outer, few
@@ -223,12 +223,12 @@ def _with_area_of(
     for _ in range(40):
         if many == few:
             fitting = math.sqrt(region.area / (many * element_area(1.0, packing)))
-            fitted = _filled(region, fitting, packing, shift, angle)
+            fitted = _fill_region(region, fitting, packing, shift, angle)
             # Between two teeth the number of elements stays, and the radius follows from the area.
             if len(fitted) == many:
                 return fitted, fitting
         middle = 0.5 * (inner + outer)
-        count = len(_filled(region, middle, packing, shift, angle))
+        count = len(_fill_region(region, middle, packing, shift, angle))
         if (excess(count, middle) > 0.0) == (start > 0.0):
             inner, many = middle, count
         else:
@@ -266,23 +266,23 @@ def cells_region(column: Ints, row: Ints, side: float) -> Region:
 
     ``side``: side of a cell, m.
     """
-    held = np.zeros((column.max() + 1, row.max() + 1), dtype=bool)
-    held[column, row] = True
+    filled = np.zeros((column.max() + 1, row.max() + 1), dtype=bool)
+    filled[column, row] = True
 
     def inside(x: Floats, y: Floats) -> Booleans:
-        i = np.clip(np.floor(x / side).astype(np.int64), -1, held.shape[0])
-        j = np.clip(np.floor(y / side).astype(np.int64), -1, held.shape[1])
+        i = np.clip(np.floor(x / side).astype(np.int64), -1, filled.shape[0])
+        j = np.clip(np.floor(y / side).astype(np.int64), -1, filled.shape[1])
         # A rim of empty cells: indices beyond the table, clipped to it, find nothing there.
-        padded = np.pad(held, 1)
-        there: Booleans = padded[i + 1, j + 1]
-        return there
+        padded = np.pad(filled, 1)
+        is_filled: Booleans = padded[i + 1, j + 1]
+        return is_filled
 
-    bounds = (0.0, 0.0, side * held.shape[0], side * held.shape[1])
+    bounds = (0.0, 0.0, side * filled.shape[0], side * filled.shape[1])
     centroid = (side * (float(column.mean()) + 0.5), side * (float(row.mean()) + 0.5))
-    return Region(bounds, float(held.sum()) * side**2, centroid, inside)
+    return Region(bounds, float(filled.sum()) * side**2, centroid, inside)
 
 
-def cells_of_rows(rows: list[tuple[int, int, int]]) -> tuple[Ints, Ints]:
+def expand_rows(rows: list[tuple[int, int, int]]) -> tuple[Ints, Ints]:
     """Expand lattice rows (row, first column, last column) to the columns and rows of the cells.
 
     A row may occur several times (a notch or a hole splits it).

@@ -23,10 +23,18 @@ import shapely
 import shapely.errors
 from shapely.geometry import shape
 
-from riftberg.bergs.seams import NO_BERG, fault_of_ring, whole_shapes
+from riftberg.bergs.seams import NO_BERG, ring_fault, whole_shapes
 from riftberg.errors import BergError, line_of_fault
 from riftberg.state import Floats
-from riftberg.system.input_files import MOST_TEXT, check_archive, check_file, needed, reading, rows_of_csv, value_shown
+from riftberg.system.input_files import (
+    MOST_TEXT,
+    check_archive,
+    check_file,
+    needed,
+    read_csv_rows,
+    reading,
+    value_shown,
+)
 
 DATES_BY_BELIEF: Final = (
     ("acquired", "acq_date", "acqdate", "img_date", "image_date", "obs_date", "sensing"),
@@ -60,7 +68,7 @@ class Feature:
 
     @property
     def name(self) -> str:
-        """What the feature is called, empty if it has no name."""
+        """Name of the feature, empty if it has none."""
         small = {
             str(key).lower(): str(value).strip() for key, value in self.properties.items() if value not in (None, "")
         }
@@ -72,14 +80,14 @@ class Feature:
 
 
 def polygon(shell: Any, holes: list[Any], where: str) -> Any:
-    """Return a shapely polygon of a shell and holes, or say what is wrong with its vertices."""
+    """Return a shapely polygon of a shell and holes, or refuse faulty vertices."""
     # Each ring by itself first: shapely names neither the file nor the ring.
     rings = [_ring(ring, where) for ring in (shell, *holes)]
     return shapely.Polygon(rings[0], rings[1:])
 
 
 def _ring(ring: Any, where: str) -> Any:
-    """Return a ring as an array (n, 2), or say what is wrong with it."""
+    """Return a ring as an array (n, 2), or refuse a faulty one."""
     try:
         vertices = np.asarray(ring, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
@@ -113,7 +121,7 @@ def read_features(source: Any, crs: str | None = None, *, lines: bool = False) -
         features = [Feature(_to_lonlat(f.geometry, crs, where), f.properties) for f in features]
     if not features:
         raise BergError("no geometry found", where=where, remedy="Give a file that holds at least one polygon or line")
-    return with_seams_closed(features)
+    return close_seams(features)
 
 
 def _read_source(source: Any, lines: bool) -> tuple[list[Feature], str | None]:
@@ -123,7 +131,7 @@ def _read_source(source: Any, lines: bool) -> tuple[list[Feature], str | None]:
             remedy=f"Name a file {', '.join(sorted((*_READERS, *_TABLES)))}",
         )  # fmt: skip
         if path.suffix.lower() in _TABLES:
-            return features_of_csv(path, lines=lines), None
+            return read_csv_features(path, lines=lines), None
         reader = _READERS.get(path.suffix.lower())
         if reader is None:
             raise BergError(
@@ -148,25 +156,25 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
             raise BergError("its features are no list of features", where=where, remedy=_RFC)
     else:
         features = [data if data.get("type") == "Feature" else {"geometry": data}]
-    found = []
+    drawn = []
     for number, feature in enumerate(features):
-        place = f"{where}, feature {number}"
+        location = f"{where}, feature {number}"
         try:
             # Tools of mapping write features without a geometry for rows that were never drawn; these are skipped.
             if _holds_anything(feature.get("geometry")):
                 with np.errstate(invalid="ignore"):  # a vertex that is no number is told where the outline is taken
-                    found.append(Feature(shape(feature["geometry"]), dict(feature.get("properties") or {})))
+                    drawn.append(Feature(shape(feature["geometry"]), dict(feature.get("properties") or {})))
         except (KeyError, TypeError, AttributeError) as error:  # their texts speak of Python
             raise BergError(
-                "not a GeoJSON geometry: members or numbers are missing", where=place, remedy=_RFC
+                "not a GeoJSON geometry: members or numbers are missing", where=location, remedy=_RFC
             ) from error
         except (ValueError, shapely.errors.ShapelyError) as error:
             raise BergError(
                 "not a GeoJSON geometry: its type is another, or a ring has not at least 4 positions",
-                where=place,
+                where=location,
                 remedy=_RFC,
             ) from error
-    return found, crs
+    return drawn, crs
 
 
 _RFC = "Write GeoJSON as in RFC 7946"
@@ -174,16 +182,16 @@ _RFC = "Write GeoJSON as in RFC 7946"
 
 def _named_crs(data: dict[str, Any], where: str) -> str | None:
     """Return the coordinate system that an old GeoJSON names."""
-    named = data.get("crs")
+    crs = data.get("crs")
     for key in ("properties", "name"):
-        if named is None:
+        if crs is None:
             return None
-        if not isinstance(named, dict):
+        if not isinstance(crs, dict):
             raise BergError("a member crs that names no coordinate system", where=where, remedy="Leave it out")
-        named = named.get(key)
-    if named is not None and not isinstance(named, str):
+        crs = crs.get(key)
+    if crs is not None and not isinstance(crs, str):
         raise BergError("a member crs that names no coordinate system", where=where, remedy="Leave it out")
-    return named
+    return crs
 
 
 def _holds_anything(geometry: Any) -> bool:
@@ -207,10 +215,10 @@ def _from_geojson_file(path: Path) -> tuple[list[Feature], str | None]:
 
 
 def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
-    files = _files_of_shapefile(path)
+    files = _shapefile_members(path)
     logging.getLogger("shapefile").addHandler(logging.NullHandler())  # or its notices go to the error stream
     streams = {end[1:]: io.BytesIO(files[end]) for end in (".shp", ".shx", ".dbf") if end in files}
-    encoding = _encoding_of_attributes(files)
+    encoding = _attribute_encoding(files)
     with needed("shapefile").Reader(**streams, encoding=encoding, encodingErrors="replace") as reader:
         rows = (dict(row.as_dict()) for row in reader.iterRecords()) if "dbf" in streams else repeat({})
         # Shapes of kind 0 are null shapes.
@@ -224,16 +232,16 @@ def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
     return features, None if geographic else crs
 
 
-def _files_of_shapefile(path: Path) -> dict[str, bytes]:
+def _shapefile_members(path: Path) -> dict[str, bytes]:
     """Return the files of a shapefile, from a folder or an archive of one, by their endings in small letters."""
     if path.suffix.lower() == ".zip":
         remedy = "Zip the parts of one shapefile (.shp, .shx, .dbf)"
         names = check_archive(path, MOST_TEXT, remedy=remedy, kind=BergError)
         shapes = [name for name in names if name.lower().endswith(".shp")]
         if len(shapes) != 1:
-            what = f"an archive of {len(shapes)} shapefiles" if shapes else "an archive without a shapefile"
+            problem = f"an archive of {len(shapes)} shapefiles" if shapes else "an archive without a shapefile"
             remedy = "Unzip it and name one of them" if shapes else remedy
-            raise BergError(f"{what}; it holds {', '.join((shapes or names)[:5])}", where=str(path), remedy=remedy)
+            raise BergError(f"{problem}; it holds {', '.join((shapes or names)[:5])}", where=str(path), remedy=remedy)
         with zipfile.ZipFile(path) as archive:
             return {n[-4:].lower(): archive.read(n) for n in names if n[:-4].lower() == shapes[0][:-4].lower()}
     files = {}
@@ -245,8 +253,8 @@ def _files_of_shapefile(path: Path) -> dict[str, bytes]:
     return {**files, ".shp": path.read_bytes()}
 
 
-def _encoding_of_attributes(files: dict[str, bytes]) -> str:
-    """Return the encoding of texts in a table of attributes: as stated, else UTF-8, or that of Windows where it is not."""
+def _attribute_encoding(files: dict[str, bytes]) -> str:
+    """Return the encoding of a table of attributes: as stated, else UTF-8, or the encoding of Windows where that fails."""
     stated = files.get(".cpg", b"").decode("latin-1").strip()
     table = files.get(".dbf", b"")
     for encoding in filter(None, (stated, "utf-8")):
@@ -285,8 +293,8 @@ _READERS: dict[str, Any] = {
     ".json": _from_geojson_file,
     ".shp": _from_shapefile,
     ".zip": _from_shapefile,
-    ".kml": lambda path: (features_of_kml(path), None),
-    ".kmz": lambda path: (features_of_kml(path), None),
+    ".kml": lambda path: (read_kml_features(path), None),
+    ".kmz": lambda path: (read_kml_features(path), None),
 }
 _TABLES = (".csv", ".txt")
 
@@ -295,7 +303,7 @@ def select_outline(
     features: list[Feature], *, where: str, feature: int | str | None = None, date: str | None = None
 ) -> Feature:
     """Choose the one polygon feature that is meant."""
-    polygons = [Feature(area, f.properties) for f in features if (area := polygons_joined(f.geometry)) is not None]
+    polygons = [Feature(area, f.properties) for f in features if (area := join_polygons(f.geometry)) is not None]
     chosen = polygons
     if isinstance(feature, int):
         chosen = polygons[feature : feature + 1] if feature >= 0 else []
@@ -322,31 +330,31 @@ def _parts(geometry: Any) -> Iterator[Any]:
         yield geometry
 
 
-def polygons_joined(geometry: Any) -> Any:
+def join_polygons(geometry: Any) -> Any:
     """Return the polygons of a geometry as one, None if it has none."""
     polygons = _polygons(geometry)
-    return _collected(polygons, []) if polygons else None
+    return _collect(polygons, []) if polygons else None
 
 
 def _polygons(geometry: Any) -> list[Any]:
     """Return the single polygons of a geometry; rings of no area are left out beside others."""
-    polygons = [part for part in _parts(geometry) if part.geom_type == "Polygon"]
+    polygons = [single for single in _parts(geometry) if single.geom_type == "Polygon"]
     solid = [polygon for polygon in polygons if polygon.area > 0.0] or polygons[:1]
     holes = [[hole for hole in polygon.interiors if shapely.Polygon(hole).area > 0.0] for polygon in solid]
     return [
-        polygon if len(kept) == len(polygon.interiors) else shapely.Polygon(polygon.exterior, kept)
-        for polygon, kept in zip(solid, holes, strict=True)
+        polygon if len(rings) == len(polygon.interiors) else shapely.Polygon(polygon.exterior, rings)
+        for polygon, rings in zip(solid, holes, strict=True)
     ]
 
 
-def _collected(polygons: list[Any], others: list[Any]) -> Any:
+def _collect(polygons: list[Any], others: list[Any]) -> Any:
     """Return polygons and other geometries as one."""
     if others:
         return shapely.GeometryCollection([*polygons, *others])
     return polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
 
 
-def with_seams_closed(features: list[Feature]) -> list[Feature]:
+def close_seams(features: list[Feature]) -> list[Feature]:
     """Return the features as whole shapes: the seams along which they were cut, as at 180 degrees, are closed.
 
     Polygons of one feature that share an edge are one shape. Those of several features are joined only along a meridian, and
@@ -354,23 +362,23 @@ def with_seams_closed(features: list[Feature]) -> list[Feature]:
     """
     drawn = [_polygons(feature.geometry) for feature in features]
     changed: dict[int, list[Any]] = {}
-    together: dict[tuple[str, str], list[int]] = {}
+    same_name: dict[tuple[str, str], list[int]] = {}
     for k, (feature, polygons) in enumerate(zip(features, drawn, strict=True)):
         shapes = whole_shapes(polygons) if len(polygons) > 1 else []
         if shapes and len(shapes) < len(polygons):
             drawn[k] = changed[k] = [shape for _, shape in shapes]
         if feature.name and polygons:
-            together.setdefault((feature.name, feature.date), []).append(k)
-    for rows in together.values():
+            same_name.setdefault((feature.name, feature.date), []).append(k)
+    for rows in same_name.values():
         owner = [k for k in rows for _ in drawn[k]]
         shapes = whole_shapes([area for k in rows for area in drawn[k]], along_meridian=True) if len(rows) > 1 else []
         if shapes and len(shapes) < len(owner):
             changed |= {k: [shape for members, shape in shapes if owner[members[0]] == k] for k in rows}
     for k, polygons in changed.items():
-        others = [part for part in _parts(features[k].geometry) if part.geom_type != "Polygon"]
-        geometry = _collected(polygons, others) if polygons or others else None
+        others = [single for single in _parts(features[k].geometry) if single.geom_type != "Polygon"]
+        geometry = _collect(polygons, others) if polygons or others else None
         features[k] = replace(features[k], geometry=geometry)
-    # What belongs to a feature on the other side of a seam is none of its own.
+    # A piece that belongs to a feature on the other side of a seam is no feature.
     return [feature for feature in features if feature.geometry is not None]
 
 
@@ -390,7 +398,7 @@ def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
             remedy="Name the coordinate system with crs=, for example crs='EPSG:3031'",
         )
     areas = getattr(geometry, "geoms", [geometry])
-    if fault := next(filter(None, (fault_of_ring(area.exterior.coords) for area in areas)), ""):
+    if fault := next(filter(None, (ring_fault(area.exterior.coords) for area in areas)), ""):
         raise BergError(fault, where=where, remedy=NO_BERG)
     for ring in (np.asarray(ring.coords) for area in areas for ring in (area.exterior, *area.interiors)):
         if abs(np.diff(ring[:, 0])).max() > 180:
@@ -441,11 +449,11 @@ def line_strings(source: Any, crs: str | None = None) -> list[Any]:
         return line_strings(shapely.MultiLineString(lines), crs)
     out = []
     for feature in read_features(source, crs, lines=True):
-        for part in _parts(feature.geometry):
-            if part.geom_type == "Polygon":
-                out += [np.asarray(ring.coords, dtype=float)[:, :2] for ring in (part.exterior, *part.interiors)]
-            elif part.geom_type != "Point":
-                out.append(np.asarray(part.coords, dtype=float)[:, :2])
+        for single in _parts(feature.geometry):
+            if single.geom_type == "Polygon":
+                out += [np.asarray(ring.coords, dtype=float)[:, :2] for ring in (single.exterior, *single.interiors)]
+            elif single.geom_type != "Point":
+                out.append(np.asarray(single.coords, dtype=float)[:, :2])
     return out
 
 
@@ -459,9 +467,9 @@ LINE_COLUMNS = ("line", "rift", "segment")
 Points = list[tuple[float, float]]
 
 
-def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
+def read_csv_features(path: Path, *, lines: bool = False) -> list[Feature]:
     """Return the features of a table of vertices, one row each."""
-    rows, separator = rows_of_csv(path, BergError)
+    rows, separator = read_csv_rows(path, BergError)
     columns = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     lon, lat = (next((columns[n] for n in names if n in columns), None) for names in (LON_NAMES, LAT_NAMES))
     if lon is None or lat is None:
@@ -471,24 +479,24 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
             remedy="Name them lon and lat in the first line",
         )
     keys = [columns[n] for n in FEATURE_COLUMNS if n in columns]
-    parts = [columns[n] for n in (*RING_COLUMNS, *(LINE_COLUMNS if lines else ())) if n in columns]
+    ring_columns = [columns[n] for n in (*RING_COLUMNS, *(LINE_COLUMNS if lines else ())) if n in columns]
     groups: dict[tuple[str, ...], dict[tuple[str, ...], Points]] = {}
     for number, row in enumerate(rows, start=2):
         try:
-            point = (_number_of_text(row[lon], separator), _number_of_text(row[lat], separator))
+            point = (_read_number(row[lon], separator), _read_number(row[lat], separator))
         except (TypeError, ValueError, AttributeError) as error:
             raise BergError(
                 f"{value_shown(row[lon])}, {value_shown(row[lat])} are not numbers",
                 where=f"{path}, line {number}",
                 remedy="Write decimal degrees",
             ) from error
-        key, part = tuple(row[k] for k in keys), tuple(row[k] for k in parts)
-        groups.setdefault(key, {}).setdefault(part, []).append(point)
-    combined = _lines_of_rows if lines else _polygons_of_rings
+        key, ring_key = tuple(row[k] for k in keys), tuple(row[k] for k in ring_columns)
+        groups.setdefault(key, {}).setdefault(ring_key, []).append(point)
+    combined = _combine_lines if lines else _combine_rings
     return [Feature(combined(list(g.values()), path), dict(zip(keys, key, strict=True))) for key, g in groups.items()]
 
 
-def table_of_points(path: Path) -> dict[str, Floats]:
+def read_points(path: Path) -> dict[str, Floats]:
     """Return ``lon`` and ``lat`` (degrees; m of bergs in metres), ``length``, ``width`` and ``thickness`` (m) of a table.
 
     Raises
@@ -496,10 +504,10 @@ def table_of_points(path: Path) -> dict[str, Floats]:
     BergError
         If there is no place in it, or a number is none.
     """
-    rows, separator = rows_of_csv(path, BergError)
+    rows, separator = read_csv_rows(path, BergError)
     columns = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     names = {"lon": LON_NAMES, "lat": LAT_NAMES, **{size: (size,) for size in ("length", "width", "thickness")}}
-    read = {key: next((columns[n] for n in known if n in columns), None) for key, known in names.items()}
+    read = {key: next((columns[n] for n in spellings if n in columns), None) for key, spellings in names.items()}
     if read["lon"] is None or read["lat"] is None:
         raise BergError(
             f"no columns of longitude and latitude among {', '.join(columns) or 'none'}", where=str(path),
@@ -510,7 +518,7 @@ def table_of_points(path: Path) -> dict[str, Floats]:
         for key, values in table.items():
             text = row[str(read[key])]
             try:
-                values.append(_number_of_text(text, separator))
+                values.append(_read_number(text, separator))
             except (TypeError, ValueError, AttributeError) as error:
                 raise BergError(
                     f"the {key} {value_shown(text)} is no number", where=f"{path}, line {number}",
@@ -519,17 +527,17 @@ def table_of_points(path: Path) -> dict[str, Floats]:
     return {key: np.array(values) for key, values in table.items()}
 
 
-def _number_of_text(text: str, separator: str) -> float:
+def _read_number(text: str, separator: str) -> float:
     """Return a number; where commas do not separate columns they may stand for the decimal point."""
     return float(text if separator == "," else text.replace(",", "."))
 
 
 def whole_polygons(rings: list[Points], path: Path) -> list[Any]:
     """Return the polygons of the rings of one outline: a ring inside of another is a hole, seams are closed."""
-    return _polygons(with_seams_closed([Feature(_polygons_of_rings(rings, path))])[0].geometry)
+    return _polygons(close_seams([Feature(_combine_rings(rings, path))])[0].geometry)
 
 
-def _polygons_of_rings(rings: list[Points], path: Path) -> Any:
+def _combine_rings(rings: list[Points], path: Path) -> Any:
     """Combine rings by the even-odd rule, so that a ring inside a ring is a hole."""
     geometry: Any = None
     for ring in rings:
@@ -540,7 +548,7 @@ def _polygons_of_rings(rings: list[Points], path: Path) -> Any:
     return geometry
 
 
-def _lines_of_rows(lines: list[Points], path: Path) -> Any:
+def _combine_lines(lines: list[Points], path: Path) -> Any:
     for line in lines:
         if len(line) < 2:
             raise BergError(
@@ -554,17 +562,19 @@ def _lines_of_rows(lines: list[Points], path: Path) -> Any:
     return shapely.MultiLineString(lines)
 
 
-def features_of_kml(path: Path) -> list[Feature]:
+def read_kml_features(path: Path) -> list[Feature]:
     """Return the placemarks of a file that are polygons or lines."""
     try:
         if path.suffix.lower() == ".kmz":
             names = check_archive(path, MOST_TEXT, remedy="Export the outline again as KML", kind=BergError)
-            held = [n for n in names if n.lower().endswith(".kml")]
-            inside = [n for n in held if n.lower() == "doc.kml"] or held
+            kml_files = [n for n in names if n.lower().endswith(".kml")]
+            inside = [n for n in kml_files if n.lower() == "doc.kml"] or kml_files
             if len(inside) != 1:
-                what = f"an archive of {len(held)} KML files" if held else "an archive without KML"
-                remedy = "Unzip it and name one of them" if held else "Export the outline again as KML"
-                raise BergError(f"{what}; it holds {', '.join((held or names)[:5])}", where=str(path), remedy=remedy)
+                problem = f"an archive of {len(kml_files)} KML files" if kml_files else "an archive without KML"
+                remedy = "Unzip it and name one of them" if kml_files else "Export the outline again as KML"
+                raise BergError(
+                    f"{problem}; it holds {', '.join((kml_files or names)[:5])}", where=str(path), remedy=remedy
+                )
             with zipfile.ZipFile(path) as archive:
                 text = archive.read(inside[0])
         else:
@@ -584,13 +594,13 @@ def _tag(node: ElementTree.Element) -> str:
 
 
 def _placemarks(node: ElementTree.Element, above: dict[str, Any], where: str) -> Iterator[Feature]:
-    """Yield the placemarks below a node; the name and the time of a folder hold for what lies in it."""
+    """Yield the placemarks below a node; the name and the time of a folder hold for its placemarks."""
     for child in node:
         if _tag(child) == "Placemark":
             yield from _placemark(child, above, where)
         elif _tag(child) in ("Folder", "Document"):
-            own = [n for n in child if _tag(n) in ("name", "TimeStamp", "TimeSpan")]
-            times = {_tag(n): (n.text or "").strip() for part in own for n in part.iter() if _tag(n) in _KML_TOLD}
+            tags = [n for n in child if _tag(n) in ("name", "TimeStamp", "TimeSpan")]
+            times = {_tag(n): (n.text or "").strip() for tag in tags for n in tag.iter() if _tag(n) in _KML_TOLD}
             if _tag(child) == "Folder" and times.get("name"):
                 times["folder"] = times["name"]
             times.pop("name", None)
@@ -641,7 +651,7 @@ def _points(node: ElementTree.Element, where: str) -> list[tuple[float, float]]:
     text = next((n.text or "" for n in node.iter() if _tag(n) == "coordinates"), "")
     for written in (text, re.sub(r"\s*,\s*", ",", text)):
         try:
-            vertices = [[float(part) for part in point.rstrip(",").split(",")] for point in written.split()]
+            vertices = [[float(word) for word in point.rstrip(",").split(",")] for point in written.split()]
         except ValueError:
             continue
         if all(len(vertex) in (2, 3) for vertex in vertices):

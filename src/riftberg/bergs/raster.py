@@ -60,14 +60,14 @@ class Raster:
         """Return bilinear values at points; gaps are left out of the mean, NaN outside and where all four are gaps."""
         total, weight = np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
         for value, share in self._corners(lon, lat):
-            known = np.isfinite(value)
-            total += np.where(known, value, 0.0) * share
-            weight += known * share
+            has_value = np.isfinite(value)
+            total += np.where(has_value, value, 0.0) * share
+            weight += has_value * share
         with np.errstate(invalid="ignore"):
             return np.where(weight > 0, total / weight, np.nan)
 
     def of_largest_weight(self, lon: Floats, lat: Floats) -> Floats:
-        """Return the value of that of the four points around that weighs most and is no gap; NaN without any."""
+        """Return the value with the largest weight among the four points around that are no gaps; NaN without any."""
         best, weight = np.full(np.shape(lon), np.nan), np.zeros(np.shape(lon))
         for value, share in self._corners(lon, lat):
             better = np.isfinite(value) & (share > weight)
@@ -96,12 +96,12 @@ def projection(crs: str) -> Any:
     return needed("pyproj", "projected grids need it", "geotiff").Transformer.from_crs("EPSG:4326", crs, always_xy=True)
 
 
-def unbroken(raster: Raster, there: Booleans) -> Raster:
+def unbroken(raster: Raster, marked: Booleans) -> Raster:
     """Return a raster whose longitudes begin in the widest gap of the marked cells, so that no seam cuts these.
 
     ``raster``: longitudes in degrees.
     """
-    lon = np.sort(raster.lon[there.any(axis=0)])
+    lon = np.sort(raster.lon[marked.any(axis=0)])
     # The last gap is that over the seam, where the axis may be cut without a change.
     gaps = np.append(np.diff(lon), lon[0] + 360.0 - lon[-1])
     k = int(np.argmax(gaps))
@@ -118,7 +118,7 @@ _MOST_CELLS = 4_000_000
 """Cells of a grid of longitude and latitude to which a projected mask is brought at most."""
 
 
-def unprojected(raster: Raster, there: Booleans) -> Raster:
+def reproject(raster: Raster, marked: Booleans) -> Raster:
     """Return the part of a projected raster around the marked cells on longitudes and latitudes.
 
     The new cells are half as wide as the old ones at the middle of the marked ones, for their edges lie askew; values are
@@ -126,7 +126,7 @@ def unprojected(raster: Raster, there: Booleans) -> Raster:
     """
     assert raster.crs is not None
     to_lonlat = partial(projection(raster.crs).transform, direction="INVERSE")
-    lon, lat = to_lonlat(*(c[there] for c in np.meshgrid(raster.lon, raster.lat)))
+    lon, lat = to_lonlat(*(c[marked] for c in np.meshgrid(raster.lon, raster.lat)))
     order = np.sort(lon)
     gaps = np.append(np.diff(order), order[0] + 360.0 - order[-1])
     k = int(np.argmax(gaps))
@@ -267,8 +267,8 @@ def _by_units(axis: xr.DataArray, where: str) -> Floats:
 def _check_true_positions(array: xr.DataArray, lon: str, lat: str, where: str) -> None:
     """Refuse axes that lie aside of latitudes that the grid has for each point, as nominal ones of a bent grid do."""
     for name, field in array.coords.items():
-        said = {str(field.attrs.get("standard_name", "")), str(field.attrs.get("units", "")).lower()}
-        if field.dims == array.dims and {"latitude", "degrees_north"} & said:
+        descriptors = {str(field.attrs.get("standard_name", "")), str(field.attrs.get("units", "")).lower()}
+        if field.dims == array.dims and {"latitude", "degrees_north"} & descriptors:
             off = float(np.abs(field - array[lat]).max())
             if off > 0.1 * float(np.diff(array[lat]).max()):
                 raise BergError(
@@ -302,7 +302,7 @@ def _check_grid(lon: Floats, lat: Floats, values: Floats, where: str) -> None:
                 f"a {name} that is no number, or stands twice", where=where, remedy=f"Give every {name} once, in order"
             )
     with np.errstate(invalid="ignore"):
-        # xarray has turned fill values that the file declares into NaN; what is left of their size was not declared.
+        # xarray has turned fill values that the file declares into NaN; remaining ones of their size were not declared.
         odd = np.isinf(values) | (np.abs(values) >= _FILL)
     if odd.any():
         raise BergError(

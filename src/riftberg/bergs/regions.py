@@ -1,4 +1,4 @@
-"""Outlines and masks as plane regions, and where what fills them lies on the sphere.
+"""Outlines and masks as plane regions, and the positions of their elements on the sphere.
 
 The model measures the distance of two elements with the cosine of their mean latitude (equations 2.2). A berg whose
 longitudes are laid out with each element's own latitude (the rule of the reference, files 8.3) therefore starts with
@@ -21,14 +21,14 @@ import shapely
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.bonding import pieces as connected
 from riftberg.bergs.lattice import Booleans, Lattice, Region, lattice_points
-from riftberg.bergs.raster import Raster, unbroken, unprojected
+from riftberg.bergs.raster import Raster, reproject, unbroken
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Floats, Ints
 
-# Planes: from metres to degrees and back, and what strain that causes.
+# Planes: from metres to degrees and back, and the strain which that causes.
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def filling_plane(
     return ReferencePlane(west, south, 0.5 * (south + north), earth_radius)
 
 
-def centroid_moved(
+def move_centroid(
     plane: FillingPlane,
     centroid: tuple[float, float],
     placement: tuple[float, float] | None,
@@ -138,8 +138,8 @@ def _least_squares(
         move += step * direction
         residual -= step * stretch
         gradient = gathered(residual)
-        norm, before = float(np.vdot(gradient, gradient)), norm
-        direction = gradient + norm / before * direction
+        norm, old_norm = float(np.vdot(gradient, gradient)), norm
+        direction = gradient + norm / old_norm * direction
     return move[0], move[1]
 
 
@@ -151,15 +151,15 @@ def outline_region(geometry: Any, plane: FillingPlane) -> Region:
     flat = shapely.transform(geometry, plane.forward, interleaved=False)
     shapely.prepare(flat)
     centroid = (flat.centroid.x, flat.centroid.y)
-    parts = list(getattr(flat, "geoms", [flat]))
+    polygons = list(getattr(flat, "geoms", [flat]))
 
     def piece(x: Floats, y: Floats) -> Ints:
         number = np.zeros(np.shape(x), dtype=np.int64)
-        for k, part in enumerate(parts, start=1):
-            number[shapely.contains_xy(part, x, y)] = k
+        for k, polygon in enumerate(polygons, start=1):
+            number[shapely.contains_xy(polygon, x, y)] = k
         return number
 
-    return Region(flat.bounds, flat.area, centroid, lambda x, y: shapely.contains_xy(flat, x, y), piece, len(parts))
+    return Region(flat.bounds, flat.area, centroid, lambda x, y: shapely.contains_xy(flat, x, y), piece, len(polygons))
 
 
 def ice_cells(mask: Raster, threshold: float) -> Booleans:
@@ -183,8 +183,8 @@ class IceMask:
         threshold. All others are ice or not, cell by cell, and the edge lies half way between: the bilinear values of
         a thickness of 200 m beside nothing would exceed any small threshold almost a whole cell outside the ice.
         """
-        values, there = np.nan_to_num(mask.values), ice_cells(mask, threshold)
-        if not there.any():
+        values, is_ice = np.nan_to_num(mask.values), ice_cells(mask, threshold)
+        if not is_ice.any():
             raise BergError(
                 f"no value above {threshold:g}; the largest is {values.max():g}",
                 where=mask.name,
@@ -193,8 +193,8 @@ class IceMask:
         if threshold > 0.0 and values.min() >= 0.0 and values.max() <= 1.0 + 1e-9:
             fraction, level = replace(mask, values=values), threshold
         else:
-            fraction, level = replace(mask, values=there.astype(np.float64)), 0.5
-        return cls(unbroken(fraction, there) if mask.crs is None else unprojected(fraction, there), level)
+            fraction, level = replace(mask, values=is_ice.astype(np.float64)), 0.5
+        return cls(unbroken(fraction, is_ice) if mask.crs is None else reproject(fraction, is_ice), level)
 
     @property
     def there(self) -> Booleans:
@@ -208,14 +208,14 @@ class IceMask:
         Cells that only touch at a corner are separate: there the bilinear fraction of two full cells is 0.5, which is
         not above the level, and a corner has no cross-section that could carry a bond.
         """
-        there = self.there
-        cell = np.full(there.shape, -1, dtype=np.int64)
-        cell[there] = np.arange(there.sum())
-        beside, above = there[:, :-1] & there[:, 1:], there[:-1] & there[1:]
+        is_ice = self.there
+        cell = np.full(is_ice.shape, -1, dtype=np.int64)
+        cell[is_ice] = np.arange(is_ice.sum())
+        beside, above = is_ice[:, :-1] & is_ice[:, 1:], is_ice[:-1] & is_ice[1:]
         first = np.concatenate([cell[:, :-1][beside], cell[:-1][above]])
         second = np.concatenate([cell[:, 1:][beside], cell[1:][above]])
-        numbers = np.full(there.shape, np.nan)
-        numbers[there] = connected(int(there.sum()), first, second)
+        numbers = np.full(is_ice.shape, np.nan)
+        numbers[is_ice] = connected(int(is_ice.sum()), first, second)
         return numbers
 
 
@@ -226,17 +226,17 @@ def mask_region(
 
     ``plane_at``: makes a plane from bounds and centroid (degrees).
     """
-    mask, there = ice.fraction, ice.there
+    mask, is_ice = ice.fraction, ice.there
     width, height = mask.cells()
     lon, lat = np.meshgrid(mask.lon, mask.lat)
     cell = np.outer(height, width) * np.cos(lat * DEGREE)
-    weight = np.where(there, cell, 0.0)
+    weight = np.where(is_ice, cell, 0.0)
     centroid = (float((weight * lon).sum() / weight.sum()), float((weight * lat).sum() / weight.sum()))
-    west, east = (lon - 0.5 * width)[there].min(), (lon + 0.5 * width)[there].max()
-    south, north = (lat - 0.5 * height[:, None])[there].min(), (lat + 0.5 * height[:, None])[there].max()
+    west, east = (lon - 0.5 * width)[is_ice].min(), (lon + 0.5 * width)[is_ice].max()
+    south, north = (lat - 0.5 * height[:, None])[is_ice].min(), (lat + 0.5 * height[:, None])[is_ice].max()
     plane = plane_at((west, south, east, north), centroid)
-    part = np.linspace(0.0, 1.0, 33)
-    along, up = west + part * (east - west), south + part * (north - south)
+    fraction = np.linspace(0.0, 1.0, 33)
+    along, up = west + fraction * (east - west), south + fraction * (north - south)
     edges_x, edges_y = plane.forward(
         np.concatenate([along, along, np.full(33, west), np.full(33, east)]),
         np.concatenate([np.full(33, south), np.full(33, north), up, up]),
@@ -256,8 +256,8 @@ def mask_region(
     def piece(x: Floats, y: Floats) -> Ints:
         return np.nan_to_num(numbered.of_largest_weight(*plane.inverse(x, y))).astype(np.int64)
 
-    x, y = plane.forward(lon[there], lat[there])
-    middle = (float(np.average(x, weights=cell[there])), float(np.average(y, weights=cell[there])))
+    x, y = plane.forward(lon[is_ice], lat[is_ice])
+    middle = (float(np.average(x, weights=cell[is_ice])), float(np.average(y, weights=cell[is_ice])))
     return Region(bounds, area, middle, inside, piece, int(np.nanmax(numbers))), plane, centroid
 
 
@@ -274,7 +274,7 @@ def makeberg_lattice(
 ) -> tuple[Lattice, ReferencePlane]:
     """Return the elements of a mask as the reference's script places them, and the map to the sphere.
 
-    Equations 10.5; thermodynamics 8.2, 8.3. The published A68a run starts from what these rules give. Two of their habits are
+    Equations 10.5; thermodynamics 8.2, 8.3. The published A68a run starts from the result of these rules. Two of their habits are
     deliberate copies: the mask is counted from its first point while positions are measured from half a cell further
     south-west, and every longitude uses its element's own latitude.
 
@@ -299,8 +299,8 @@ def makeberg_lattice(
     bounds = (0.0, 0.0, x[-1] - x[0] + (x[1] - x[0]), y[-1] - y[0] + (y[1] - y[0]))
     lattice = lattice_points(bounds, radius, packing)
     i, j = (lattice.x // spacing).astype(int), (lattice.y // spacing).astype(int)
-    there = (i < fine.shape[1]) & (j < fine.shape[0])
-    lattice = lattice.where(there)
-    lattice = lattice.where(fine[j[there], i[there]] > threshold)
+    inside = (i < fine.shape[1]) & (j < fine.shape[0])
+    lattice = lattice.where(inside)
+    lattice = lattice.where(fine[j[inside], i[inside]] > threshold)
     west, south = lon[0] - 0.5 * (lon[1] - lon[0]), lat[0] - 0.5 * (lat[1] - lat[0])
     return lattice, ReferencePlane(float(west), float(south), reference, earth_radius)

@@ -24,7 +24,7 @@ def whole_shapes(polygons: Sequence[Any], *, along_meridian: bool = False) -> li
     ``polygons``: shapely, degrees; ``along_meridian``: whether edges in other directions do not count.
     """
     narrow = max(math.cos(math.radians(float(np.mean(shapely.bounds(polygons)[:, 1::2])))), 1e-3)
-    every = [*polygons, *(_turned(polygon, 1) for polygon in polygons)]
+    every = [*polygons, *(_turn_east(polygon, 1) for polygon in polygons)]
     flat = [shapely.transform(polygon, lambda lonlat: lonlat * (narrow, 1.0)) for polygon in every]
     count, valid = len(polygons), shapely.is_valid(flat)
     beside: list[list[tuple[int, int]]] = [[] for _ in polygons]  # rows and turns of those that share an edge
@@ -44,7 +44,7 @@ def whole_shapes(polygons: Sequence[Any], *, along_meridian: bool = False) -> li
                 if j not in turn:
                     turn[j] = turn[i] + turns
                     members.append(j)
-                    shape = _closed(shapely.union(shape, _turned(polygons[j], turn[j])), narrow)
+                    shape = _close_gaps(shapely.union(shape, _turn_east(polygons[j], turn[j])), narrow)
         shapes.append((members, shape))
     return shapes
 
@@ -56,7 +56,7 @@ TALLEST: Final = 20.0
 NO_BERG: Final = "No berg is like that: look for a missing sign, or swapped longitude and latitude"
 
 
-def fault_of_ring(ring: Any) -> str:
+def ring_fault(ring: Any) -> str:
     """Return why no berg can have an outline (longitude and latitude, shape (n, 2)), empty where one can."""
     lon, lat = np.asarray(ring, float)[:, :2].T
     steps = np.diff(lon, append=lon[:1])
@@ -74,28 +74,28 @@ def fault_of_ring(ring: Any) -> str:
     )
 
 
-def _turned(polygon: Any, turns: int) -> Any:
+def _turn_east(polygon: Any, turns: int) -> Any:
     """Return a polygon some turns of the globe further east."""
     return shapely.transform(polygon, lambda lonlat: lonlat + np.array([360.0 * turns, 0.0])) if turns else polygon
 
 
-def _share_an_edge(one: Any, other: Any, along_meridian: bool) -> bool:
+def _share_an_edge(first: Any, second: Any, along_meridian: bool) -> bool:
     """Whether two polygons, on axes of equal scale, run along each other, or lie across each other as badly cut ones do."""
-    if not along_meridian and shapely.overlaps(one, other) and shapely.intersection(one, other).area > METRE**2:
+    if not along_meridian and shapely.overlaps(first, second) and shapely.intersection(first, second).area > METRE**2:
         return True
     (west, south), (east, north) = (
-        np.maximum(one.bounds[:2], other.bounds[:2]),
-        np.minimum(one.bounds[2:], other.bounds[2:]),
+        np.maximum(first.bounds[:2], second.bounds[:2]),
+        np.minimum(first.bounds[2:], second.bounds[2:]),
     )
     box = west - 2 * METRE, south - 2 * METRE, east + 2 * METRE, north + 2 * METRE
-    near, far = (shapely.clip_by_rect(polygon.boundary, *box) for polygon in (one, other))
-    seam = shapely.intersection(far, shapely.buffer(near, METRE))
+    first_edge, second_edge = (shapely.clip_by_rect(polygon.boundary, *box) for polygon in (first, second))
+    seam = shapely.intersection(second_edge, shapely.buffer(first_edge, METRE))
     if seam.length < SHORTEST * METRE:
         return False
     return not along_meridian or seam.bounds[2] - seam.bounds[0] < 4.0 * METRE
 
 
-def _closed(shape: Any, narrow: float) -> Any:
+def _close_gaps(shape: Any, narrow: float) -> Any:
     """Return a shape without the gaps that the ends of cuts leave where they differ in their last digits."""
     slit = shape.geom_type != "Polygon" or any(
         shapely.Polygon(hole).area < METRE * hole.length for hole in shape.interiors

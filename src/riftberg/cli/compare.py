@@ -1,4 +1,4 @@
-"""``riftberg compare``, ``rerun``, ``why`` and ``score``: what runs came to, and why, beside each other and what was observed."""
+"""``riftberg compare``, ``rerun``, ``why`` and ``score``: results of runs and their causes, side by side with observations."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from riftberg.cli.options import (
     Settings,
     Without,
     check_folder,
+    check_range,
     console,
     dates,
-    observed_in,
+    load_observed,
     output_folder,
-    reported,
+    report_errors,
     results_folder,
     say,
     table,
     tell,
-    within,
     words_without,
 )
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
@@ -59,7 +59,7 @@ PICTURES: Final = ("comparison.json", "tracks.png")
 """Files that a comparison may write into its folder."""
 
 
-@reported
+@report_errors
 def compare(
     runs: Annotated[
         list[Path],
@@ -80,7 +80,7 @@ def compare(
     """Compare runs: how far apart they are by time, break-ups, bonds, and the distance from observed positions."""
     if output is not None:
         check_folder(output, PICTURES)
-    result = comparison(runs, names_of(runs), observed)
+    result = comparison(runs, short_names(runs), observed)
     if as_json:
         tell(json.dumps(result.as_dict(), indent=1))
     else:
@@ -88,20 +88,20 @@ def compare(
     if output is not None:
         from riftberg.viz.score import draw_compared
 
-        with results_folder(output, PICTURES, taken=PICTURES):
+        with results_folder(output, PICTURES, locked=PICTURES):
             written = [
                 result.write(output / PICTURES[0]), draw_compared(result.runs, result.fixes, output / PICTURES[1])
             ]  # fmt: skip
         say("Written: " + ", ".join(str(path) for path in written))
 
 
-def names_of(runs: Sequence[Path]) -> list[str]:
-    """Return short names that differ: of the folders, or the paths where these are the same."""
-    short = [folder_of(run).name if is_folder(run) or run.name == "run.nc" else run.name for run in runs]
+def short_names(runs: Sequence[Path]) -> list[str]:
+    """Return short names that differ: the names of the folders, or their paths where two names are the same."""
+    short = [run_folder(run).name if is_folder(run) or run.name == "run.nc" else run.name for run in runs]
     return short if all(short) and len(set(short)) == len(short) else [str(run) for run in runs]
 
 
-def member_of(run: Path) -> tuple[Path, int] | None:
+def split_member(run: Path) -> tuple[Path, int] | None:
     """Return the sweep and the number of a member, such as of ``sweep.nc#3``; None for a run."""
     path, mark, number = str(run).rpartition("#")
     if not mark or run.exists() or not Path(path).exists():
@@ -113,7 +113,7 @@ def member_of(run: Path) -> tuple[Path, int] | None:
     return Path(path), int(number)
 
 
-def folder_of(run: Path) -> Path:
+def run_folder(run: Path) -> Path:
     """Return the folder of a run, which may be named by its run file."""
     if not is_folder(run) and run.suffix == ".nc" and run.name != "run.nc":
         raise InputError(
@@ -124,37 +124,39 @@ def folder_of(run: Path) -> Path:
 
 def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None = None) -> Comparison:
     """Read runs and members of sweeps, and put them side by side."""
-    from riftberg.diagnostics.compare import compare, member_compared, run_compared, trajectory_compared
+    from riftberg.diagnostics.compare import compare, compare_member, compare_run, compare_trajectory
     from riftberg.runs.opendrift import only_one, trajectories_if_any
 
-    drifted = {run: only_one(found, run) for run in runs if (found := trajectories_if_any(run)) is not None}
+    drifted = {
+        run: only_one(trajectories, run) for run in runs if (trajectories := trajectories_if_any(run)) is not None
+    }
     for run in runs:
-        if run not in drifted and not member_of(run):
-            check_file(folder_of(run) / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
+        if run not in drifted and not split_member(run):
+            check_file(run_folder(run) / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
     with ExitStack() as stack:
         results = {run: stack.enter_context(opened_result(run)) for run in dict.fromkeys(runs) if run not in drifted}
         if runs[0] in drifted:
-            known = _known("", drifted[runs[0]].start, observed)
+            known_event = _known_event("", drifted[runs[0]].start, observed)
         else:
             first = results[runs[0]]
             start = first["time"].values[0].astype("datetime64[s]").item()
-            known = _known(str(first.attrs.get("experiment", "")), start, observed)
+            known_event = _known_event(str(first.attrs.get("experiment", "")), start, observed)
         compared = [
-            trajectory_compared(drifted[run], name, known.fixes)
+            compare_trajectory(drifted[run], name, known_event.fixes)
             if run in drifted
-            else member_compared(results[run], name, known.fixes)
-            if member_of(run)
-            else run_compared(folder_of(run), results[run], name, known.fixes)
+            else compare_member(results[run], name, known_event.fixes)
+            if split_member(run)
+            else compare_run(run_folder(run), results[run], name, known_event.fixes)
             for run, name in zip(runs, names, strict=True)
         ]
     begin, end = (pick(pick(run.course.times) for run in compared) for pick in (min, max))
-    meant = known.within(begin, end)
-    if observed is not None and not meant.fixes:
+    event = known_event.within(begin, end)
+    if observed is not None and not event.fixes:
         raise InputError(
             "no position during the runs", where=f"--observed {observed}",
             remedy=f"They go from {minute_text(begin)} to {minute_text(end)}",
         )  # fmt: skip
-    return compare(compared, meant)
+    return compare(compared, event)
 
 
 def opened_result(run: Path) -> xr.Dataset:
@@ -163,26 +165,26 @@ def opened_result(run: Path) -> xr.Dataset:
     from riftberg.runs.accessor import own_dates
     from riftberg.runs.run_file import open_run
 
-    member = member_of(run)
+    member = split_member(run)
     if member is None:
-        return open_run(folder_of(run))
+        return open_run(run_folder(run))
     sweep = open_sweep(member[0])
     if member[1] not in sweep["member"].values:
         count = sweep.sizes["member"]
         raise InputError(f"no member {member[1]}", where=str(run), remedy=f"It has {count}, counted from 0")
-    one = sweep.sel(member=member[1])
-    return one.assign_coords(time=own_dates(one)).drop_vars("start_after", errors="ignore")
+    member_data = sweep.sel(member=member[1])
+    return member_data.assign_coords(time=own_dates(member_data)).drop_vars("start_after", errors="ignore")
 
 
-def _known(experiment: str, start: datetime, observed: Path | None) -> RealEvent:
-    """Return what is known of the event that the first run is about: its experiment and start."""
-    from riftberg.diagnostics.compare import RealEvent, with_hours
+def _known_event(experiment: str, start: datetime, observed: Path | None) -> RealEvent:
+    """Return the observed event that the first run simulates, by its experiment and start."""
+    from riftberg.diagnostics.compare import RealEvent, set_hours
     from riftberg.diagnostics.observed import Fix
     from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
 
     fixes: list[Fix] = []
     if observed is not None:
-        fixes = with_hours(observed_in(observed).fixes, start.hour + start.minute / 60.0)
+        fixes = set_hours(load_observed(observed).fixes, start.hour + start.minute / 60.0)
         if not fixes:
             raise InputError("no positions", where=f"--observed {observed}", remedy="Outlines: see riftberg score")
     elif experiment.startswith("a68a"):
@@ -197,7 +199,7 @@ def _known(experiment: str, start: datetime, observed: Path | None) -> RealEvent
 
 
 def show(result: Comparison) -> None:
-    """Print the tables: what the runs came to, and how far apart they are."""
+    """Print the tables: results of the runs, and how far apart they are."""
     from rich.table import Table
 
     first, *others = (run.name for run in result.runs)
@@ -213,7 +215,7 @@ def show(result: Comparison) -> None:
         console(40 + 34 * (len(columns) - 1)).print(table, highlight=False)
 
 
-@reported
+@report_errors
 def rerun(
     run: Annotated[
         Path,
@@ -236,63 +238,66 @@ def rerun(
     """Repeat a run from the experiment file that it keeps, with other parameters or another length."""
     from riftberg.runs.run_file import open_run
 
-    member = member_of(run)
+    member = split_member(run)
     if member is None:
         with open_run(run) as dataset:
-            kept, own = dict(dataset.attrs), list[str]()
+            attributes, member_settings = dict(dataset.attrs), list[str]()
     else:
         # What a sweep keeps of its command, and what is set for one of its members.
-        from riftberg.ensembles.result import values_of
+        from riftberg.ensembles.result import varied_values
         from riftberg.experiments.changes import setting
 
-        one = opened_result(run)
-        run, kept, own = member[0], *(dict(one.attrs), [setting(name, value) for name, value in values_of(one).items()])
-    name = Path(str(kept["experiment"])).stem
+        member_data = opened_result(run)
+        run, attributes, member_settings = (
+            member[0],
+            *(dict(member_data.attrs), [setting(name, value) for name, value in varied_values(member_data).items()]),
+        )
+    name = Path(str(attributes["experiment"])).stem
     folder = output_folder(output, name if member is None else f"{name}-member-{member[1]}")
-    more = [part for option, values in (("--set", [*own, *(settings or ())]), ("--without", without)) for value in values or ()
-            for part in (option, value)]  # fmt: skip
-    more += [word for word, wanted in (("--no-map", not map_), ("--quiet", quiet)) if wanted]
+    more = [argument for option, values in (("--set", [*member_settings, *(settings or ())]), ("--without", without))
+            for value in values or () for argument in (option, value)]  # fmt: skip
+    more += [word for word, is_set in (("--no-map", not map_), ("--quiet", quiet)) if is_set]
     single = {"--days": days, "--numerics": numerics, "--every": every}
-    run_again(run, kept, folder, more, {option: str(v) for option, v in single.items() if v is not None}, data)
+    run_again(run, attributes, folder, more, {option: str(v) for option, v in single.items() if v is not None}, data)
 
 
 def run_again(
-    run: Path, kept: Mapping[str, str], folder: Path, more: Sequence[str], single: Mapping[str, str],
+    run: Path, attributes: Mapping[str, str], folder: Path, more: Sequence[str], single: Mapping[str, str],
     data: Path | None = None,
 ) -> None:  # fmt: skip
     """Run what a run, or a sweep, keeps of its experiment into a folder.
 
-    ``kept``: attributes of its file; ``more``: options beside those of its command; ``single``: those that stand once, by
+    ``attributes``: attributes of its file; ``more``: options beside those of its command; ``single``: those that stand once, by
     name; ``data``: folder of data files, by default where they were.
     """
     from riftberg.cli.main import app
     from riftberg.runs.layout import COMMAND, FILE, PLACE
 
-    if COMMAND not in kept:
+    if COMMAND not in attributes:
         raise InputError(
             "keeps no experiment",
             where=str(run),
             remedy="Name what 'riftberg run' or 'riftberg sweep' made, by this version or a later one",
         )
-    _, command, experiment, *words = shlex.split(kept[COMMAND])
+    _, command, experiment, *words = shlex.split(attributes[COMMAND])
     home = run if run.is_dir() else run.parent
     if folder.resolve() == home.resolve():
         raise InputError(
             "the run that is repeated would be lost", where=f"--output {folder}", remedy="Name another folder"
         )
-    if data is None and PLACE in kept:
-        data = Path(os.path.normpath(home / kept[PLACE]))
+    if data is None and PLACE in attributes:
+        data = Path(os.path.normpath(home / attributes[PLACE]))
     single = {**single, "--output": str(folder), **({} if data is None else {"--data": str(data)})}
-    words = [*words_without(words, *single), *more, *(part for pair in single.items() for part in pair)]
+    words = [*words_without(words, *single), *more, *(argument for pair in single.items() for argument in pair)]
     file = folder / experiment
-    there = FILE in kept and file.exists()
-    if there and file.read_text("utf-8", errors="replace") != kept[FILE]:
+    file_existed = FILE in attributes and file.exists()
+    if file_existed and file.read_text("utf-8", errors="replace") != attributes[FILE]:
         raise InputError("another experiment has this file", where=str(file), remedy="Name another folder by --output")
     with results_folder(folder):
-        if FILE in kept:
-            write_text(file, kept[FILE])
+        if FILE in attributes:
+            write_text(file, attributes[FILE])
             experiment = str(file)
-            if CUT in kept[FILE]:
+            if CUT in attributes[FILE]:
                 say(
                     f"Notice: {CUT} in its addresses was cut when it was stored; the whole addresses are read from {ADDRESSES}"
                 )
@@ -303,14 +308,14 @@ def run_again(
                 raise typer.Exit(code)
         except BaseException:
             # A run that was stopped on its way goes on from the file.
-            if FILE in kept and not there and not (folder / "run.nc").exists():
+            if FILE in attributes and not file_existed and not (folder / "run.nc").exists():
                 file.unlink(missing_ok=True)
             raise
-        if FILE in kept and not there:  # it lacks what was changed, and the run file keeps both
+        if FILE in attributes and not file_existed:  # it lacks what was changed, and the run file keeps both
             file.unlink(missing_ok=True)
 
 
-@reported
+@report_errors
 def why(
     run: Run,
     output: OutputBeside = None,
@@ -328,14 +333,14 @@ def why(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress of the controls.")] = False,
 ) -> None:
     """Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls."""
-    from riftberg.diagnostics.why import explain, words
+    from riftberg.diagnostics.why import explain, reason_lines
     from riftberg.runs.layout import check_recorded
     from riftberg.runs.run_file import open_run
     from riftberg.runs.scene import SMALL
 
     check_picture_format(picture)
     names = ("why.json", f"why.{picture}") if figure else ("why.json",)
-    with open_run(run) as dataset, results_folder(folder_beside(run, output), names, taken=names) as folder:
+    with open_run(run) as dataset, results_folder(folder_beside(run, output), names, locked=names) as folder:
         check_recorded(dataset, SURROUNDINGS)
         reasons = explain(dataset, smallest=0.0 if everything else SMALL)
         if controls:
@@ -343,7 +348,7 @@ def why(
         if as_json:
             tell(json.dumps(reasons.as_dict(), indent=1))
         else:
-            for k, paragraph in enumerate(words(reasons)):
+            for k, paragraph in enumerate(reason_lines(reasons)):
                 tell(paragraph)
                 if k < len(reasons.breakups):
                     _print_breakup(reasons.breakups[k])
@@ -360,22 +365,24 @@ SURROUNDINGS = ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "depth
 
 
 def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, data: Path | None) -> None:
-    """Run the experiment again without each of its parts, and with half the long step; note what became of each break-up.
+    """Run the experiment again without each of its parts, and with half the long step; note which break-ups remain.
 
     ``path``: the run, or its folder; ``data``: folder of data files, by default where they were.
     """
     import numpy as np
 
-    from riftberg.diagnostics.why import removed_by
+    from riftberg.diagnostics.why import control_fate
     from riftberg.experiments import EXPERIMENTS
-    from riftberg.runs.layout import COMMAND, parameters_of
+    from riftberg.runs.layout import COMMAND, run_parameters
     from riftberg.runs.run_file import open_run
 
     words = shlex.split(str(run.attrs.get(COMMAND, "")))
-    parts = next((entry.parts for entry in EXPERIMENTS if entry.name in words[2:3]), ())
+    components = next((entry.parts for entry in EXPERIMENTS if entry.name in words[2:3]), ())
     left_out = [value for word, value in pairwise(words) if word == "--without"]
-    changes = {f"without {part}": ["--without", part] for part in parts if part not in left_out}
-    stepping = parameters_of(run).stepping
+    changes = {
+        f"without {component}": ["--without", component] for component in components if component not in left_out
+    }
+    stepping = run_parameters(run).stepping
     half: dict[str, object] = {"time_step": stepping.time_step / 2.0}
     substeps = getattr(stepping, "substeps", None)
     if substeps is not None and stepping.scheme == "mts":  # the sub-step stays
@@ -392,7 +399,7 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
                 run_again(path, run.attrs, folder, more, {"--days": repr(days)}, data)
             with open_run(folder) as control:
                 for breakup in reasons.breakups:
-                    breakup.controls[change] = removed_by(breakup, control)
+                    breakup.controls[change] = control_fate(breakup, control)
 
 
 def _print_breakup(b: Breakup) -> None:
@@ -413,7 +420,7 @@ def _print_breakup(b: Breakup) -> None:
         table.add_column(column, justify="right")
     load = b.decisive
     for name in load.stress:
-        sides = [part / 1e9 for k in ("fragment", "rest") for part in b.budgets[k].forces[name]]
+        sides = [component / 1e9 for k in ("fragment", "rest") for component in b.budgets[k].forces[name]]
         across = (load.tension[name] / 1e9, load.couple[name] / 1e12, load.stress[name] / 1e3)
         if not any((*sides, *across)):
             continue
@@ -432,7 +439,7 @@ def _print_breakup(b: Breakup) -> None:
     console(120).print(table)
 
 
-@reported
+@report_errors
 def score(
     run: Run,
     observed: Annotated[
@@ -475,11 +482,11 @@ def score(
     from riftberg.runs.run_file import open_run
     from riftberg.viz.plots import figure_title
 
-    within(hour, "--hour", 0.0, 24.0)
+    check_range(hour, "--hour", 0.0, 24.0)
     check_picture_format(picture)
     names = ("score.json", f"score.{picture}") if figure else ("score.json",)
-    with open_run(run) as dataset, results_folder(folder_beside(run, output), names, taken=names) as folder:
-        seen = observed_in(observed, date=date, variable=variable)
+    with open_run(run) as dataset, results_folder(folder_beside(run, output), names, locked=names) as folder:
+        seen = load_observed(observed, date=date, variable=variable)
         result = score_run(
             dataset, seen, hour=hour, between=_span(between), together=_numbers(together), interpolated=interpolated
         )
@@ -488,7 +495,7 @@ def score(
             tell(json.dumps(result.as_dict(), indent=1))
         else:
             out = console(120)
-            out.print(table_of(result))
+            out.print(score_table(result))
             if len(result.days) > MOST_SHOWN:
                 out.print(f"and {len(result.days) - MOST_SHOWN} times more, see score.json")
             for line in (sentence(result), *result.melt):
@@ -514,7 +521,7 @@ def _span(text: str | None) -> tuple[datetime, datetime] | None:
 
 def _numbers(text: str | None) -> list[int]:
     try:
-        return [int(part) for part in (text or "").split(",") if part.strip()]
+        return [int(word) for word in (text or "").split(",") if word.strip()]
     except ValueError as error:
         raise InputError(
             f"{value_shown(text)} are no numbers", where="--together", remedy="For example --together 1,6"
@@ -525,7 +532,7 @@ MOST_SHOWN = 500
 """Most times in a table."""
 
 
-def table_of(result: Score) -> Table:
+def score_table(result: Score) -> Table:
     """Return the table of a score."""
     days = table(
         f"Run against {result.observed}",
@@ -558,11 +565,11 @@ def sentence(result: Score) -> str:
     s = result.summary()
     if not s["days"]:
         return "The berg itself was not observed during the run."
-    parts = [f"centroid {s['distance_km_rms']:.1f} km off (rms; at most {s['distance_km_max']:.1f} km)"]
+    phrases = [f"centroid {s['distance_km_rms']:.1f} km off (rms; at most {s['distance_km_max']:.1f} km)"]
     if s["azimuth_rms"] is not None:
-        parts.append(f"long axis {s['azimuth_rms']:.0f} degrees off (rms)")
+        phrases.append(f"long axis {s['azimuth_rms']:.0f} degrees off (rms)")
     if s["area_ratio_mean"] is not None:
-        parts.append(f"area {s['area_ratio_mean']:.2f} of the observed one")
+        phrases.append(f"area {s['area_ratio_mean']:.2f} of the observed one")
     if s["iou_mean"] is not None:
-        parts.append(f"overlap {s['iou_mean']:.2f}")
-    return f"{count_text(s['days'], 'time')}: " + ", ".join(parts) + "."
+        phrases.append(f"overlap {s['iou_mean']:.2f}")
+    return f"{count_text(s['days'], 'time')}: " + ", ".join(phrases) + "."

@@ -18,7 +18,7 @@ from riftberg.cli.options import (
     listening,
     make_options,
     output_folder,
-    reported,
+    report_errors,
     tell,
 )
 from riftberg.errors import InputError
@@ -26,7 +26,7 @@ from riftberg.errors import InputError
 RESTART = "end.restart.nc"  # Written at the end of a coupled run
 
 
-@reported
+@report_errors
 def couple(
     context: typer.Context,
     experiment: Annotated[str, typer.Argument(help="A YAML file; of its forcing the sea floor counts.")],
@@ -44,7 +44,7 @@ def couple(
     quiet: Quiet = False,
 ) -> None:  # fmt: skip
     """Run an experiment beside an ocean model, through the coupler YAC; ends with a restart file for the next run."""
-    from riftberg.cli.run import RESULTS, RunOptions, Session, built
+    from riftberg.cli.run import RESULTS, RunOptions, Session, build_run
     from riftberg.coupling.fields import OceanForcing
     from riftberg.coupling.yac import YacComponent, ending_all_ranks, ocean_beside, read_coupling
 
@@ -53,17 +53,19 @@ def couple(
         options = make_options(settings, None, data, None)
         options = replace(options, ocean=lambda forcing, parameters: ocean_beside(forcing, coupling, parameters))
         words = ["riftberg", *context.find_root().obj]
-        wanted = RunOptions(output, every, False, map_, quiet, None, None, 0.0, words, experiment, data, settings or [])
-        model, info, _ = built(experiment, options, resume, wanted)
+        run_options = RunOptions(
+            output, every, False, map_, quiet, None, None, 0.0, words, experiment, data, settings or []
+        )
+        model, info, _ = build_run(experiment, options, resume, run_options)
         if not isinstance(model.forcing, OceanForcing):
             raise InputError(f"{experiment} has its own ocean", where="couple", remedy="Name an experiment file (YAML)")
         folder = output_folder(output, info.name)
         check_folder(folder, (*RESULTS, RESTART))
-        if 3600.0 * wanted.hours(info) < (coupling.settings.step or 0.0) * (1.0 - 1e-9):
-            raise InputError(f"a record every {wanted.hours(info):g} h", where="--every",
+        if 3600.0 * run_options.hours(info) < (coupling.settings.step or 0.0) * (1.0 - 1e-9):
+            raise InputError(f"a record every {run_options.hours(info):g} h", where="--every",
                              remedy=f"Give the step of the exchange or more: {coupling.settings.step} s")  # fmt: skip
         component = YacComponent(model, coupling)
-        session = Session(model, info, folder, wanted, placed=output is not None, step=component.step)
+        session = Session(model, info, folder, run_options, placed=output is not None, step=component.step)
         session.run_and_report((model.time + (coupling.end - coupling.start).total_seconds()) / 86400.0)
         for line in component.exchange.balance().describe().splitlines():
             tell(line)

@@ -33,16 +33,16 @@ from riftberg.cli.options import (
     Workers,
     announce_compilation,
     check_folder,
-    observed_in,
+    check_positive,
+    check_range,
+    load_observed,
     output_folder,
     pair,
-    positive,
-    reported,
+    report_errors,
     results_folder,
     say,
     tell,
     with_ensemble_options,
-    within,
 )
 from riftberg.config.units import duration_text, quantity_text
 from riftberg.errors import InputError, RunError
@@ -60,7 +60,7 @@ SWEEP_FILES = ("sweep.nc", "sweep.json", "sweep.png")
 """Files that a sweep writes into its folder, beside the folder ``members``."""
 
 
-@reported
+@report_errors
 @with_ensemble_options
 def sweep(
     context: typer.Context,
@@ -93,35 +93,35 @@ def sweep(
     shared: EnsembleOptions,
 ) -> None:  # fmt: skip
     """Run an ensemble: an experiment for every combination of parameter values, collected in one result."""
-    from riftberg.ensembles.sweep import draws_of, planned
+    from riftberg.ensembles.sweep import make_plan, read_draws
     from riftberg.ensembles.vary import Draws, read_design
 
     with allow_large(shared.large):
-        positive(every, "--every", "hours", most=1e6)
+        check_positive(every, "--every", "hours", most=1e6)
         announce_compilation(shared.quiet)
         if join is not None:
-            _run(joined(context, join, "sweep"), replace(shared, workers=0), draw=map_)
+            _run(join_store(context, join, "sweep"), replace(shared, workers=0), draw=map_)
             return
 
         def make(experiment: str) -> Plan:
-            draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
+            draws = read_draws({"members": members, "plan": plan, "seed": shared.seed})
             if design is not None and (vary or draws != Draws()):
                 raise InputError(
                     "a design says itself what varies", where="--design",
                     remedy="Leave --vary, --members, --plan and --seed out",
                 )  # fmt: skip
-            what = (vary or []) if design is None else read_design(design)
-            return planned(experiment, what, shared.checked(), every, cells, draws, design=design is not None)
+            variations = (vary or []) if design is None else read_design(design)
+            return make_plan(experiment, variations, shared.checked(), every, cells, draws, design=design is not None)
 
-        store = opened(context, "sweep", experiment, make, SWEEP_FILES, shared, members, part)
+        store = open_store(context, "sweep", experiment, make, SWEEP_FILES, shared, members, part)
         _run(store, shared, draw=map_)
 
 
-def opened(
+def open_store(
     context: typer.Context, command: str, experiment: str | None, make: Callable[[str], Plan], results: Sequence[str],
     shared: EnsembleOptions, members: int | None, part: str | None = None,
 ) -> Store:  # fmt: skip
-    """Return an ensemble at its start, checked, or one that goes on in its folder (see `resumed`)."""
+    """Return an ensemble at its start, checked, or one that goes on in its folder (see `resume_store`)."""
     from riftberg.ensembles.sweep import Store
 
     of_many = _part(part)
@@ -135,7 +135,7 @@ def opened(
                 "a sweep that goes on stays what it is, in its folder", where="--resume",
                 remedy=f"Leave out {', '.join(changed)}",
             )  # fmt: skip
-        return resumed(shared.resume, experiment, members, "forecast" if command == "forecast" else "sweep")
+        return resume_store(shared.resume, experiment, members, "forecast" if command == "forecast" else "sweep")
     if experiment is None:
         raise InputError(
             "no experiment is named", where=command, remedy="Name one, or go on with one by --resume FOLDER"
@@ -146,18 +146,18 @@ def opened(
     return Store(folder, plan, resume=False, part=of_many)
 
 
-def joined(context: typer.Context, folder: Path, kind: str) -> Store:
+def join_store(context: typer.Context, folder: Path, kind: str) -> Store:
     """Return the parts of a sweep or forecast in a folder as one that has nothing left to run; say what is missing."""
     from riftberg.ensembles.sweep import join_parts
 
     if options_given(context, *KEPT, "experiment", "resume", "part", "members"):
         raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
     missing = join_parts(folder)
-    store = resumed(folder, kind=kind)
+    store = resume_store(folder, kind=kind)
     if missing:
-        parts = ", ".join(map(str, missing[:10])) + (", ..." if len(missing) > 10 else "")
-        say(f"Missing: part{'s' if len(missing) > 1 else ''} {parts}; {len(store.waiting())} members wait")
-    store.own = []
+        numbers = ", ".join(map(str, missing[:10])) + (", ..." if len(missing) > 10 else "")
+        say(f"Missing: part{'s' if len(missing) > 1 else ''} {numbers}; {len(store.waiting())} members wait")
+    store.assigned = []
     return store
 
 
@@ -177,34 +177,38 @@ KEPT = ("vary", "design", "plan", "seed", "output", "settings", "days", "data", 
 
 
 def options_given(context: typer.Context, *names: str) -> list[str]:
-    """Return those of the parameters of a command that were given on the command line, as they stand there."""
+    """Return the parameters of a command that were given on the command line, as written there."""
     sources = {p: context.get_parameter_source(str(p.name)) for p in context.command.params if p.name in names}
     return [(p.secondary_opts or p.opts)[0] for p, source in sources.items() if source and source.name == "COMMANDLINE"]
 
 
-def resumed(folder: Path, experiment: str | None = None, members: int | None = None, kind: str = "sweep") -> Store:
-    """Return the sweep in a folder with what is done; members that are drawn may be more than before."""
-    from riftberg.ensembles.sweep import Store, draws_of, planned, read_plan
+def resume_store(folder: Path, experiment: str | None = None, members: int | None = None, kind: str = "sweep") -> Store:
+    """Return the sweep in a folder with the members that are done; more members may be drawn than before."""
+    from riftberg.ensembles.sweep import Store, make_plan, read_draws, read_plan
     from riftberg.experiments.registry import Options
 
-    known = read_plan(folder)
-    found = "forecast" if known.get("forecast") else "sweep"
-    if found != kind:
-        raise InputError(f"holds a {found}", where=f"--resume {folder}", remedy=f"Go on by 'riftberg {found} --resume'")
-    if experiment is not None and Path(experiment).stem != Path(known["experiment"]).stem:
-        raise InputError(f"a sweep of {known['experiment']}, not of {experiment}", where=f"--resume {folder}")
-    if members is not None and known.get("design"):
+    stored = read_plan(folder)
+    held_kind = "forecast" if stored.get("forecast") else "sweep"
+    if held_kind != kind:
+        raise InputError(
+            f"holds a {held_kind}", where=f"--resume {folder}", remedy=f"Go on by 'riftberg {held_kind} --resume'"
+        )
+    if experiment is not None and Path(experiment).stem != Path(stored["experiment"]).stem:
+        raise InputError(f"a sweep of {stored['experiment']}, not of {experiment}", where=f"--resume {folder}")
+    if members is not None and stored.get("design"):
         raise InputError(
             "its members are the rows of a table", where=f"--resume {folder}, --members", remedy="Leave --members out"
         )
     options = Options(
-        changes=known["changes"], days=known["days"], data=None if known["data"] is None else Path(known["data"]),
-        without=frozenset(known["without"]), numerics=known["numerics"],
+        changes=stored["changes"], days=stored["days"], data=None if stored["data"] is None else Path(stored["data"]),
+        without=frozenset(stored["without"]), numerics=stored["numerics"],
     )  # fmt: skip
-    every = known["every"] / 3600.0
-    draws = draws_of({"members": members or known.get("members"), "plan": known.get("plan"), "seed": known.get("seed")})
-    plan = planned(known["experiment"], known["vary"], options, every, known.get("cells"), draws,
-                   forecast=bool(known.get("forecast")), design=bool(known.get("design")))  # fmt: skip
+    every = stored["every"] / 3600.0
+    draws = read_draws(
+        {"members": members or stored.get("members"), "plan": stored.get("plan"), "seed": stored.get("seed")}
+    )
+    plan = make_plan(stored["experiment"], stored["vary"], options, every, stored.get("cells"), draws,
+                   forecast=bool(stored.get("forecast")), design=bool(stored.get("design")))  # fmt: skip
     return Store(folder, plan, resume=True)
 
 
@@ -215,8 +219,8 @@ def _run(store: Store, shared: EnsembleOptions, *, draw: bool) -> None:
     if not shared.quiet:
         plan = store.plan
         varied = ", ".join(v.told() for v in plan.varied)
-        done = f", {len(store.done)} are done" if store.done else ""
-        say(f"{len(plan.members)} members ({varied}), {duration_text(plan.days)} each{done}")
+        done_text = f", {len(store.done)} are done" if store.done else ""
+        say(f"{len(plan.members)} members ({varied}), {duration_text(plan.days)} each{done_text}")
         if note := order_line([v.name for v in plan.varied]):
             say(note)
     with results_folder(store.folder, SWEEP_FILES):
@@ -230,7 +234,7 @@ def _run(store: Store, shared: EnsembleOptions, *, draw: bool) -> None:
     for line in summary_lines(result):
         tell(line)
     tell(f"Written to {store.folder}: {', '.join(files)}")
-    if store.own and not (result["status"] == 0).any():
+    if store.assigned and not (result["status"] == 0).any():
         raise RunError("no member came to its end")
 
 
@@ -252,14 +256,14 @@ def run_members(store: Store, command: str, shared: EnsembleOptions) -> xr.Datas
 
 
 def summary_lines(result: xr.Dataset) -> list[str]:
-    """Return a sweep in a few lines: what came of each member, and what failed."""
+    """Return a sweep in a few lines: the result of each member, and the failures."""
     from riftberg.ensembles.probability import fates, reasons
 
     names = [str(name) for name in result.coords if "parameter" in result[name].attrs]
     lines = []
     for k in range(min(result.sizes["member"], 20)):
         member = result.isel(member=k)
-        said = ", ".join(f"{member[name].attrs['parameter']} {_value(member[name])}" for name in names)
+        settings_text = ", ".join(f"{member[name].attrs['parameter']} {_value(member[name])}" for name in names)
         if int(member["status"]) == 0:
             pieces, area = (float(member[name]) for name in ("pieces", "largest_area"))
             end = (
@@ -268,10 +272,12 @@ def summary_lines(result: xr.Dataset) -> list[str]:
                 else f"{pieces:.0f} pieces, largest {area / 1e6:.0f} km2"
             )
             date = str(member["first_breakup"].values)[:16]
-            lines.append(f"  {said}: {end}" + ("" if date == "NaT" else f", first break-up {date.replace('T', ' ')}"))
+            lines.append(
+                f"  {settings_text}: {end}" + ("" if date == "NaT" else f", first break-up {date.replace('T', ' ')}")
+            )
         else:
             how = {1: f"failed: {member['message'].item()}", 3: member["message"].item()}
-            lines.append(f"  {said}: {how.get(int(member['status']), 'waits')}")
+            lines.append(f"  {settings_text}: {how.get(int(member['status']), 'waits')}")
     if result.sizes["member"] > 20:
         lines += [f"  and {result.sizes['member'] - 20} more, see sweep.nc", *reasons(result)]
     return [f"{result.attrs['title']}, {fates(result)}", *lines]
@@ -286,7 +292,7 @@ FORECAST_FILES = ("forecast.nc", "sweep.json", "control.nc", "forecast.png")
 """Files that a forecast writes into its folder, beside the folder ``members``."""
 
 
-@reported
+@report_errors
 @with_ensemble_options
 def forecast(
     context: typer.Context,
@@ -305,20 +311,20 @@ def forecast(
     """Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs."""
     from riftberg.ensembles.forecast import errors_line, forecast_plan
     from riftberg.ensembles.probability import notes, told
-    from riftberg.ensembles.sweep import WEIGHTS, draws_of
+    from riftberg.ensembles.sweep import WEIGHTS, read_draws
     from riftberg.ensembles.vary import order_line
 
     def make(experiment: str) -> Plan:
-        draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
+        draws = read_draws({"members": members, "plan": plan, "seed": shared.seed})
         return forecast_plan(experiment, vary or [], shared.checked(), every, draws, defaults=default_errors)
 
     with allow_large(shared.large):
-        positive(every, "--every", "hours", most=1e6)
+        check_positive(every, "--every", "hours", most=1e6)
         announce_compilation(shared.quiet)
         if join is not None:
-            store, shared = joined(context, join, "forecast"), replace(shared, workers=0)
+            store, shared = join_store(context, join, "forecast"), replace(shared, workers=0)
         else:
-            store = opened(context, "forecast", experiment, make, FORECAST_FILES, shared, members, part)
+            store = open_store(context, "forecast", experiment, make, FORECAST_FILES, shared, members, part)
         if not shared.quiet:
             say(errors_line(store.plan.varied))
             if note := order_line([text.partition("~")[0].partition("=")[0] for text in vary or ()]):
@@ -334,7 +340,7 @@ def forecast(
             say("Weights of earlier sightings do not hold for members that were added: use riftberg update once more")
         files = [name for name in FORECAST_FILES[:-1] if (store.folder / name).exists()]
         some_done = bool((result["status"] == 0).any())
-        if store.own and not some_done:
+        if store.assigned and not some_done:
             message = next((str(text) for text in result["message"].values if text), "")
             raise RunError(f"no member came to its end{': ' if message else ''}{message}")
         if map_ and "presence" in result:
@@ -357,7 +363,7 @@ def first_picture(result: xr.Dataset, path: Path) -> None:
         say(f"{path}: a first picture, of {int((result['status'] == 0).sum())} members")
 
 
-@reported
+@report_errors
 def product_errors(
     first: Annotated[Path, typer.Argument(metavar="FIRST", help="File of a product with currents.")],
     second: Annotated[Path, typer.Argument(metavar="SECOND", help="File of another one, of the same days and area.")],
@@ -365,15 +371,15 @@ def product_errors(
     lat: Annotated[str | None, typer.Option("--lat", metavar="SOUTH,NORTH", help="Box.")] = None,
 ) -> None:  # fmt: skip
     """Estimate the error of the current by the differences of two products: size, length, time."""
-    from riftberg.ensembles.uncertain import estimated
+    from riftberg.ensembles.uncertain import estimate_errors
 
-    found = estimated(first, second, longitude=pair(lon, "--lon"), latitude=pair(lat, "--lat"))
-    tell(f"{found.points} points, {found.records} dates; half of the squared difference, if both err alike:")
-    tell("  " + " ".join(f"--vary '{text}'" for text in found.vary))
+    estimate = estimate_errors(first, second, longitude=pair(lon, "--lon"), latitude=pair(lat, "--lat"))
+    tell(f"{estimate.points} points, {estimate.records} dates; half of the squared difference, if both err alike:")
+    tell("  " + " ".join(f"--vary '{text}'" for text in estimate.vary))
     tell("  A lower bound: errors that both products share are not in their difference.")
 
 
-@reported
+@report_errors
 def update(
     folder: Annotated[Path, typer.Argument(help="Folder of a forecast.")],
     observed: Annotated[
@@ -404,25 +410,25 @@ def update(
     from riftberg.config.values import parse_date
     from riftberg.ensembles.probability import told
     from riftberg.ensembles.result import open_sweep
-    from riftberg.ensembles.sweep import Store, planned, read_plan, run_sweep
+    from riftberg.ensembles.sweep import Store, make_plan, read_plan, run_sweep
     from riftberg.runs.progress import SweepBar
-    from riftberg.verification.sightings import FEWEST, drawn_anew, log_likelihood, weighted
+    from riftberg.verification.sightings import FEWEST, log_likelihood, redraw_members, weighted
 
-    within(error, "--error", 0.01, 1000.0)
-    within(azimuth_error, "--azimuth-error", 0.1, 90.0)
-    within(doubt, "--doubt", 0.01, 50.0)
-    within(hour, "--hour", 0.0, 24.0)
+    check_range(error, "--error", 0.01, 1000.0)
+    check_range(azimuth_error, "--azimuth-error", 0.1, 90.0)
+    check_range(doubt, "--doubt", 0.01, 50.0)
+    check_range(hour, "--hour", 0.0, 24.0)
     if not read_plan(folder).get("forecast"):
         raise InputError("holds a sweep, no forecast", where=str(folder), remedy="Name a folder of 'riftberg forecast'")
-    store = resumed(folder, kind="forecast")
+    store = resume_store(folder, kind="forecast")
     new = output or folder.with_name(f"{folder.name}-updated")
-    seen = None if observed is None else observed_in(observed)
+    seen = None if observed is None else load_observed(observed)
     dates = {
         name: None if text is None else parse_date(text, where=option)[0]
         for name, text, option in (("broken", broken, "--broken"), ("whole_until", whole_until, "--whole-until"))
     }
 
-    def count_of(likelihood: Any) -> int:
+    def count_finite(likelihood: Any) -> int:
         return int(np.isfinite(likelihood).sum())  # those that did not fail, however little they weigh
 
     def likelihood(of: Store) -> Any:
@@ -435,27 +441,29 @@ def update(
             ds.close()
 
     about = ", ".join(str(text) for text in (observed, broken, whole_until) if text is not None)
-    known = likelihood(store)
+    log_likelihoods = likelihood(store)
     if output is not None:
         check_folder(new, ("sweep.json", "forecast.nc"))  # before anything is written
-    weight, number = weighted(store, known, about)
-    done = count_of(known)
-    say(f"{number:.1f} of {done} members count (effective number)")
-    if number < FEWEST * done and resample:
+    weight, number = weighted(store, log_likelihoods, about)
+    completed = count_finite(log_likelihoods)
+    say(f"{number:.1f} of {completed} members count (effective number)")
+    if number < FEWEST * completed and resample:
         check_folder(new, ("sweep.json", "forecast.nc"))
         announce_compilation(quiet)
-        columns, base, parents = drawn_anew(store.plan, weight, known)
+        columns, base, parents = redraw_members(store.plan, weight, log_likelihoods)
         plan = store.plan
-        again = planned(plan.experiment, columns, replace(plan.options, days=plan.days), plan.every / 3600.0,
+        again = make_plan(plan.experiment, columns, replace(plan.options, days=plan.days), plan.every / 3600.0,
                         forecast=True, design=True)  # fmt: skip
         store = Store(new, again, resume=False)
         bar = None if quiet else SweepBar(len(again.members) + 1)
         run_sweep(store, workers=workers, bar=bar).close()
         store.set_base(base)
-        known = likelihood(store)
-        _, number = weighted(store, known, about)
-        around = f"around {parents} of the old ones" if parents > 1 else "around a single one, with its random fields"
-        say(f"New members {around}: {number:.1f} of {count_of(known)} count")
+        log_likelihoods = likelihood(store)
+        _, number = weighted(store, log_likelihoods, about)
+        origin_text = (
+            f"around {parents} of the old ones" if parents > 1 else "around a single one, with its random fields"
+        )
+        say(f"New members {origin_text}: {number:.1f} of {count_finite(log_likelihoods)} count")
     for line in told(open_sweep(store.file)):
         tell(line)
     tell(f"Written to {store.folder}: {store.file.name}, weights.json")
@@ -465,7 +473,7 @@ HAZARDS = ("hazard.geojson", "hazard.kml", "hazard.nc", "hazard.csv", "near.csv"
 """Files of a folder of hazards; the last one where a place is named."""
 
 
-@reported
+@report_errors
 def hazard(
     folder: Annotated[Path, typer.Argument(help="Folder of a forecast, or its forecast.nc.")],
     output: Annotated[
@@ -490,10 +498,10 @@ def hazard(
         raise InputError("holds no forecast in degrees with members that are done", where=str(folder),
                          remedy="Name a folder that 'riftberg forecast' made")  # fmt: skip
     distance = _distance(near_by)
-    places = [] if near is None else _places(near)
+    targets = [] if near is None else _read_targets(near)
     out = output or (folder if folder.is_dir() else folder.parent) / "hazard"
     check_folder(out, HAZARDS)
-    with results_folder(out, HAZARDS, taken=HAZARDS):
+    with results_folder(out, HAZARDS, locked=HAZARDS):
         limits = products.ice_limits(result)
         features = products.geojson(result, limits)
         write_text(out / "hazard.geojson", json.dumps(features) + "\n")
@@ -512,12 +520,12 @@ def hazard(
             elif limit.date is None:
                 tell(f"{limit.percent} % limit of ice, whole time: {products.area_km2(limit.line):.0f} km2, "
                            f"all ice of {100 * limit.inside:.0f} % of the members inside")  # fmt: skip
-        if places:
+        if targets:
             rows = []
-            for name, shape in places:
-                found = products.approach(result, name, shape, distance)
-                tell(found.told())
-                rows += found.rows()
+            for name, shape in targets:
+                closest = products.approach(result, name, shape, distance)
+                tell(closest.told())
+                rows += closest.rows()
             write_text(out / "near.csv", _table(rows))
             files.append("near.csv")
         tell(f"Not covered: {result.attrs.get('not_covered', 'ice smaller than an element')}")
@@ -527,20 +535,20 @@ def hazard(
 def _distance(text: str) -> float:
     from riftberg.config.values import number
 
-    parts = re.fullmatch(r"\s*([-+.\deE]*\d\.?)\s*(.*?)\s*", text)
-    if parts is None or not parts[2]:
+    match = re.fullmatch(r"\s*([-+.\deE]*\d\.?)\s*(.*?)\s*", text)
+    if match is None or not match[2]:
         raise InputError(
             "no distance with a unit", where=f"--within {text}", remedy="Give a distance, such as 5nm or 10km"
         )
     # A ship's nm is the nautical mile; nanometres come near nothing.
-    unit = "nmi" if parts[2].lower() == "nm" else parts[2]
-    metres = number(f"{parts[1]} {unit}", "m", where=f"--within {text}")
+    unit = "nmi" if match[2].lower() == "nm" else match[2]
+    metres = number(f"{match[1]} {unit}", "m", where=f"--within {text}")
     if not 0.0 <= metres < 2e7:
         raise InputError(f"{metres:g} m", where=f"--within {text}", remedy="Give a distance, such as 5nm or 10km")
     return metres
 
 
-def _places(path: Path) -> list[tuple[str, Any]]:
+def _read_targets(path: Path) -> list[tuple[str, Any]]:
     """Return names and shapes (degrees) of a file."""
     from riftberg.bergs.outline import read_features
     from riftberg.errors import BergError
@@ -552,14 +560,14 @@ def _places(path: Path) -> list[tuple[str, Any]]:
         features = read_features(path, lines=True)
     except BergError as error:
         raise InputError(error.what, where=str(path), remedy=remedy) from error
-    found = [(str(feature.properties.get("name") or ""), feature.geometry) for feature in features]
-    if any(shape.is_empty for _, shape in found):
+    targets = [(str(feature.properties.get("name") or ""), feature.geometry) for feature in features]
+    if any(shape.is_empty for _, shape in targets):
         raise InputError("holds an empty shape", where=str(path), remedy=remedy)
-    for _, shape in found:
+    for _, shape in targets:
         west, south, east, north = shape.bounds
         if south < -90.0 or north > 90.0 or west < -360.0 or east > 540.0:
             raise InputError("positions are no degrees", where=str(path), remedy=remedy)
-    return [(name or f"{path.stem} {k + 1}", shape) for k, (name, shape) in enumerate(found)]
+    return [(name or f"{path.stem} {k + 1}", shape) for k, (name, shape) in enumerate(targets)]
 
 
 def _table(rows: list[dict[str, Any]]) -> str:

@@ -1,4 +1,4 @@
-"""Files before a run: ``riftberg doctor`` says what forcing files are and what is lacking, ``riftberg fetch`` gets them.
+"""Files before a run: ``riftberg doctor`` identifies forcing files and lists missing ones, ``riftberg fetch`` gets them.
 
 ``riftberg new`` writes an experiment file for a named berg on a date, from the tables that ``riftberg fetch`` gets.
 """
@@ -18,29 +18,29 @@ import typer
 from riftberg.cli.options import (
     Names,
     Quiet,
-    as_named,
     check_output,
+    check_positive,
+    check_range,
     dates,
-    entries_of,
+    list_entries,
+    match_names,
     pair,
-    positive,
-    reported,
+    report_errors,
     results_folder,
     tell,
-    within,
 )
 from riftberg.errors import InputError, RiftbergError
 from riftberg.system.input_files import in_folder
 
 if TYPE_CHECKING:
-    from riftberg.diagnostics.observed import Known
+    from riftberg.diagnostics.observed import Sighting
     from riftberg.products.registry import Choice
 
 
 EXIT_LACKING = 1
 
 
-@reported
+@report_errors
 def doctor(
     files: Annotated[
         list[str] | None,
@@ -76,35 +76,38 @@ def doctor(
     from riftberg.ocean.doctor import ASSUMED, NEEDED, Report
     from riftberg.ocean.doctor import doctor as examine
 
-    asked = _asked(experiment, bool(files)) if experiment else Asked()
-    if not files and not asked.files and not asked.spared >= {*NEEDED}:
-        remedy = asked.remedy or "riftberg doctor 'data/*.nc', or --for my.yaml"
+    requirements = _read_requirements(experiment, bool(files)) if experiment else Requirements()
+    if not files and not requirements.files and not requirements.spared >= {*NEEDED}:
+        remedy = requirements.remedy or "riftberg doctor 'data/*.nc', or --for my.yaml"
         raise InputError("no files were named", where="FILES", remedy=remedy)
-    box, days = (pair(lon, "--lon") or asked.lon, pair(lat, "--lat") or asked.lat), dates(time) or asked.time
-    named, choices = as_named(files or (), product, names)
+    box, days = (
+        (pair(lon, "--lon") or requirements.lon, pair(lat, "--lat") or requirements.lat),
+        dates(time) or requirements.time,
+    )
+    chosen_files, choices = match_names(files or (), product, names)
     report = examine(
-        named or asked.files, lon=box[0], lat=box[1], time=days,
-        needed=[*(name for name in NEEDED if name not in asked.spared), *(need or ())],
-        wished=[name for name in ASSUMED if name not in asked.spared],
-        path=_path_of_run(run) or list(asked.path), product=choices if names else product or asked.products,
-        max_gap=asked.max_gap, hold=asked.hold,
-    ) if files or asked.files else Report()  # fmt: skip
+        chosen_files or requirements.files, lon=box[0], lat=box[1], time=days,
+        needed=[*(name for name in NEEDED if name not in requirements.spared), *(need or ())],
+        wished=[name for name in ASSUMED if name not in requirements.spared],
+        path=_extreme_positions(run) or list(requirements.path), product=choices if names else product or requirements.products,
+        max_gap=requirements.max_gap, hold=requirements.hold,
+    ) if files or requirements.files else Report()  # fmt: skip
     # Another path, box or span than that of the experiment needs more than a run does.
     if experiment and not (run or lon or lat or time) and (not files or experiment.endswith(_YAML)):
-        report.refusal, report.assumed, floor = _tried(experiment, named, choices)
+        report.refusal, report.assumed, floor = _try_run(experiment, chosen_files, choices)
         report.notes += [floor] if floor else []
     elif not experiment and not run and box[0] and box[1] and days:
-        report.refusal = _served(named, (box[0], box[1]), days, choices) or None
+        report.refusal = _try_files(chosen_files, (box[0], box[1]), days, choices) or None
     tell(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
     if not report.ready:
         raise typer.Exit(EXIT_LACKING)
 
 
-class Asked(NamedTuple):
-    """What an experiment asks of its files: box (degrees), dates (UTC) and, if it names them, files and their products.
+class Requirements(NamedTuple):
+    """Requirements of an experiment on its files: box (degrees), dates (UTC) and, if it names them, files and their products.
 
     ``path`` holds positions of the berg, ``spared`` fields that are not needed, ``max_gap`` and ``hold`` seconds, and
-    ``remedy`` what to do without files.
+    ``remedy`` the advice where no files are named.
     """
 
     lon: tuple[float, float] | None = None
@@ -122,22 +125,22 @@ class Asked(NamedTuple):
 _YAML = (".yaml", ".yml")
 
 
-def _tried(experiment: str, files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[str, list[str], str]:
-    """Return why a run of an experiment does not start, what would be assumed, as ``riftberg run`` has it, and keel and floor."""
-    from riftberg.cli.run import check_start, notices_of
+def _try_run(experiment: str, files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[str, list[str], str]:
+    """Return why a run of an experiment does not start, the assumptions of ``riftberg run``, and keel and floor."""
+    from riftberg.cli.run import check_start, collect_notices
     from riftberg.experiments import Options, build
     from riftberg.runs.groundings import keel_line
 
-    options = Options(files=entries_of(files, choices))
+    options = Options(files=list_entries(files, choices))
     try:
         model, info = build(experiment, options)
         check_start(model, info.days, info.output_every_hours)
     except RiftbergError as error:
         return str(error), [], ""
-    return "", notices_of(info, model, options, info.output_every_hours), keel_line(model)
+    return "", collect_notices(info, model, options, info.output_every_hours), keel_line(model)
 
 
-def _served(
+def _try_files(
     files: Sequence[str],
     box: tuple[tuple[float, float], tuple[float, float]],
     days: tuple[datetime, datetime],
@@ -148,26 +151,26 @@ def _served(
     from riftberg.ocean.files_schema import FileForcing
     from riftberg.parameters import Ice
 
-    entries = list(entries_of(files, choices))
+    entries = list(list_entries(files, choices))
     settings = FileForcing(kind="files", files=["any"], longitude=box[0], latitude=box[1])
-    asked = Run(*days, np.array([200.0]), Ice().density)
+    planned_run = Run(*days, np.array([200.0]), Ice().density)
     try:
-        forcing_from_files(settings.model_copy(update={"files": entries}), Path(), asked)
+        forcing_from_files(settings.model_copy(update={"files": entries}), Path(), planned_run)
     except RiftbergError as error:
         return str(error)
     return ""
 
 
-def _asked(name: str, named: bool) -> Asked:
-    """Return what an experiment asks of its files; ``named`` if others are named."""
+def _read_requirements(name: str, files_named: bool) -> Requirements:
+    """Return the requirements of an experiment on its files; ``files_named`` if others are named."""
     if name.endswith(_YAML):
         from riftberg.experiments.yaml_file import read_file
         from riftberg.ocean.files_schema import FileForcing
 
         experiment, _, _ = read_file(Path(name))
         forcing = experiment.forcing
-        if not isinstance(forcing, FileForcing) and not named:
-            return Asked(spared=_ALL)
+        if not isinstance(forcing, FileForcing) and not files_named:
+            return Requirements(spared=_ALL)
         if not isinstance(forcing, FileForcing):
             raise InputError(
                 f"its forcing is of kind {forcing.kind!r}", where=f"--for {name}", remedy="It needs no files"
@@ -177,7 +180,7 @@ def _asked(name: str, named: bool) -> Asked:
         left_out = set() if forcing.sea_level in ("auto", "files") else {"ssh"}
         left_out |= {"ua", "va"} if forcing.wind == "none" else set()
         max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (forcing.max_gap, forcing.hold))
-        return Asked(
+        return Requirements(
             forcing.longitude, forcing.latitude, (experiment.start, end), tuple(products), products,
             spared=frozenset(left_out), max_gap=max_gap, hold=hold,
         )  # fmt: skip
@@ -186,24 +189,24 @@ def _asked(name: str, named: bool) -> Asked:
     from riftberg.model import DEFAULT_START
 
     entry = find(name).name
-    if not named and not find(name).fetches:
-        return Asked(spared=_ALL)
+    if not files_named and not find(name).fetches:
+        return Requirements(spared=_ALL)
     if not entry.startswith("a68a"):
         raise InputError(f"{name} is nowhere on Earth", where="--for", remedy="Name a68a, or a YAML file")
     end = DEFAULT_START + timedelta(days=18)
     path = tuple((seen.lon, seen.lat) for seen in A68A_OBSERVED if seen.day not in PARTIAL)
-    asked = Asked(*REGION, (DEFAULT_START, end), path=path)
+    requirements = Requirements(*REGION, (DEFAULT_START, end), path=path)
     folder = named_folder(Options())
     if any(folder.glob("*.nc")):
-        return asked._replace(files=(str(folder / "*.nc"),))
-    return asked._replace(remedy=f"None are in {folder}: 'riftberg fetch a68a' gets them, or name others")
+        return requirements._replace(files=(str(folder / "*.nc"),))
+    return requirements._replace(remedy=f"None are in {folder}: 'riftberg fetch a68a' gets them, or name others")
 
 
 _ALL = frozenset(("uo", "vo", "ssh", "ua", "va"))
 """What is spared where the ocean is one of formulas: all that files give otherwise."""
 
 
-def _path_of_run(run: Path | None) -> list[tuple[float, float]] | None:
+def _extreme_positions(run: Path | None) -> list[tuple[float, float]] | None:
     """Return where the ice of a run reaches farthest west, east, south and north, at fifty records or so."""
     if run is None:
         return None
@@ -216,13 +219,13 @@ def _path_of_run(run: Path | None) -> list[tuple[float, float]] | None:
         every = max(1, dataset.sizes["time"] // 50)
         records = dataset[["lon", "lat"]].isel(time=slice(None, None, every)).transpose("time", "trajectory")
         lon, lat = (records[name].values for name in ("lon", "lat"))
-    found = []
+    positions = []
     for x, y in zip(lon, lat, strict=True):
-        there = np.flatnonzero(np.isfinite(y))
-        turned = near(x[there], float(x[there][0])) if there.size else x[there]
-        ends = {int(there[f(axis)]) for f in (np.argmin, np.argmax) for axis in (turned, y[there]) if there.size}
-        found += [(float(x[k]), float(y[k])) for k in sorted(ends)]
-    return found
+        present = np.flatnonzero(np.isfinite(y))
+        turned = near(x[present], float(x[present][0])) if present.size else x[present]
+        ends = {int(present[f(axis)]) for f in (np.argmin, np.argmax) for axis in (turned, y[present]) if present.size}
+        positions += [(float(x[k]), float(y[k])) for k in sorted(ends)]
+    return positions
 
 
 PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")
@@ -231,7 +234,7 @@ PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")
 POSITIONS = ("byu", "usnic")
 
 
-@reported
+@report_errors
 def fetch(
     what: Annotated[
         str,
@@ -261,7 +264,7 @@ def fetch(
     quiet: Quiet = False,
 ) -> None:
     """Download forcing files; an interrupted download resumes where it stopped."""
-    positive(depth, "--depth", "m", most=12_000.0)
+    check_positive(depth, "--depth", "m", most=12_000.0)
     folder = folder or Path("riftberg-data") / what
     if what == "a68a":
         from riftberg.fetching.fetch import HOURLY, fetch_a68a
@@ -309,7 +312,7 @@ SUITABLE: Final = {"glorys": "", "era5": " --fields wind", "gebco": ""}
 """Products of a run, with the options of ``riftberg fetch``."""
 
 
-@reported
+@report_errors
 def new(
     berg: Annotated[str, typer.Argument(help="Name of a berg, such as A23a.")],
     date: Annotated[str, typer.Option("--date", help="Day of the start, such as 2025-01-10.")],
@@ -333,19 +336,19 @@ def new(
     """Write an experiment file for a named berg: place, size, products to fetch."""
     from riftberg.bergs.outline import check_outline, read_features, select_outline
     from riftberg.config.values import number, parse_date
-    from riftberg.diagnostics.observed import known_at, read_berg
+    from riftberg.diagnostics.observed import find_sighting, read_berg
     from riftberg.experiments.yaml_file import read_file
     from riftberg.system.atomic_files import write_text
 
-    positive(days, "--days", "days", most=400.0)
+    check_positive(days, "--days", "days", most=400.0)
     start = parse_date(date, where="--date")[0]
     if shape not in ("ellipse", "rectangle"):
         raise InputError(f"{shape!r} is no shape", where="--shape", remedy="Use ellipse or rectangle")
     metres = number(thickness, "m", where="--thickness")
-    given = None
+    given_axes = None
     if size is not None:
-        given = _axes_given(size)
-    within(azimuth, "--azimuth", -360.0, 360.0)
+        given_axes = _axes_given(size)
+    check_range(azimuth, "--azimuth", -360.0, 360.0)
     if outline is not None:
         where = str(outline)
         check_outline(select_outline(read_features(outline), where=where).geometry, where=where)
@@ -355,11 +358,11 @@ def new(
             "no folder of tables" if folder is None else "no such folder", where="--tables",
             remedy="'riftberg fetch byu' or 'riftberg fetch usnic' gets them",
         )  # fmt: skip
-    known = known_at(berg, read_berg(berg, folder), start, sized=given is None and outline is None)
+    sighting = find_sighting(berg, read_berg(berg, folder), start, sized=given_axes is None and outline is None)
     file = output or Path(f"{berg.lower()}-{start:%Y%m%d}.yaml")
     check_output(file)
-    axes = given or (known.size.axes if known.size else None)
-    text, ring = _experiment(berg, start, days, known, axes, shape, outline, azimuth, metres, file)
+    axes = given_axes or (sighting.size.axes if sighting.size else None)
+    text, ring = _experiment(berg, start, days, sighting, axes, shape, outline, azimuth, metres, file)
     if ring:
         write_text(ring_file(file), "lon,lat\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in ring))
     write_text(file, text)
@@ -377,10 +380,10 @@ def _axes_given(size: str) -> tuple[float, float]:
     from riftberg.diagnostics.observed import LONGEST
 
     remedy = "For example --size '60 km,30 km'"
-    parts = size.split(",")
-    if bare := [part for part in parts if not any(c.isalpha() for c in part)]:
+    texts = size.split(",")
+    if bare := [text for text in texts if not any(c.isalpha() for c in text)]:
         raise InputError(f"{bare[0].strip()!r} has no unit", where="--size", remedy=remedy)
-    metres = [number(part, "m", where="--size") for part in parts]
+    metres = [number(text, "m", where="--size") for text in texts]
     if len(metres) != 2 or min(metres) <= 0.0:
         raise InputError(f"{size!r} is not two lengths", where="--size", remedy=remedy)
     if max(metres) > LONGEST:
@@ -389,20 +392,20 @@ def _axes_given(size: str) -> tuple[float, float]:
 
 
 def ring_file(file: Path) -> Path:
-    """Return the file of the outline beside that of the experiment."""
+    """Return the file of the outline, beside the experiment file."""
     return file.with_name(f"{file.stem}-outline.csv")
 
 
 def _experiment(
-    berg: str, start: datetime, days: float, known: Known, axes: tuple[float, float] | None, shape: str, outline: Path | None,
-    azimuth: float, thickness: float, file: Path,
+    berg: str, start: datetime, days: float, sighting: Sighting, axes: tuple[float, float] | None, shape: str,
+    outline: Path | None, azimuth: float, thickness: float, file: Path,
 ) -> tuple[str, list[tuple[float, float]]]:  # fmt: skip
     """Return the text of the file, and the outline that goes beside it where the berg is an ellipse."""
     from riftberg.config.units import place_text
 
-    fix, ring = known.fix, []
-    place = place_text(fix.lon, fix.lat, latlon=True)
-    notes = [f"{berg} at {place}, seen by {fix.sensor} on {fix.when:%Y-%m-%d}."]
+    fix, ring = sighting.fix, []
+    position = place_text(fix.lon, fix.lat, latlon=True)
+    notes = [f"{berg} at {position}, seen by {fix.sensor} on {fix.when:%Y-%m-%d}."]
     lines = [f"  name: {berg}", f"  thickness: {thickness:g} m"]
     if outline is not None:
         lines.append(f"  outline: {outline.resolve()}")
@@ -410,8 +413,8 @@ def _experiment(
     else:
         assert axes is not None
         long_axis, short_axis = max(axes), min(axes)
-        listed = known.size is not None and known.size.axes == axes
-        source = f"listed by NIC on {known.size.when:%Y-%m-%d}" if listed and known.size else "given"
+        listed = sighting.size is not None and sighting.size.axes == axes
+        source = f"listed by NIC on {sighting.size.when:%Y-%m-%d}" if listed and sighting.size else "given"
         notes.append(
             f"Axes of {long_axis / 1e3:.0f} km and {short_axis / 1e3:.0f} km, {source}, as {'an' if shape == 'ellipse' else 'a'} "
             f"{shape}; long axis towards {azimuth:g} degrees and thickness of {thickness:g} m are not observed: change them."

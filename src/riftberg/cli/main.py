@@ -61,8 +61,8 @@ _ELSEWHERE: Final = {
 """Commands that stand in the file of another."""
 
 
-def function_of(name: str) -> Callable[..., Any]:
-    """Return the function of a command, called as it is."""
+def load_command(name: str) -> Callable[..., Any]:
+    """Return the function of a command, to be called unchanged."""
     word = name.replace("-", "_")
     function: Callable[..., Any] = getattr(importlib.import_module(f"riftberg.cli.{_ELSEWHERE.get(name, word)}"), word)
     return function
@@ -79,13 +79,15 @@ class Commands(TyperGroup):
         """Keep the words for commands that print how to go on; refuse empty ones: a path would mean the present folder."""
         ctx.obj = list(args)
         if "" in args:
-            place = args.index("")
-            ctx.fail(f"Nothing stands after '{args[place - 1]}', only an empty word." if place else "An empty word.")
+            position = args.index("")
+            ctx.fail(
+                f"Nothing stands after '{args[position - 1]}', only an empty word." if position else "An empty word."
+            )
         _take_flags_as_they_are(self, ctx)
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a command; a value that is none is refused in our words, where typer has those of pydantic."""
+        """Run a command; refuse an invalid value in our words, where typer would print the words of pydantic."""
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:
@@ -98,18 +100,18 @@ class Commands(TyperGroup):
         """Return a command, loaded."""
         if super().get_command(ctx, cmd_name) is None:
             return None
-        command = typer.main.get_command(_alone(cmd_name))
+        command = typer.main.get_command(_single_command(cmd_name))
         _take_flags_as_they_are(command, ctx)
         return command
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write what each command does, in full and without loading it."""
+        """Write the summary of each command, in full and without loading it."""
         with formatter.section("Commands"):
             formatter.write_dl(list(SUMMARIES.items()))
 
 
 def _take_flags_as_they_are(command: Any, ctx: Any) -> None:
-    """Take flags and counts as the parser found them; typer would load pydantic to see what they are, 60 ms."""
+    """Take flags and counts as the parser found them; typer would load pydantic to find their types, 60 ms."""
     for option in command.get_params(ctx):
         if getattr(option, "is_flag", False) or getattr(option, "count", False):
             option.process_value = partial(_called_back, option)
@@ -120,22 +122,22 @@ def _called_back(option: Any, ctx: Any, value: Any) -> Any:
 
 
 def _refusal(finding: Any) -> str:
-    """Return what pydantic found of a word on the command line."""
+    """Return the refusal of a word on the command line, from the finding of pydantic."""
     from riftberg.config.values import finding_text
 
     kind, limits = finding["type"].partition("_")[0], finding.get("ctx", {})
-    wanted = {"float": "a number", "int": "a whole number", "bool": "true or false"}.get(kind, "a number")
+    expected = {"float": "a number", "int": "a whole number", "bool": "true or false"}.get(kind, "a number")
     signs = {"ge": "from", "gt": "above", "le": "at most", "lt": "below"}
     bounds = "".join(f" {word} {limits[sign]:g}" for sign, word in signs.items() if sign in limits)
-    return f"{finding_text(finding)}. Give {wanted}{bounds}"
+    return f"{finding_text(finding)}. Give {expected}{bounds}"
 
 
-def _alone(name: str) -> typer.Typer:
+def _single_command(name: str) -> typer.Typer:
     from riftberg.cli.options import verbose
 
-    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    alone.command(name)(verbose(function_of(name)))
-    return alone
+    single = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    single.command(name)(verbose(load_command(name)))
+    return single
 
 
 class App(typer.Typer):
@@ -157,11 +159,11 @@ class App(typer.Typer):
         """All commands, loaded; none for typer itself, which would load them all before it runs one (`Commands` does that)."""
         if sys._getframe(1).f_globals.get("__name__") == "typer.main":
             return []
-        return [info for name in SUMMARIES for info in _alone(name).registered_commands]
+        return [info for name in SUMMARIES for info in _single_command(name).registered_commands]
 
     @registered_commands.setter
     def registered_commands(self, commands: list[CommandInfo]) -> None:
-        """Leave out what typer begins with."""
+        """Ignore the empty list that typer begins with."""
 
 
 app = App(
@@ -176,8 +178,8 @@ app = App(
 )
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(requested: bool) -> None:
+    if requested:
         typer.echo(f"riftberg {__version__}")
         raise typer.Exit
 

@@ -1,6 +1,6 @@
-"""What commands share: options and their checks, where results go, and what the person at the terminal sees.
+"""Shared by commands: options and their checks, folders of results, and messages at the terminal.
 
-A run may take hours; that its file cannot be written is to be said first. A folder that was made for a run that was
+A run may take hours, so a file that cannot be written is refused first. A folder that was made for a run that was
 refused is removed. Two commands that write one file are kept apart (`riftberg.system.atomic_files.only_writer`).
 
 An error is one clear message and a code for scripts; with ``--verbose`` the log of the package is shown.
@@ -148,14 +148,14 @@ OutputFolder = Annotated[
 OutputBeside = Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")]
 
 
-def positive(value: float | None, option: str, unit: str, most: float = math.inf) -> None:
+def check_positive(value: float | None, option: str, unit: str, most: float = math.inf) -> None:
     """Refuse an option that is no finite number above 0."""
     if value is not None and not (0.0 < value <= most and math.isfinite(value)):
         to = f", at most {most:g}" if math.isfinite(most) else ""
         raise InputError(f"{value:g} {unit}", where=option, remedy=f"Give a number above 0{to or ', not infinity'}")
 
 
-def within(value: float | None, option: str, low: float, high: float) -> None:
+def check_range(value: float | None, option: str, low: float, high: float) -> None:
     """Refuse an option outside its limits; NaN is outside of all."""
     if value is not None and not low <= value <= high:
         raise InputError(f"{value:g} is not possible", where=option, remedy=f"Give a number from {low:g} to {high:g}")
@@ -166,7 +166,7 @@ def pair(text: str | None, where: str) -> tuple[float, float] | None:
     if text is None:
         return None
     try:
-        first, second = (float(part) for part in text.split(","))
+        first, second = (float(word) for word in text.split(","))
     except ValueError as error:
         raise InputError(
             f"{value_shown(text)} is not two numbers", where=where, remedy=f"For example {where} -43,-33"
@@ -190,14 +190,14 @@ def dates(text: str | None, where: str = "--time") -> tuple[datetime, datetime] 
         return None
     from riftberg.config.values import parse_date
 
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != 2:
+    words = [word.strip() for word in text.split(",")]
+    if len(words) != 2:
         raise InputError(
             f"{value_shown(text)} is not two dates", where=where, remedy=f"For example {where} 2020-12-09,2020-12-25"
         )
-    first, last = (parse_date(part, where=where)[0] for part in parts)
+    first, last = (parse_date(word, where=where)[0] for word in words)
     if first > last:
-        raise InputError(f"{parts[0]} is later than {parts[1]}", where=where, remedy="The earlier date stands first")
+        raise InputError(f"{words[0]} is later than {words[1]}", where=where, remedy="The earlier date stands first")
     return first, last
 
 
@@ -210,7 +210,7 @@ def make_options(
     fetch: bool = False,
     grid: float | None = None,
 ) -> Options:
-    """Check what was given on the command line."""
+    """Check the options of the command line."""
     from riftberg.experiments import Options
 
     if numerics == "both":
@@ -219,7 +219,7 @@ def make_options(
         raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference, or both")
     if grid is not None and not 1e-4 <= grid <= 5.0:
         raise InputError(f"{grid:g} degrees", where="--grid", remedy="Give a number from 0.0001 (some 10 m) to 5")
-    positive(days, "--days", "days")
+    check_positive(days, "--days", "days")
     if data is not None and not is_folder(data) and not fetch:
         raise InputError("no such folder", where=f"--data {data}", remedy="Name a folder with data files")
     changes: dict[str, dict[str, Any]] = {}
@@ -232,7 +232,7 @@ def make_options(
 
 @dataclass(frozen=True)
 class EnsembleOptions:
-    """What all commands take that run members."""
+    """Options of all commands that run members."""
 
     output: OutputFolder = None
     settings: Settings = None
@@ -249,19 +249,19 @@ class EnsembleOptions:
     large: AllowMore = False
 
     def checked(self) -> Options:
-        """Return what is the same for all members."""
+        """Return the options that are the same for all members."""
         return make_options(self.settings, self.days, self.data, self.without, self.numerics)
 
 
 def with_ensemble_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Return a command that takes each of `EnsembleOptions` by itself, and gets them together as ``shared``."""
-    own = inspect.signature(EnsembleOptions, eval_str=True).parameters.values()
-    fields = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own]
+    ensemble_options = inspect.signature(EnsembleOptions, eval_str=True).parameters.values()
+    fields = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in ensemble_options]
 
     @functools.wraps(command)
-    def wrapped(**given: Any) -> Any:
-        shared = EnsembleOptions(**{field.name: given.pop(field.name) for field in fields})
-        return command(**given, shared=shared)
+    def wrapped(**arguments: Any) -> Any:
+        shared = EnsembleOptions(**{field.name: arguments.pop(field.name) for field in fields})
+        return command(**arguments, shared=shared)
 
     signature = inspect.signature(command, eval_str=True)
     parameters = [*(p for p in signature.parameters.values() if p.name != "shared"), *fields]
@@ -316,11 +316,11 @@ def check_folder(folder: Path, names: Iterable[str] = (), *, needed: float = LEA
         while not nearest.exists():
             nearest = nearest.parent
         if not nearest.is_dir():
-            what = "a file, not a folder" if nearest == folder else f"{shown(nearest)} is a file, not a folder"
-            raise InputError(what, where=where, remedy=remedy)
-        taken = next((name for name in names if (folder / name).is_dir()), None)
-        if taken is not None:
-            raise InputError(f"{taken} is a folder there, where a file goes", where=where, remedy=remedy)
+            problem = "a file, not a folder" if nearest == folder else f"{shown(nearest)} is a file, not a folder"
+            raise InputError(problem, where=where, remedy=remedy)
+        blocking = next((name for name in names if (folder / name).is_dir()), None)
+        if blocking is not None:
+            raise InputError(f"{blocking} is a folder there, where a file goes", where=where, remedy=remedy)
         # A test of the rights alone misses what is mounted read-only.
         with tempfile.TemporaryFile(dir=nearest) as file:
             file.write(b"riftberg")
@@ -348,56 +348,58 @@ def check_output(path: Path, *, inputs: Iterable[Path | None] = ()) -> None:
 
 @contextmanager
 def results_folder(
-    folder: Path, names: Iterable[str] = (), *, needed: float = LEAST_SPACE, taken: Iterable[str] = ()
+    folder: Path, names: Iterable[str] = (), *, needed: float = LEAST_SPACE, locked: Iterable[str] = ()
 ) -> Iterator[Path]:
-    """Make a folder; remove what was made where an error leaves it empty.
+    """Make a folder; remove it again where an error leaves it empty.
 
     Parameters
     ----------
     folder, names, needed
         As in `check_folder`.
-    taken : iterable of str
+    locked : iterable of str
         Files there that nobody else may write meanwhile.
     """
     check_folder(folder, names, needed=needed)
-    made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    created = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with only_writer(*(folder / name for name in taken)):
+        with only_writer(*(folder / name for name in locked)):
             yield folder
     except BaseException:
-        for parent in made:
+        for parent in created:
             with suppress(OSError):  # one with something in it stays
                 parent.rmdir()
         raise
 
 
-def as_named(files: Sequence[str], product: str | None, names: str | None) -> tuple[Sequence[str], dict[str, Choice]]:
-    """Return the files that patterns name, and for each the product and those of the names that it holds."""
+def match_names(
+    files: Sequence[str], product: str | None, names: str | None
+) -> tuple[Sequence[str], dict[str, Choice]]:
+    """Return the files that patterns name, and for each the product and the variable names that it holds."""
     if not names:
         return files, dict.fromkeys(files, product)
     from riftberg.products.reading import open_raw
-    from riftberg.products.registry import choice_of, expand
+    from riftberg.products.registry import choose_product, expand
 
     if not files:
         raise InputError(
             "no files were named", where="--names", remedy="Name them in the experiment file: names: {uo: u}"
         )
-    pairs = [part.partition("=") for part in names.split(",")]
-    asked = {key.strip(): name.strip() for key, _, name in pairs}
-    choice_of(None, asked, where="--names")
+    pairs = [word.partition("=") for word in names.split(",")]
+    requested = {key.strip(): name.strip() for key, _, name in pairs}
+    choose_product(None, requested, where="--names")
     files = expand(files)
-    held = {file: set(map(str, open_raw(file, chunked=False).variables)) for file in files}
-    if missing := set(asked.values()) - set().union(*held.values()):
-        everything = sorted(set().union(*held.values()))
+    variables = {file: set(map(str, open_raw(file, chunked=False).variables)) for file in files}
+    if missing := set(requested.values()) - set().union(*variables.values()):
+        everything = sorted(set().union(*variables.values()))
         remedy = f"{nearest(min(missing), everything)}They hold {', '.join(everything)}"
         raise InputError(f"no file has a variable {min(missing)!r}", where="--names", remedy=remedy)
-    own = {file: {key: name for key, name in asked.items() if name in held[file]} for file in files}
-    return files, {file: choice_of(product, own[file], where="--names") for file in files}
+    chosen = {file: {key: name for key, name in requested.items() if name in variables[file]} for file in files}
+    return files, {file: choose_product(product, chosen[file], where="--names") for file in files}
 
 
 def named_files(experiment: str, names: str, data: Path | None) -> tuple[Any, ...]:
-    """Return the files of an experiment with the variables that are named; a product or names of its own stay."""
+    """Return the files of an experiment with the variables named; a product or names in the experiment stay."""
     from riftberg.experiments.yaml_file import read_file
     from riftberg.ocean.files_schema import FileForcing
 
@@ -407,17 +409,17 @@ def named_files(experiment: str, names: str, data: Path | None) -> tuple[Any, ..
             "the forcing has no files", where="--names", remedy="It is for experiment files with kind: files"
         )
     folder = data or Path(experiment).parent
-    own = [in_folder(folder, entry.file) for entry in forcing.entries]
-    known = {
-        file: entry.choice for file, entry in zip(own, forcing.entries, strict=True) if entry.product or entry.names
+    paths = [in_folder(folder, entry.file) for entry in forcing.entries]
+    preset = {
+        file: entry.choice for file, entry in zip(paths, forcing.entries, strict=True) if entry.product or entry.names
     }
-    free = [file for file in own if file not in known]
-    files, choices = as_named(free, None, names)
-    return entries_of([*known, *files], known | choices)
+    free = [file for file in paths if file not in preset]
+    files, choices = match_names(free, None, names)
+    return list_entries([*preset, *files], preset | choices)
 
 
-def entries_of(files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[Any, ...]:
-    """Return files as an experiment has them, each with its product or names."""
+def list_entries(files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[Any, ...]:
+    """Return files as entries of an experiment, each with its product or names."""
     from riftberg.ocean.files_schema import NamedFiles
 
     # A product that is not known is refused where the files are opened, as in a run.
@@ -431,8 +433,8 @@ EXIT_ERROR: Final = 2
 EXIT_INTERRUPTED: Final = 130
 
 
-def reported(command: Callable[P, R]) -> Callable[P, R]:
-    """Turn errors that Riftberg raises on purpose, and what the machine refuses, into a message and exit code 2.
+def report_errors(command: Callable[P, R]) -> Callable[P, R]:
+    """Turn errors that Riftberg raises on purpose, and refusals of the system, into a message and exit code 2.
 
     An interrupt has the code 130.
     """
@@ -450,7 +452,7 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
             say(f"Error: {error}")
             raise typer.Exit(EXIT_ERROR) from error
         except OSError as error:
-            say(f"Error: {_refused(error)}")
+            say(f"Error: {_system_message(error)}")
             raise typer.Exit(EXIT_ERROR) from error
         except MemoryError as error:
             say(
@@ -465,11 +467,11 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
     return wrapped
 
 
-def _refused(error: OSError) -> str:
-    """Say what the machine refused, and for which file."""
-    place = f"{error.filename}: " if error.filename is not None else ""
+def _system_message(error: OSError) -> str:
+    """Return the message of a system error, with its file."""
+    prefix = f"{error.filename}: " if error.filename is not None else ""
     remedy = "" if error.errno == errno.ENOLCK else ". Name a place that can be used, with room on its disk"
-    return f"{place}{refusal(error)}{remedy}"
+    return f"{prefix}{refusal(error)}{remedy}"
 
 
 def announce_compilation(quiet: bool = False) -> None:
@@ -486,25 +488,25 @@ def tell(text: object) -> None:
 
 
 def console(width: int) -> Console:
-    """Return where tables are printed: the terminal, or a file or pipe, which has no width of its own, as wide as given."""
+    """Return the console for tables: the terminal, or a file or pipe, which has no width, as wide as ``width``."""
     from rich.console import Console
 
     class Plain(Console):
         def render_str(self, text: str, **options: Any) -> Any:
             return super().render_str(visible(text), **options)
 
-    found = Plain(markup=False)
-    return found if found.is_terminal else Plain(width=width, markup=False)
+    output = Plain(markup=False)
+    return output if output.is_terminal else Plain(width=width, markup=False)
 
 
 def table(title: str, columns: Iterable[str], texts: Collection[str] = ()) -> Table:
     """Return an empty table; ``texts``: columns that stand to the left, numbers stand to the right."""
     from rich.table import Table
 
-    made = Table(title=title)
+    new_table = Table(title=title)
     for name in columns:
-        made.add_column(name, justify="left" if name in texts else "right", no_wrap=name in texts)
-    return made
+        new_table.add_column(name, justify="left" if name in texts else "right", no_wrap=name in texts)
+    return new_table
 
 
 Verbose = Annotated[
@@ -531,8 +533,8 @@ def verbose(command: Callable[..., Any]) -> Callable[..., Any]:
     return wrapped
 
 
-def observed_in(path: str | Path, **how: Any) -> Observations:
-    """Return what was observed, and say what of the file was left out; ``how`` as for `read_observed`."""
+def load_observed(path: str | Path, **how: Any) -> Observations:
+    """Return observations, and say which of the file were left out; ``how`` as for `read_observed`."""
     from riftberg.diagnostics.observed import read_observed
 
     observed = read_observed(path, **how)
@@ -550,11 +552,11 @@ def listening(times: int, name: str = "riftberg") -> Iterator[None]:
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(asctime)s %(name)s: %(message)s", "%H:%M:%S"))
     logger = logging.getLogger(name)
-    before = logger.level
+    previous_level = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO if times == 1 else logging.DEBUG)
     try:
         yield
     finally:
         logger.removeHandler(handler)
-        logger.setLevel(before)
+        logger.setLevel(previous_level)

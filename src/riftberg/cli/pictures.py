@@ -1,4 +1,4 @@
-"""``riftberg plot``, ``animate`` and ``replay``: figures of a run, a film, one web page; and what commands that draw share."""
+"""``riftberg plot``, ``animate`` and ``replay``: figures of a run, a film, one web page; and helpers of commands that draw."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from riftberg.cli.options import (
     OutputBeside,
     Quiet,
     check_output,
-    observed_in,
-    positive,
-    reported,
+    check_positive,
+    check_range,
+    load_observed,
+    report_errors,
     results_folder,
     tell,
-    within,
 )
 from riftberg.errors import InputError
 from riftberg.system.atomic_files import only_writer
@@ -74,7 +74,7 @@ def check_picture_format(name: str) -> None:
 
 
 def folder_beside(run: Path, wished: Path | None) -> Path:
-    """Return the folder where results go: the one asked for, else that of the run."""
+    """Return the folder where results go: the one asked for, else the folder of the run."""
     return wished if wished is not None else run if is_folder(run) else run.parent
 
 
@@ -88,13 +88,13 @@ def picture_path(run: Path, wished: Path | None, name: str, *, observed: Path | 
         yield path
 
 
-def seen(path: Path | None) -> Observations:
+def observations_or_none(path: Path | None) -> Observations:
     """Return observed outlines, none where no file was named."""
     from riftberg.diagnostics.observed import Observations
 
     if path is None:
         return Observations("")
-    observations = observed_in(path)
+    observations = load_observed(path)
     if not observations.outlines:
         raise InputError(
             "no outlines, only positions", where=f"--observed {path}", remedy="Use them with riftberg score"
@@ -104,7 +104,7 @@ def seen(path: Path | None) -> Observations:
 
 def outlines(path: Path | None) -> dict[str, list[Any]]:
     """Return observed outlines by day, empty where no file was named."""
-    return seen(path).rings_by_day()
+    return observations_or_none(path).rings_by_day()
 
 
 def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) -> list[np.datetime64]:
@@ -131,7 +131,7 @@ def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) ->
 KINDS = ("map", "dates", "stress", "timeline", "damage", "melt")
 
 
-@reported
+@report_errors
 def plot(
     run: Run,
     output: OutputBeside = None,
@@ -155,18 +155,22 @@ def plot(
         if name not in KINDS:
             raise InputError(f"{name!r} is not known", where="--kind", remedy=f"Use {', '.join(KINDS)}")
     check_picture_format(picture)
-    observations = seen(observed)
+    observations = observations_or_none(observed)
     with open_run(run) as dataset:
         kinds = kind or usual_kinds(dataset)
         files = [f"{name}.{picture}" for name in dict.fromkeys(kinds)]
         when = moments(date, dataset, observations)
-        shown = observations.rings_by_day()
-        with results_folder(folder_beside(run, output), files, taken=files) as folder:
+        rings = observations.rings_by_day()
+        with results_folder(folder_beside(run, output), files, locked=files) as folder:
             for name in kinds:
-                tell(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, known(projection), dpi))
+                tell(
+                    _draw_kind(
+                        name, dataset, folder / f"{name}.{picture}", when, rings, find_projection(projection), dpi
+                    )
+                )
 
 
-def known(name: str) -> Projection:
+def find_projection(name: str) -> Projection:
     """Return a projection by its name."""
     from riftberg.viz.panels import PROJECTIONS
 
@@ -183,8 +187,8 @@ def usual_kinds(run: xr.Dataset) -> list[str]:
     return ["dates", *bonds, "timeline", *(["damage"] if "damage" in run else []), *(["melt"] if melts else [])]
 
 
-def _drawn(
-    name: str, run: xr.Dataset, path: Path, when: list[np.datetime64], shown: dict[str, list[Any]],
+def _draw_kind(
+    name: str, run: xr.Dataset, path: Path, when: list[np.datetime64], rings: dict[str, list[Any]],
     projection: Projection, dpi: int,
 ) -> Path:  # fmt: skip
     """Draw one figure."""
@@ -192,18 +196,18 @@ def _drawn(
     from riftberg.viz import plots
 
     if name == "map":
-        return maps.draw_map(run, path, observed=shown, projection=projection, dpi=dpi)
+        return maps.draw_map(run, path, observed=rings, projection=projection, dpi=dpi)
     if name == "timeline":
         return plots.draw_fragments(run, path, dpi=dpi)
     if name == "dates":
-        return plots.draw_dates(run, path, dates=when, observed=shown, projection=projection, dpi=dpi)
+        return plots.draw_dates(run, path, dates=when, observed=rings, projection=projection, dpi=dpi)
     if name == "melt":
         return plots.draw_melt(run, path, date=when[-1] if when else None, projection=projection, dpi=dpi)
     draw = plots.draw_stress if name == "stress" else plots.draw_damage
     return draw(run, path, dates=when, projection=projection, dpi=dpi)
 
 
-@reported
+@report_errors
 def animate(
     run: Run,
     output: Annotated[
@@ -227,14 +231,14 @@ def animate(
     from riftberg.runs.run_file import open_run
     from riftberg.viz.animate import default_ending
 
-    positive(hours, "--hours", "hours", most=1e6)
-    shown = outlines(observed)
+    check_positive(hours, "--hours", "hours", most=1e6)
+    rings = outlines(observed)
     with (
         open_run(run) as dataset,
         picture_path(run, output, "film" + default_ending(), observed=observed) as goal,
     ):
         check_frames(dataset["time"].values, hours)
-        path = _filmed(dataset, goal, hours, fps, dpi, shown, known(projection), quiet)
+        path = _film_run(dataset, goal, hours, fps, dpi, rings, find_projection(projection), quiet)
     tell(path)
 
 
@@ -252,8 +256,8 @@ def check_frames(times: Any, hours: float | None) -> None:
         )  # fmt: skip
 
 
-def _filmed(
-    dataset: Any, goal: Path, hours: float | None, fps: int | None, dpi: int | None, shown: Any,
+def _film_run(
+    dataset: Any, goal: Path, hours: float | None, fps: int | None, dpi: int | None, rings: Any,
     projection: Projection, quiet: bool,
 ) -> Path:  # fmt: skip
     from rich.console import Console
@@ -264,12 +268,12 @@ def _filmed(
     with Progress(console=Console(stderr=True), disable=quiet) as bar:
         task = bar.add_task("frames", total=None)
         return write_film(
-            dataset, goal, hours=hours, fps=fps, dpi=dpi, observed=shown, projection=projection,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
+            dataset, goal, hours=hours, fps=fps, dpi=dpi, observed=rings, projection=projection,
+            progress=lambda finished, total: bar.update(task, completed=finished, total=total),
         )  # fmt: skip
 
 
-@reported
+@report_errors
 def replay(
     run: Annotated[
         Path,
@@ -291,22 +295,22 @@ def replay(
     from riftberg.runs.run_file import open_run
     from riftberg.viz.replay import write_replay
 
-    within(largest, "--largest", 0.5, 1000.0)
+    check_range(largest, "--largest", 0.5, 1000.0)
     if output is not None and output.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{output.name[:60]!r} is no name of a web page", where="--output", remedy="Name it PAGE.html")
-    shown = outlines(observed)
-    run, members = _of_forecast(run)
+    rings = outlines(observed)
+    run, members = _split_forecast(run)
     with (
         open_run(run) as dataset,
         picture_path(run, output, "replay.html", observed=observed) as goal,
     ):
-        path = write_replay(dataset, goal, title=title, observed=shown, largest=largest * 1e6, members=members)
+        path = write_replay(dataset, goal, title=title, observed=rings, largest=largest * 1e6, members=members)
     tell(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     if show:
         typer.launch(str(path))
 
 
-def _of_forecast(run: Path) -> tuple[Path, ForecastMembers | None]:
+def _split_forecast(run: Path) -> tuple[Path, ForecastMembers | None]:
     """Return the run to play, and the members around it where a forecast was named."""
     file = run / "forecast.nc" if is_folder(run) and not (run / "run.nc").exists() else run
     if file.name != "forecast.nc" or not file.exists():

@@ -25,15 +25,15 @@ from riftberg.cli.options import (
     announce_compilation,
     check_folder,
     check_output,
+    check_positive,
+    check_range,
     make_options,
     named_files,
     output_folder,
-    positive,
-    reported,
+    report_errors,
     results_folder,
     say,
     tell,
-    within,
     words_without,
 )
 from riftberg.errors import InputError, RiftbergError, RunError
@@ -68,7 +68,7 @@ MOST_BERGS: Final = 6
 BOTH: Final[tuple[Numerics, ...]] = ("reference", "own")
 
 
-@reported
+@report_errors
 def run(
     context: typer.Context,
     experiment: Annotated[
@@ -129,16 +129,16 @@ def run(
 ) -> None:
     """Run an experiment and write run.nc, summary.json and map.png."""
     with allow_large(large):
-        errors, plain = parted(settings or [])
-        one = None if numerics == "both" else numerics
-        options = make_options(plain, days, data, without, one, fetch, grid)
+        errors, plain = split_settings(settings or [])
+        single_numerics = None if numerics == "both" else numerics
+        options = make_options(plain, days, data, without, single_numerics, fetch, grid)
         if names is not None:
             options = replace(options, files=named_files(experiment, names, data))
-        positive(every, "--every", "hours", most=1e6)
-        positive(keep_days, "--keep-days", "days", most=1e6)
-        within(keep_minutes, "--keep-minutes", 0.0, 1e6)
+        check_positive(every, "--every", "hours", most=1e6)
+        check_positive(keep_days, "--keep-days", "days", most=1e6)
+        check_range(keep_minutes, "--keep-minutes", 0.0, 1e6)
         words = ["riftberg", *context.find_root().obj]
-        wanted = RunOptions(
+        run_options = RunOptions(
             output,
             every,
             forces,
@@ -157,13 +157,13 @@ def run(
             check_folder(output, RESULTS)
         announce_compilation(quiet)
         if numerics == "both":
-            _run_both(experiment, options, wanted, resume)
+            _run_both(experiment, options, run_options, resume)
         else:
-            _run_one(experiment, options, wanted, resume)
+            _run_one(experiment, options, run_options, resume)
 
 
 class RunOptions(NamedTuple):
-    """What a run shall write and show, as given on the command line."""
+    """Output and display options of a run, as given on the command line."""
 
     output: Path | None  # Folder of the results
     every: float | None  # Hours between records; None for those of the experiment
@@ -179,7 +179,7 @@ class RunOptions(NamedTuple):
     settings: Sequence[str]  # What was set
     errors: Mapping[str, Any] = {}  # What of it is no parameter: the start, and errors of the surroundings, by name
 
-    def added_to(self, info: Info) -> Info:
+    def extend_info(self, info: Info) -> Info:
         """Return an experiment with the files that the command line requests."""
         cells = info.output_cells if self.cells is None else self.cells
         return replace(info, output_forces=info.output_forces or self.forces, output_cells=cells)
@@ -189,52 +189,52 @@ class RunOptions(NamedTuple):
         return info.output_every_hours if self.every is None else self.every
 
     def origin(self, folder: Path) -> dict[str, str]:
-        """Return what a run file in a folder keeps of the command that made it, for ``riftberg rerun``."""
+        """Return the attributes by which a run file in a folder keeps its command, for ``riftberg rerun``."""
         from riftberg.experiments.changes import origin
 
-        shown = ("--map", "--no-map", "--quiet", "-q", self.experiment)
-        words = [word for word in words_without(self.words, *KEPT_APART)[2:] if word not in shown]
+        ignored = ("--map", "--no-map", "--quiet", "-q", self.experiment)
+        words = [word for word in words_without(self.words, *KEPT_APART)[2:] if word not in ignored]
         return origin(self.experiment, words, self.settings, self.data, folder)
 
 
-def parted(settings: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
-    """Return what is set of the start and of errors of the surroundings, checked, by name; and the other settings."""
+def split_settings(settings: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
+    """Return the settings of errors in the start and the surroundings, checked, by name; and the other settings."""
     from riftberg.ensembles.uncertain import UNCERTAIN, is_uncertain
     from riftberg.experiments.changes import parse_settings
 
-    own = [setting for setting in settings if is_uncertain(setting.partition("=")[0].strip())]
-    given = parse_settings(own, {group: (kind,) for group, kind in UNCERTAIN.items()})
-    errors = {f"{group}.{name}": value for group, inner in given.items() for name, value in inner.items()}
-    return errors, [setting for setting in settings if setting not in own]
+    error_settings = [setting for setting in settings if is_uncertain(setting.partition("=")[0].strip())]
+    checked = parse_settings(error_settings, {group: (kind,) for group, kind in UNCERTAIN.items()})
+    errors = {f"{group}.{name}": value for group, inner in checked.items() for name, value in inner.items()}
+    return errors, [setting for setting in settings if setting not in error_settings]
 
 
-def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path | None) -> None:
-    from riftberg.experiments.changes import settings_of
+def _run_one(experiment: str, options: Options, run_options: RunOptions, resume: Path | None) -> None:
+    from riftberg.experiments.changes import format_settings
 
     goes_on = resume is not None and is_folder(resume)
-    if goes_on and wanted.output not in (None, resume):
+    if goes_on and run_options.output not in (None, resume):
         raise InputError(
             f"the run in {shown(resume)} goes on there",
             where="--output",
             remedy="Leave --output out, or name a file to resume",
         )
-    model, info, parameters = built(experiment, options, resume, wanted)
-    info = wanted.added_to(info)
-    _print_notices(info, model, options, wanted)
+    model, info, parameters = build_run(experiment, options, resume, run_options)
+    info = run_options.extend_info(info)
+    _print_notices(info, model, options, run_options)
     # A state knows the parameters that were set for it, and takes no others.
     old, new = (p.model_dump(mode="json") for p in (parameters, model.parameters))
-    own = {
+    changed = {
         g: {name: value for name, value in values.items() if value != old.get(g, {}).get(name)}
         for g, values in new.items()
     }
-    wanted = wanted._replace(settings=[*wanted.settings, *settings_of(own)])
-    folder = resume if goes_on and resume is not None else output_folder(wanted.output, info.name)
-    placed = goes_on or wanted.output is not None
-    session = Session(model, info, folder, wanted, placed=placed, goes_on=goes_on)
+    run_options = run_options._replace(settings=[*run_options.settings, *format_settings(changed)])
+    folder = resume if goes_on and resume is not None else output_folder(run_options.output, info.name)
+    placed = goes_on or run_options.output is not None
+    session = Session(model, info, folder, run_options, placed=placed, goes_on=goes_on)
     session.run_and_report(options.days if options.days is not None else info.days)
 
 
-def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Path | None) -> None:
+def _run_both(experiment: str, options: Options, run_options: RunOptions, resume: Path | None) -> None:
     """Run an experiment with both numerics and show them side by side."""
     from riftberg.cli.compare import comparison, show
     from riftberg.ensembles.uncertain import with_errors
@@ -243,43 +243,43 @@ def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Pat
     if resume is not None:
         raise InputError("two runs cannot go on from one state", where="--resume", remedy="Resume them one by one")
     folders: list[Path] = []
-    folder = wanted.output
-    words = words_without(wanted.words, "--numerics")
+    folder = run_options.output
+    words = words_without(run_options.words, "--numerics")
     for numerics in BOTH:
         chosen = replace(options, numerics=numerics)
         model, info = build(experiment, chosen)
-        model = with_errors(model, wanted.errors)
-        info = wanted.added_to(info)
+        model = with_errors(model, run_options.errors)
+        info = run_options.extend_info(info)
         if not folders:
-            _print_notices(info, model, chosen, wanted)
+            _print_notices(info, model, chosen, run_options)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
-        one = wanted._replace(words=[*words, "--numerics", numerics])
-        session = Session(model, info, folders[-1], one, placed=True)
+        options_of_run = run_options._replace(words=[*words, "--numerics", numerics])
+        session = Session(model, info, folders[-1], options_of_run, placed=True)
         session.run_and_report(options.days if options.days is not None else info.days)
     assert folder is not None
     table = comparison(folders, BOTH)
     show(table)
     files = [table.write(folder / "comparison.json")]
-    if wanted.draw:
+    if run_options.draw:
         from riftberg.viz.score import draw_compared
 
         files.append(draw_compared(table.runs, table.fixes, folder / "tracks.png"))
     tell(f"Written to {folder}: {', '.join(path.name for path in files)}")
 
 
-def _print_notices(info: Info, model: Model, options: Options, wanted: RunOptions) -> None:
-    """Say what should be known before the run: what was made of the requested berg, and what is doubtful."""
+def _print_notices(info: Info, model: Model, options: Options, run_options: RunOptions) -> None:
+    """Print notices before the run: how the requested berg was built, and doubtful inputs."""
     if info.loses:  # a notice, which --quiet leaves
         say(f"Notice: {info.made}")
-    elif info.made and not wanted.quiet:
+    elif info.made and not run_options.quiet:
         say(info.made)
-    for notice in notices_of(info, model, options, wanted.hours(info)):
+    for notice in collect_notices(info, model, options, run_options.hours(info)):
         say(f"Notice: {notice}")
 
 
-def notices_of(info: Info, model: Model, options: Options, hours: float) -> list[str]:
-    """Return what should be known before a run, a sentence each; of a test case no usual ranges but of what was changed."""
+def collect_notices(info: Info, model: Model, options: Options, hours: float) -> list[str]:
+    """Return notices before a run, a sentence each; in a test case only changed parameters have usual ranges."""
     from riftberg.config.usual_ranges import of_length, of_records
 
     changed = {f"{group}.{name}" for group, values in options.changes.items() for name in values}
@@ -292,12 +292,12 @@ def notices_of(info: Info, model: Model, options: Options, hours: float) -> list
 
 
 def check_start(model: Model, days: float, every_hours: float) -> None:
-    """Refuse a run that cannot start: what ``riftberg run`` takes, ``riftberg doctor`` calls ready, and nothing else.
+    """Refuse a run that cannot start: ``riftberg doctor`` calls ready exactly the runs that ``riftberg run`` takes.
 
     Raises
     ------
     InputError
-        Naming what is in the way.
+        Naming the obstacle.
     """
     step = model.parameters.stepping.time_step / 3600.0
     if every_hours < step * (1.0 - 1e-9):
@@ -315,11 +315,11 @@ def experiments() -> None:
     """List the built-in experiments."""
     width = max(len(entry.name) for entry in EXPERIMENTS)
     for entry in EXPERIMENTS:
-        parts = f"  (--without {' | '.join(entry.parts)})" if entry.parts else ""
-        tell(f"{entry.name:{width}}  {entry.summary}{parts}")
+        options_text = f"  (--without {' | '.join(entry.parts)})" if entry.parts else ""
+        tell(f"{entry.name:{width}}  {entry.summary}{options_text}")
 
 
-def _beside(folder: Path) -> Path:
+def _free_folder(folder: Path) -> Path:
     """Return a folder beside one, that holds nothing yet: the files of the part that was run stay as they are."""
     number = 2
     while (free := folder.with_name(f"{folder.name}-{number}")).exists():
@@ -327,14 +327,16 @@ def _beside(folder: Path) -> Path:
     return free
 
 
-def built(experiment: str, options: Options, resume: Path | None, wanted: RunOptions) -> tuple[Model, Info, Parameters]:
+def build_run(
+    experiment: str, options: Options, resume: Path | None, run_options: RunOptions
+) -> tuple[Model, Info, Parameters]:
     """Return the model at its start or where it goes on, and the parameters of the experiment."""
     from riftberg.ensembles.uncertain import with_errors
     from riftberg.experiments import build
 
     if resume is None:
         model, info = build(experiment, options)
-        return with_errors(model, wanted.errors), info, model.parameters
+        return with_errors(model, run_options.errors), info, model.parameters
     if options.changes:
         raise InputError(
             "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
@@ -345,14 +347,16 @@ def built(experiment: str, options: Options, resume: Path | None, wanted: RunOpt
     if not is_folder(resume):
         check_file(resume, remedy="Name a restart file that Riftberg wrote (*.restart.nc), or the folder of a run")
     fresh, info = build(experiment, options)
-    fresh = with_errors(fresh, wanted.errors)
+    fresh = with_errors(fresh, run_options.errors)
     if is_folder(resume):
-        interval = 3600.0 * wanted.hours(info)
-        resume = last_good(resume, interval, lambda state, path: check_same_run(state, fresh, path, named=experiment))
-        if not wanted.quiet:
+        interval = 3600.0 * run_options.hours(info)
+        resume = last_good(
+            resume, interval, lambda state, path: check_same_run(state, fresh, path, experiment=experiment)
+        )
+        if not run_options.quiet:
             say(f"Going on from {resume}")
     else:
-        check_same_run(load_state(resume), fresh, resume, named=experiment)
+        check_same_run(load_state(resume), fresh, resume, experiment=experiment)
     return Model.resume(resume, fresh.forcing), info, fresh.parameters
 
 
@@ -363,7 +367,7 @@ class Session:
     model: Model  # At its start
     info: Info  # Of the experiment
     folder: Path  # Where the results go
-    wanted: RunOptions
+    run_options: RunOptions
     placed: bool = False  # The folder was given
     goes_on: bool = False  # The run in the folder goes on
     step: Callable[[], object] | None = None  # Takes the model on, where that is not its own step
@@ -373,15 +377,15 @@ class Session:
 
     def run_and_report(self, days: float) -> None:
         """Run and report in a folder of its own, which is not left behind by a run that was refused."""
-        hours = self.wanted.hours(self.info)
+        hours = self.run_options.hours(self.info)
         check_start(self.model, days, hours)
         needed = self._size(days, hours)
-        with results_folder(self.folder, RESULTS, needed=needed, taken=["summary.json"]):
+        with results_folder(self.folder, RESULTS, needed=needed, locked=["summary.json"]):
             self.run(days, hours)
-            self.report(draw=self.wanted.draw)
+            self.report(draw=self.run_options.draw)
 
     def _size(self, days: float, every_hours: float) -> float:
-        """Return the room (bytes) that the run takes beyond what its folder holds, about.
+        """Return the disk space (bytes) that the run takes beyond the files in its folder, about.
 
         What is written goes into a copy of the run file; of the states that are kept there are two, and one more while it is
         written.
@@ -397,9 +401,11 @@ class Session:
         record = 0.5 * 4.0 * (histories * elements + 3.0 * bonds) + 300.0
         state = 8.0 * (elements * len(ELEMENT_VARIABLES) + bonds * len(BOND_VARIABLES))
         # Names, units and checksums of its variables take 400 kB of a run file, and 140 kB of a restart file.
-        there = self.folder / "run.nc"
+        existing = self.folder / "run.nc"
         return (
-            2.0 * (records * record + 4e5) + 3.0 * (state + 1.4e5) - (there.stat().st_size if there.is_file() else 0.0)
+            2.0 * (records * record + 4e5)
+            + 3.0 * (state + 1.4e5)
+            - (existing.stat().st_size if existing.is_file() else 0.0)
         )
 
     def run(self, days: float, every_hours: float) -> None:
@@ -418,19 +424,19 @@ class Session:
             seed=self.info.seed,
             forces=self.info.output_forces,
             goes_on=self.goes_on,
-            origin={"heading": self.info.title or self.info.name, **self.wanted.origin(self.folder)},
+            origin={"heading": self.info.title or self.info.name, **self.run_options.origin(self.folder)},
         )
-        keeper = StateKeeper(writer, every_days=self.wanted.keep_days, minutes=self.wanted.keep_minutes)
+        keeper = StateKeeper(writer, every_days=self.run_options.keep_days, minutes=self.run_options.keep_minutes)
         recorders: list[Recorder] = [
             writer,
             self.track,
             self.stopwatch,
-            ProgressRecorder(remaining, quiet=self.wanted.quiet),
+            ProgressRecorder(remaining, quiet=self.run_options.quiet),
         ]
         if self.info.output_cells is not None:
-            recorders.append(self._on_cells(self.info.output_cells, every_hours))
-        before = self.model.step_number
-        if not self.wanted.quiet:
+            recorders.append(self._cell_recorder(self.info.output_cells, every_hours))
+        first_step = self.model.step_number
+        if not self.run_options.quiet:
             say(berg_line(self.model))
         try:
             with held():  # also while the state is saved and reported after an interrupt
@@ -439,20 +445,20 @@ class Session:
         except typer.Exit:
             raise
         except RiftbergError as error:
-            if self.model.step_number == before and not isinstance(error, RunError):
+            if self.model.step_number == first_step and not isinstance(error, RunError):
                 raise  # refused before the first step: there is nothing to save
-            if self.model.step_number == before:
+            if self.model.step_number == first_step:
                 writer.discard()
                 raise RunError(f"the run failed in its first step: {error}. Nothing was written") from error
-            raise RunError(f"the run failed at {self._date()}: {error}. {self._saved('failed')}") from error
+            raise RunError(f"the run failed at {self._date()}: {error}. {self._save_state('failed')}") from error
         except Exception:
-            if self.model.step_number == before:
+            if self.model.step_number == first_step:
                 writer.discard()
                 raise
-            say(f"The run failed at {self._date()}. {self._saved('failed')}")
+            say(f"The run failed at {self._date()}. {self._save_state('failed')}")
             raise
 
-    def _on_cells(self, width: float, every_hours: float) -> Recorder:
+    def _cell_recorder(self, width: float, every_hours: float) -> Recorder:
         """Return the recorder of fresh water, heat and mass on cells."""
         from riftberg.coupling.gridded import GridRecorder
 
@@ -466,14 +472,14 @@ class Session:
         try:
             self.model.advance(days, recorders=recorders, step=self.step)
         except (KeyboardInterrupt, SystemExit) as error:
-            say(f"Interrupted at {self._date()}. {self._saved('interrupted')}")
+            say(f"Interrupted at {self._date()}. {self._save_state('interrupted')}")
             self.report(draw=False)
             raise typer.Exit(getattr(error, "code", EXIT_INTERRUPTED)) from error
 
     def _date(self) -> str:
         return f"{self.model.date:%Y-%m-%d %H:%M} (day {self.model.time / 86400.0:.2f})"
 
-    def _saved(self, why: str) -> str:
+    def _save_state(self, why: str) -> str:
         """Save the state and say how to go on."""
         from riftberg.experiments.changes import setting
 
@@ -482,10 +488,10 @@ class Session:
         except (OSError, RiftbergError) as error:  # it must not hide why the run ended
             return f"The state cannot be saved ({refusal(error)})"
         # The restart file knows the parameters; the files of the part that was run stay as they are.
-        words = words_without(self.wanted.words, "--output", "-o", "--resume", "--set", "-s")
-        words += [part for name, value in self.wanted.errors.items() for part in ("--set", setting(name, value))]
-        place = ["--output", str(_beside(self.folder))] if self.placed else []
-        return f"Go on with: {shlex.join([*words, *place, '--resume', str(path)])}"
+        words = words_without(self.run_options.words, "--output", "-o", "--resume", "--set", "-s")
+        words += [word for name, value in self.run_options.errors.items() for word in ("--set", setting(name, value))]
+        output_words = ["--output", str(_free_folder(self.folder))] if self.placed else []
+        return f"Go on with: {shlex.join([*words, *output_words, '--resume', str(path)])}"
 
     def report(self, *, draw: bool = True) -> None:
         """Write summary and map, and print the summary."""
@@ -498,7 +504,7 @@ class Session:
         files = ["run.nc", "summary.json", *(path.name for path in self.gridded if path.exists())]
         if draw:
             from riftberg.runs.run_file import open_own
-            from riftberg.viz.coast import over_land
+            from riftberg.viz.coast import ice_over_land
             from riftberg.viz.map import draw_map
 
             with open_own(self.folder / "run.nc") as dataset:
@@ -506,7 +512,7 @@ class Session:
                     dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
                     observed=self.info.observed or self.info.statics,
                 )  # fmt: skip
-                if ashore := over_land(dataset):
+                if ashore := ice_over_land(dataset):
                     say(f"Notice: {ashore}")
             files.append("map.png")
         for line in short_summary(summary):
@@ -525,16 +531,16 @@ def berg_line(model: Model) -> str:
 
     e = model.elements
     lon, lat = centroid(e.lon, e.lat, e.mass, model.parameters.earth.period)
-    place = place_text(lon, lat, latlon=model.parameters.earth.latlon)
+    position = place_text(lon, lat, latlon=model.parameters.earth.latlon)
     count = len(np.unique(e.berg))
     names = [name for name, _ in getattr(model.fragments, "bergs", ())]
     area = float((e.length * e.width).sum())
     size = f"{area / 1e6:.6g} km2" if area >= 1e4 else area_text(area)
     if len(names) > 1:
         listed = ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])} and {len(names) - 5} more"
-        return f"{len(names)} bergs ({listed}): {len(e.lon)} elements, {size}, centred at {place}"
+        return f"{len(names)} bergs ({listed}): {len(e.lon)} elements, {size}, centred at {position}"
     pieces = f"{count_text(count, 'piece')}"
-    return f"Berg{''.join(' ' + n for n in names)}: {len(e.lon)} elements, {size} in {pieces} at {place}"
+    return f"Berg{''.join(' ' + n for n in names)}: {len(e.lon)} elements, {size} in {pieces} at {position}"
 
 
 def short_summary(summary: dict[str, Any]) -> list[str]:
@@ -555,15 +561,15 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
     for event in breakups[:MOST_EVENTS]:
         whom = f"{event['parent_name']} " if event.get("parent_name") else ""
         bonds = f"{count_text(event['bonds'], 'bond')}"
-        what = f"{area_text(1e6 * event['area_km2'])} broke off {whom}{'aground' if event['grounded'] else 'afloat'} ({bonds})"
-        events.append((event, what))
+        text = f"{area_text(1e6 * event['area_km2'])} broke off {whom}{'aground' if event['grounded'] else 'afloat'} ({bonds})"
+        events.append((event, text))
     events += [
         (event, f"{' and '.join(event['bergs'])} met at {event['speed']:.2g} m/s,")
         for event in collisions[:MOST_EVENTS]
     ]
-    for event, what in sorted(events, key=lambda item: item[0]["time"]):
+    for event, text in sorted(events, key=lambda item: item[0]["time"]):
         lines.append(
-            f"  {minute_text(event['time'])}  {what} at {place_text(event['lon'], event['lat'], latlon=latlon)}"
+            f"  {minute_text(event['time'])}  {text} at {place_text(event['lon'], event['lat'], latlon=latlon)}"
         )
     for word, all_of_them in (("break-ups", breakups), ("collisions", collisions)):
         if len(all_of_them) > MOST_EVENTS:
@@ -571,13 +577,13 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
     ground = summary.get("ground") or {"stays": [], "first": None, "least_clearance": None, "bathymetry_spacing": None}
     # A beam under its load goes nowhere: it bends.
     verb = "bent: its centre moved" if summary["numerics"].get("stepping", {}).get("only_interactions") else "drifted"
-    if told := _berg_lines(bergs, latlon, ground["stays"], verb):
-        return [*lines, *told, *ground_lines(ground)]
-    count, several = summary["fragments"], len(bergs) > 1
-    of = f" of {len(bergs)} bergs" if several else ""
-    pieces = f"{count_text(count, 'fragment')}{of}"
-    if several and not breakups:
-        pieces = f"{count} bergs" if count == len(bergs) else f"{count}{of}"
+    if berg_lines := _berg_lines(bergs, latlon, ground["stays"], verb):
+        return [*lines, *berg_lines, *ground_lines(ground)]
+    count, many_bergs = summary["fragments"], len(bergs) > 1
+    of_bergs = f" of {len(bergs)} bergs" if many_bergs else ""
+    pieces = f"{count_text(count, 'fragment')}{of_bergs}"
+    if many_bergs and not breakups:
+        pieces = f"{count} bergs" if count == len(bergs) else f"{count}{of_bergs}"
     return [*lines, f"  {pieces} at the end: {_areas(summary['areas_km2'], count)}", *ground_lines(ground)]
 
 
@@ -588,7 +594,7 @@ def ledger_lines(summary: dict[str, Any]) -> list[str]:
 
 
 def _berg_lines(bergs: list[dict[str, Any]], latlon: bool, stays: list[dict[str, Any]], verb: str) -> list[str]:
-    """Return what became of each berg, in a sentence; nothing where there are many, or where a summary does not say.
+    """Return the fate of each berg, in a sentence; nothing where there are many, or where a summary lacks it.
 
     ``stays``: of bergs and fragments on the sea floor, as the summary has them.
     """
@@ -604,13 +610,13 @@ def _berg_lines(bergs: list[dict[str, Any]], latlon: bool, stays: list[dict[str,
             lines.append(f"  {name} melted away")
             continue
         drift = drift_text(1e3 * berg["drift_east_km"], 1e3 * berg["drift_north_km"])
-        place = place_text(berg["lon"], berg["lat"], latlon=latlon)
+        position = place_text(berg["lon"], berg["lat"], latlon=latlon)
         areas = _areas(berg["areas_km2"], berg["fragments"])
         pieces = "one piece" if berg["fragments"] == 1 else f"{berg['fragments']} pieces"
         melted = f"; {berg['melted_kg'] / 1e12:.3g} Gt melted" if berg["melted_kg"] else ""
         mine = [stay for stay in stays if stay["number"] == berg["largest"]]
         ground = f", {stay_words(mine[-1], berg['largest_weight'])}" if mine else ""
-        lines.append(f"  {name} {verb} {drift} to {place}, in {pieces} ({areas}){ground}{melted}")
+        lines.append(f"  {name} {verb} {drift} to {position}, in {pieces} ({areas}){ground}{melted}")
     return lines
 
 
@@ -622,7 +628,7 @@ def _areas(km2: Sequence[float], count: int) -> str:
     return f"{areas}{' ...' if count > len(numbers) else ''} {name}"
 
 
-@reported
+@report_errors
 def kid(
     case: Annotated[Path, typer.Argument(help="Folder with input.nml and the restart files named in it.")],
     output: Annotated[
@@ -652,10 +658,10 @@ def kid(
     from riftberg.kid.run import load_case, run_kid
     from riftberg.runs.progress import ProgressRecorder
 
-    parts = ranks.lower().split("x")
-    if len(parts) != 2 or not all(part.isdigit() and 1 <= int(part) <= 1000 for part in parts):
+    numbers = ranks.lower().split("x")
+    if len(numbers) != 2 or not all(number.isdigit() and 1 <= int(number) <= 1000 for number in numbers):
         raise InputError(f"{ranks!r} is no layout of processes", where="--ranks", remedy="For example 2x2")
-    layout = int(parts[0]), int(parts[1])
+    layout = int(numbers[0]), int(numbers[1])
     with allow_large(large), allow_extreme(extreme):
         folder = output.parent if output is not None and not is_folder(output) else output
         if folder is not None:

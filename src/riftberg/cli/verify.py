@@ -1,4 +1,4 @@
-"""``riftberg verify`` and ``riftberg verify-tracks``: ensembles and drift models against what was observed."""
+"""``riftberg verify`` and ``riftberg verify-tracks``: ensembles and drift models against observations."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from riftberg.cli.options import (
     Hour,
     PositionError,
     check_folder,
+    check_range,
     console,
     dates,
-    observed_in,
-    reported,
+    load_observed,
+    report_errors,
     results_folder,
     say,
     table,
     tell,
-    within,
 )
 from riftberg.config.units import minute_text
 from riftberg.errors import InputError
@@ -37,7 +37,7 @@ FILES = ("verification.json", "verification.png")
 """Files that the command writes."""
 
 
-@reported
+@report_errors
 def verify(
     pairs: Annotated[
         list[Path],
@@ -74,10 +74,10 @@ def verify(
     from riftberg.system.atomic_files import write_json
     from riftberg.system.input_files import is_folder
     from riftberg.verification.forecast import report, verified
-    from riftberg.verification.sightings import pieces_of
+    from riftberg.verification.sightings import read_pieces
 
-    within(error, "--error", 0.0, 100.0)
-    within(hour, "--hour", 0.0, 24.0)
+    check_range(error, "--error", 0.0, 100.0)
+    check_range(hour, "--hour", 0.0, 24.0)
     if len(pairs) % 2:
         raise InputError(f"{len(pairs)} paths", where="verify", remedy="Give FOLDER OBSERVED, both for each forecast")
     count = len(pairs) // 2
@@ -85,12 +85,12 @@ def verify(
     names = FILES if figure else FILES[:1]
     check_folder(folder, names)
     seen_broken, seen_whole = _dates(broken, "--broken", count), _dates(whole_until, "--whole-until", count)
-    dressed = None if tracks is None else _dressed(tracks)
+    dressed = None if tracks is None else _dress_baselines(tracks)
     forecasts = [
         verified(
-            open_sweep(pairs[2 * k]), observed_in(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
+            open_sweep(pairs[2 * k]), load_observed(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
             whole_until=seen_whole[k], hour=hour, dressed=dressed, outline=_outline(pairs[2 * k]),
-            pieces=partial(pieces_of, pairs[2 * k]),
+            pieces=partial(read_pieces, pairs[2 * k]),
         )
         for k in range(count)
     ]  # fmt: skip
@@ -99,7 +99,7 @@ def verify(
         tell(json.dumps(result, indent=1))
     else:
         _show(result)
-    with results_folder(folder, names, taken=names):
+    with results_folder(folder, names, locked=names):
         written = [write_json(result, folder / FILES[0])]
         if figure:
             from riftberg.viz.score import draw_verification
@@ -118,8 +118,8 @@ def _dates(texts: list[str] | None, option: str, count: int) -> list[datetime | 
     return [None if text == "never" else parse_date(text, where=option)[0] for text in texts]
 
 
-def _dressed(tracks: Path) -> Callable[[str], dict[str, Any]]:
-    """Return what gives the baselines with their errors on training bergs, for the name of the berg that is verified."""
+def _dress_baselines(tracks: Path) -> Callable[[str], dict[str, Any]]:
+    """Return a function that gives the baselines, with their errors on training bergs, for the name of a berg."""
     from riftberg.verification.tracks import LEADS, dressed_without, read_cases
 
     return partial(dressed_without, read_cases(tracks, sorted({*LEADS, 10, 14})))
@@ -128,10 +128,10 @@ def _dressed(tracks: Path) -> Callable[[str], dict[str, Any]]:
 def _outline(ensemble: Path) -> Any:
     """Return the outline of the berg at the start, from the control of a forecast; None where there is none."""
     from riftberg.ensembles.member import CONTROL_RUN
-    from riftberg.verification.sightings import outline_of_run
+    from riftberg.verification.sightings import read_first_outline
 
     file = (ensemble if ensemble.is_dir() else ensemble.parent) / CONTROL_RUN
-    return outline_of_run(file) if file.exists() else None
+    return read_first_outline(file) if file.exists() else None
 
 
 SHOWN = {
@@ -149,10 +149,11 @@ def _both(row: dict[str, Any], bare: dict[str, Any], key: str, form: str) -> str
 
 def _show(result: dict[str, Any]) -> None:
     page = console(150)
-    for one in result["forecasts"]:
-        failed = f", {one['failed']} failed or unfinished" if one["failed"] else ""
+    for forecast in result["forecasts"]:
+        failed = f", {forecast['failed']} failed or unfinished" if forecast["failed"] else ""
         page.print(
-            f"{one['berg']}, start {minute_text(one['start'])}: {one['members']} members{failed}; axes: {one['axes']}"
+            f"{forecast['berg']}, start {minute_text(forecast['start'])}: {forecast['members']} members{failed}; "
+            f"axes: {forecast['axes']}"
         )
     rows = table(
         f"Positions, km; error of the observation {result['error_km']:g} km added, without in brackets",
@@ -160,11 +161,13 @@ def _show(result: dict[str, Any]) -> None:
     )
     for row, bare in zip(result["with_error"], result["without_error"], strict=True):
         others = []
-        for made in result["baselines"].values():
-            found: dict[str, Any] = next((other for other in made if other["lead_days"] == row["lead_days"]), {})
-            score = found.get("energy_km", found.get("error_of_mean_km"))
+        for baseline in result["baselines"].values():
+            same_lead: dict[str, Any] = next(
+                (other for other in baseline if other["lead_days"] == row["lead_days"]), {}
+            )
+            score = same_lead.get("energy_km", same_lead.get("error_of_mean_km"))
             others.append("" if score is None else f"{score:.1f}")
-        cells = (_both(row, bare, *shown) for shown in SHOWN.values())
+        cells = (_both(row, bare, *columns) for columns in SHOWN.values())
         rows.add_row(f"{row['lead_days']}", f"{row['starts']}", *cells, *others)
     page.print(rows)
     page.print(
@@ -178,11 +181,11 @@ def _show(result: dict[str, Any]) -> None:
                 f"{row['known']:.0%} of the members",
                 highlight=False,
             )
-    for one in result["forecasts"]:
-        if one["liu_weisberg"]:
-            parts = ", ".join(f"{name} {value:.2f}" for name, value in one["liu_weisberg"].items())
-            page.print(f"Skill of Liu and Weisberg, {one['berg']}: {parts}")
-        for day in one["broken"]:
+    for forecast in result["forecasts"]:
+        if forecast["liu_weisberg"]:
+            scores_text = ", ".join(f"{name} {value:.2f}" for name, value in forecast["liu_weisberg"].items())
+            page.print(f"Skill of Liu and Weisberg, {forecast['berg']}: {scores_text}")
+        for day in forecast["broken"]:
             page.print(
                 f"Broken by day {day['day']}: {day['probability']:.0%} ({day['interval'][0]:.0%} to {day['interval'][1]:.0%}), "
                 f"{'it was' if day['occurred'] else 'it was whole'}; fair Brier score {day['fair_brier']:.3f}",
@@ -201,7 +204,7 @@ SUITE_FILES = ("cases.csv", "suite.json", "suite.md", "suite.png")
 """Files that the command writes, for tracks and for a suite."""
 
 
-@reported
+@report_errors
 def verify_tracks(
     tracks: Annotated[
         Path | None, typer.Argument(metavar="[TRACKS]", help="Folder of the tables of BYU and NIC, one CSV a berg.")
@@ -243,13 +246,13 @@ def verify_tracks(
 
     from riftberg.verification.tracks import BASELINES, read_cases, read_forecasts, write_cases
 
-    within(error, "--error", 0.0, 100.0)
+    check_range(error, "--error", 0.0, 100.0)
     if (tracks is None) == (suite is None):
         raise InputError("no tracks" if suite is None else "tracks and a suite", where="verify-tracks",
                          remedy="Give TRACKS, or --suite FOLDER")  # fmt: skip
     if tracks is None:
         assert suite is not None
-        models = {} if model is None else {model: _imported(model)}
+        models = {} if model is None else {model: _import_function(model)}
         models |= {} if forecasts is None else {forecasts.name: read_forecasts(forecasts, complete=False)}
         _verify_suite(suite, entrants, models, reference, output, as_json=as_json)
         return
@@ -258,10 +261,10 @@ def verify_tracks(
     cases = _between(read_cases(tracks, _leads(leads)), between)
     models = dict(BASELINES)
     if model is not None:
-        models[model] = _imported(model)
+        models[model] = _import_function(model)
     if forecasts is not None:
         models[forecasts.name] = read_forecasts(forecasts)
-    result = _scored(models, cases, bergs, error)
+    result = _score_models(models, cases, bergs, error)
     if as_json:
         tell(json.dumps(result, indent=1))
     else:
@@ -269,7 +272,7 @@ def verify_tracks(
     if output is not None:
         from riftberg.system.atomic_files import write_json
 
-        with results_folder(output, TRACK_FILES, taken=TRACK_FILES):
+        with results_folder(output, TRACK_FILES, locked=TRACK_FILES):
             chosen = [case for case in cases if bergs == "all" or case.held_out is (bergs == "held-out")]
             written = [write_cases(chosen, output / "cases.csv"), write_json(result, output / "tracks.json")]
         say("Written: " + ", ".join(str(path) for path in written))
@@ -284,18 +287,18 @@ def _verify_suite(
     from riftberg.verification.suite import as_markdown, read_suite, tables
     from riftberg.verification.tracks import write_cases
 
-    wanted = [text.strip() for text in (entrants or "").split(",") if text.strip()]
+    entrant_names = [text.strip() for text in (entrants or "").split(",") if text.strip()]
     cases = read_suite(folder)
-    result = tables(cases, wanted, models=models, reference=reference)
+    result = tables(cases, entrant_names, models=models, reference=reference)
     tell(json.dumps(result, indent=1) if as_json else as_markdown(result))
     if output is not None:
         from riftberg.system.atomic_files import write_json, write_text
         from riftberg.viz.score import draw_suite
 
-        with results_folder(output, SUITE_FILES, taken=SUITE_FILES):
+        with results_folder(output, SUITE_FILES, locked=SUITE_FILES):
             starts, numbers, page, picture = (output / name for name in SUITE_FILES)
             names = [case.file.name for case in cases for _ in case.cases]
-            write_cases([one for case in cases for one in case.cases], starts, names)
+            write_cases([start for case in cases for start in case.cases], starts, names)
             write_json({"cases": result}, numbers)
             write_text(page, as_markdown(result))
             draw_suite(result, picture)
@@ -304,7 +307,7 @@ def _verify_suite(
 
 def _leads(text: str) -> list[int]:
     try:
-        return sorted({int(part) for part in text.split(",")})
+        return sorted({int(word) for word in text.split(",")})
     except ValueError as error:
         raise InputError(
             f"{value_shown(text)} are no days", where="--leads", remedy="For example --leads 1,3,7"
@@ -319,17 +322,19 @@ def _between(cases: list[Case], text: str | None) -> list[Case]:
     if span is None:
         return cases
     first, last = span
-    kept = []
+    cases_within = []
     for case in cases:
-        seen = {lead: place for lead, place in case.seen.items() if case.start.date + timedelta(days=lead) <= last}
+        seen = {
+            lead: position for lead, position in case.seen.items() if case.start.date + timedelta(days=lead) <= last
+        }
         if seen and case.start.date >= first:
-            kept.append(replace(case, seen=seen))
-    if not kept:
+            cases_within.append(replace(case, seen=seen))
+    if not cases_within:
         raise InputError("no case", where=f"--between {text}", remedy="Give dates between which a berg was seen twice")
-    return kept
+    return cases_within
 
 
-def _imported(name: str) -> Any:
+def _import_function(name: str) -> Any:
     """Return a function by ``module:function``; modules of the working folder too."""
     import importlib
     import os
@@ -341,40 +346,40 @@ def _imported(name: str) -> Any:
         raise InputError(f"{value_shown(name)} names no function", where="--model", remedy=remedy)
     sys.path.insert(0, os.getcwd())
     try:
-        found = getattr(importlib.import_module(module), function)
+        target = getattr(importlib.import_module(module), function)
     except (Exception, SystemExit) as error:  # whatever the module does when it is imported
-        known = isinstance(error, (ImportError, AttributeError))
-        what = str(error) if known else f"{type(error).__name__}: {error}"
-        raise InputError(what, where=f"--model {name}", remedy=remedy) from error
+        is_import_error = isinstance(error, (ImportError, AttributeError))
+        problem = str(error) if is_import_error else f"{type(error).__name__}: {error}"
+        raise InputError(problem, where=f"--model {name}", remedy=remedy) from error
     finally:
         sys.path.pop(0)
-    if not callable(found):
+    if not callable(target):
         raise InputError(f"{function} is no function", where=f"--model {name}", remedy=remedy)
-    return found
+    return target
 
 
-def _scored(models: dict[str, DriftModel], cases: list[Case], bergs: str, error: float) -> dict[str, Any]:
+def _score_models(models: dict[str, DriftModel], cases: list[Case], bergs: str, error: float) -> dict[str, Any]:
     """Return the tables of all models: errors on the bergs chosen, and scores of ensembles on those held out."""
-    from riftberg.verification.tracks import BASELINES, Dressed, ensemble_table, errors_of, forecast, table
+    from riftberg.verification.tracks import BASELINES, Dressed, compute_errors, ensemble_table, forecast, table
 
-    held, training = ([case for case in cases if case.held_out is wanted] for wanted in (True, False))
-    chosen = {"all": cases, "held-out": held, "training": training}[bergs]
+    held_out, training = ([case for case in cases if case.held_out is is_held_out] for is_held_out in (True, False))
+    chosen = {"all": cases, "held-out": held_out, "training": training}[bergs]
     if not chosen:
         raise InputError("no case of these bergs", where=f"--bergs {bergs}", remedy="Use all, or other dates")
     result: dict[str, Any] = {"bergs": bergs, "error_km": error, "errors": {}, "ensembles": {}, "tuned": {}}
     for name, model in models.items():
-        rows = errors_of(model, chosen)
+        rows = compute_errors(model, chosen)
         result["errors"][name] = table(rows)
         tuned = [row for row in rows if row.tuned]
         result["tuned"][name] = {"bergs": sorted({row.berg for row in tuned}), "starts": len(tuned)}
-        many = bool(held) and name not in BASELINES and len(next(iter(forecast(model, held[0]).values()))) > 1
-        if not held or not (many or training):
+        many = bool(held_out) and name not in BASELINES and len(next(iter(forecast(model, held_out[0]).values()))) > 1
+        if not held_out or not (many or training):
             continue
         ensemble = model if many else Dressed(model, training)
-        shown = name if many else f"{name}, dressed"
-        result["ensembles"][shown] = {
-            "without": ensemble_table(ensemble, held, 0.0),
-            "with": ensemble_table(ensemble, held, error),
+        title = name if many else f"{name}, dressed"
+        result["ensembles"][title] = {
+            "without": ensemble_table(ensemble, held_out, 0.0),
+            "with": ensemble_table(ensemble, held_out, error),
         }
     return result
 

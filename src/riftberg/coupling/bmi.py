@@ -68,9 +68,9 @@ The tester of CSDMS looks at names with an expression that takes years for a lon
 class BmiRiftberg(Bmi):
     """Bergs beside an ocean, behind the Basic Model Interface.
 
-    Input variables are those of `riftberg.coupling.fields.TAKEN` (wind, not its stress), output variables those of
-    `riftberg.coupling.fields.GIVEN`. What is not set is at rest or absent, salinity 34; temperature is NaN, and must be set
-    if bergs melt. They are listed by the names of CSDMS, see `NAMES`; those of CF are known too.
+    Input variables are listed in `riftberg.coupling.fields.TAKEN` (wind, not its stress), output variables in
+    `riftberg.coupling.fields.GIVEN`. Fields that are not set are at rest or absent, salinity 34; temperature is NaN, and must be
+    set if bergs melt. They are listed by the names of CSDMS, see `NAMES`; CF names are known too.
 
     Examples
     --------
@@ -99,25 +99,25 @@ class BmiRiftberg(Bmi):
         InputError
             If the file is missing, or says something that cannot be.
         """
-        said = _read(Path(config_file))
-        box: Basin = said["grid"]
+        settings = _read(Path(config_file))
+        box: Basin = settings["grid"]
         grid = box.cells()
         self._spacing = (box.north - box.south) / box.rows, (box.east - box.west) / box.columns
         self._origin = (box.south + 0.5 * self._spacing[0], box.west + 0.5 * self._spacing[1])
         self._shape = box.rows, box.columns
         forcing = OceanForcing(grid, grid.fields(depth=box.depth))
-        known = {"length": "2 km", "width": "2 km", "thickness": "200 m", "lon": 0.0, "lat": 0.0}
-        asked = {**known, **said.get("berg", {})}
-        if unknown := [name for name in asked if name not in known]:
-            raise InputError(f"unknown {unknown[0]!r} of the berg", where="berg", remedy=f"Give {', '.join(known)}")
-        place = asked["lon"], asked["lat"]
-        berg = Iceberg.rectangle(asked["length"], asked["width"], thickness=asked["thickness"], placement=place)
-        model = Model(berg, forcing, Parameters(**said.get("parameters", {})))
+        usual = {"length": "2 km", "width": "2 km", "thickness": "200 m", "lon": 0.0, "lat": 0.0}
+        values = {**usual, **settings.get("berg", {})}
+        if unknown := [name for name in values if name not in usual]:
+            raise InputError(f"unknown {unknown[0]!r} of the berg", where="berg", remedy=f"Give {', '.join(usual)}")
+        position = values["lon"], values["lat"]
+        berg = Iceberg.rectangle(values["length"], values["width"], thickness=values["thickness"], placement=position)
+        model = Model(berg, forcing, Parameters(**settings.get("parameters", {})))
         grid.locate(model.elements)  # refuses a berg beyond the grid
         self._exchange = Exchange(model, staggering="A", wind_staggering="A")
-        self._end = 86400.0 * number(said.get("days", 1.0), "day", where=f"{config_file}, days")
+        self._end = 86400.0 * number(settings.get("days", 1.0), "day", where=f"{config_file}, days")
         if not 0.0 < self._end < math.inf:
-            raise InputError(f"days = {said['days']}", where=config_file, remedy="Give a finite number above 0")
+            raise InputError(f"days = {settings['days']}", where=config_file, remedy="Give a finite number above 0")
         self._values = {name: np.zeros(self._shape) for name in NAMES.values()}
         self._values["sea_floor_depth_below_geoid"][:] = box.depth
         # No warmth of the sea is usual: until it is given it is not handed over, and bergs that melt are refused.
@@ -125,14 +125,14 @@ class BmiRiftberg(Bmi):
         self._values["sea_surface_temperature"][:] = np.nan
         # Of the open Southern Ocean, where nothing else is given.
         self._values["sea_surface_salinity"][:] = 34.0
-        for name, value in said.get("ocean", {}).items():
-            known = NAMES.get(name, name)
-            if known in GIVEN or known not in self._values:
+        for name, value in settings.get("ocean", {}).items():
+            cf_name = NAMES.get(name, name)
+            if cf_name in GIVEN or cf_name not in self._values:
                 raise InputError(f"unknown field {name!r}", where=f"{config_file}, ocean", remedy="See TAKEN")
-            self._values[known][:] = number(value, TAKEN[known].units, where=f"{config_file}, ocean, {name}")
-        asked = self._handed_over()
+            self._values[cf_name][:] = number(value, TAKEN[cf_name].units, where=f"{config_file}, ocean, {name}")
+        handed = self._given_inputs()
         # Only for the check: values that cannot be are refused here and not in the first step.
-        taken(asked, {TAKEN[name].field: (self._shape,) for name in asked}, np.ones(self._shape))
+        taken(handed, {TAKEN[name].field: (self._shape,) for name in handed}, np.ones(self._shape))
 
     @property
     def exchange(self) -> Exchange:
@@ -143,12 +143,12 @@ class BmiRiftberg(Bmi):
 
     def update(self) -> None:
         """Take one step."""
-        fields = self.exchange.step(self._handed_over())
+        fields = self.exchange.step(self._given_inputs())
         for name, quantity in GIVEN.items():
             self._values[name][:] = fields[quantity.short].values
 
-    def _handed_over(self) -> dict[str, NDArray[np.float64]]:
-        """Return the input, but for what has not been given yet."""
+    def _given_inputs(self) -> dict[str, NDArray[np.float64]]:
+        """Return the input fields that have been given."""
         self._lacking = {name for name in self._lacking if np.isnan(self._values[name]).all()}
         return {name: q for name, q in self._values.items() if name in TAKEN and name not in self._lacking}
 
@@ -181,37 +181,37 @@ class BmiRiftberg(Bmi):
 
     def get_input_var_names(self) -> tuple[str, ...]:  # type: ignore[override]
         """Return the names of the input variables."""
-        return tuple(name for name, known in NAMES.items() if known in TAKEN)
+        return tuple(name for name, cf_name in NAMES.items() if cf_name in TAKEN)
 
     def get_output_var_names(self) -> tuple[str, ...]:  # type: ignore[override]
         """Return the names of the output variables."""
-        return tuple(name for name, known in NAMES.items() if known in GIVEN)
+        return tuple(name for name, cf_name in NAMES.items() if cf_name in GIVEN)
 
     def get_var_grid(self, name: str) -> int:
         """Return the number of the grid of a variable."""
-        self._of(name)
+        self._field(name)
         return 0
 
     def get_var_type(self, name: str) -> str:
         """Return the type of a variable."""
-        return str(self._of(name).dtype)
+        return str(self._field(name).dtype)
 
     def get_var_units(self, name: str) -> str:
         """Return the units of a variable."""
-        self._of(name)
+        self._field(name)
         return {**TAKEN, **GIVEN}[NAMES.get(name, name)].units
 
     def get_var_itemsize(self, name: str) -> int:
         """Return the size of one number, bytes."""
-        return int(self._of(name).itemsize)
+        return int(self._field(name).itemsize)
 
     def get_var_nbytes(self, name: str) -> int:
         """Return the size of a variable, bytes."""
-        return int(self._of(name).nbytes)
+        return int(self._field(name).nbytes)
 
     def get_var_location(self, name: str) -> str:
         """Return where the numbers of a variable stand."""
-        self._of(name)
+        self._field(name)
         return "node"
 
     def get_current_time(self) -> float:
@@ -236,36 +236,36 @@ class BmiRiftberg(Bmi):
 
     # ---------------------------------------------------------------------------------------------------------- values
 
-    def _of(self, name: str) -> NDArray[np.float64]:
-        known = NAMES.get(name, name)
-        if known not in self._values:
+    def _field(self, name: str) -> NDArray[np.float64]:
+        cf_name = NAMES.get(name, name)
+        if cf_name not in self._values:
             raise InputError(
                 f"no variable {name!r}", where="BmiRiftberg", remedy="See get_input_var_names and get_output_var_names"
             )
-        return self._values[known]
+        return self._values[cf_name]
 
     def get_value(self, name: str, dest: NDArray[Any]) -> NDArray[Any]:
         """Copy a variable."""
-        dest[:] = self._of(name).reshape(dest.shape)
+        dest[:] = self._field(name).reshape(dest.shape)
         return dest
 
     def get_value_ptr(self, name: str) -> NDArray[Any]:
         """Return a variable itself."""
-        return self._of(name).reshape(-1)
+        return self._field(name).reshape(-1)
 
     def get_value_at_indices(self, name: str, dest: NDArray[Any], inds: NDArray[Any]) -> NDArray[Any]:
         """Copy some numbers of a variable."""
-        dest[:] = self._of(name).reshape(-1)[inds]
+        dest[:] = self._field(name).reshape(-1)[inds]
         return dest
 
     def set_value(self, name: str, src: NDArray[Any]) -> None:
         """Set a variable."""
-        values = self._of(name)
+        values = self._field(name)
         values[:] = np.asarray(src, dtype=float).reshape(values.shape)
 
     def set_value_at_indices(self, name: str, inds: NDArray[Any], src: NDArray[Any]) -> None:
         """Set some numbers of a variable."""
-        self._of(name).reshape(-1)[inds] = src
+        self._field(name).reshape(-1)[inds] = src
 
     # ------------------------------------------------------------------------------------------------------------ grid
 
@@ -325,17 +325,17 @@ def _read(path: Path) -> dict[str, Any]:
     """Read a configuration file; its names are checked."""
     check_file(path, most=MOST_YAML, remedy="Name a YAML file")
     with reading(path, "cannot be read", "Write it as YAML"):
-        said = yaml.safe_load(path.read_text("utf-8"))
-    if not isinstance(said, dict) or "grid" not in said:
+        settings = yaml.safe_load(path.read_text("utf-8"))
+    if not isinstance(settings, dict) or "grid" not in settings:
         raise InputError(
             "no section 'grid'", where=str(path), remedy=f"Give {', '.join(Basin.model_fields)} under grid"
         )
-    for name in said:
+    for name in settings:
         if name not in SECTIONS:
             raise InputError(f"unknown section {name!r}", where=str(path), remedy=f"Sections are {', '.join(SECTIONS)}")
     for name in ("berg", "parameters", "ocean"):
-        if not isinstance(said.get(name, {}), dict):
+        if not isinstance(settings.get(name, {}), dict):
             raise InputError(
                 f"section {name!r} is no list of names and values", where=str(path), remedy="See the how-to page"
             )
-    return {**said, "grid": read_section(Basin, said["grid"], where=f"{path}, grid")}
+    return {**settings, "grid": read_section(Basin, settings["grid"], where=f"{path}, grid")}

@@ -17,13 +17,13 @@ from riftberg.bergs.bonding import Metric, separations
 from riftberg.config.values import Section, explained, key, number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
-from riftberg.coupling.shelf import IceShelf, Shares, shares_of
+from riftberg.coupling.shelf import IceShelf, Shares, compute_shares
 from riftberg.engines.common.forces.media import FORCES
 from riftberg.engines.common.fragments.grounding_log import mass_on_floor
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.life.melt import scaled_mass
-from riftberg.life.process import PROCESSES, LifeModel, date_of_birth, missing_water, stocks
+from riftberg.life.process import PROCESSES, LifeModel, birth_date, missing_water, stocks
 from riftberg.model import BareModel
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
@@ -33,7 +33,7 @@ from riftberg.state.population import find_rows
 
 
 class Settling:
-    """Mass that cells bear beyond that of the bergs on them, since ice calved there; its sum is 0, and it fades.
+    """Mass that cells bear beyond the bergs on them, since ice calved there; its sum is 0, and it fades.
 
     ``time``: in which it becomes smaller by the factor e, s; ``rest``: kg (shape (nj, ni)).
     """
@@ -44,17 +44,17 @@ class Settling:
         self.time = time
         self.rest = np.zeros((grid.arrays.nj, grid.arrays.ni))
 
-    def take_up(self, kept: Floats | None) -> None:
-        """Go on from what a restart kept."""
-        if kept is not None:
-            self.rest = kept.copy()
+    def take_up(self, saved: Floats | None) -> None:
+        """Go on from the state in a restart."""
+        if saved is not None:
+            self.rest = saved.copy()
 
     def settle(self, dt: float) -> None:
         """Let some time (s) pass."""
         self.rest *= math.exp(-dt / self.time)
 
     def settled(self, mass: Floats) -> Floats:
-        """Return the mass of bergs on cells (kg) with what has not settled yet; never below 0, of the same sum."""
+        """Return the mass of bergs on cells (kg) with the mass that has not settled yet; never below 0, of the same sum."""
         more = np.maximum(self.rest, 0.0)
         if not more.any():
             return mass
@@ -69,13 +69,13 @@ def refuse_ice_on_bergs(old: Elements, new: Elements, metric: Metric) -> None:
         return
     size_old, size_new = (np.sqrt(e.body.length * e.body.width) for e in (old, new))
     lon0, lat0 = float(new.lon[0]), float(new.lat[0])
-    places = [
+    positions = [
         np.stack(separations(metric, e.lon, e.lat, np.asarray(lon0), np.asarray(lat0)), axis=1) for e in (old, new)
     ]
     reach = 0.5 * (float(size_old.max()) + float(size_new.max()))
     # The tree finds who may touch by the largest sizes; each pair is then held against its own.
-    for n, near in enumerate(cKDTree(places[0]).query_ball_point(places[1], 2.0 * reach)):
-        rows = np.asarray(near, np.int64)
+    for n, neighbours in enumerate(cKDTree(positions[0]).query_ball_point(positions[1], 2.0 * reach)):
+        rows = np.asarray(neighbours, np.int64)
         dx, dy = separations(metric, old.lon[rows], old.lat[rows], np.asarray(new.lon[n]), np.asarray(new.lat[n]))
         close = np.hypot(dx, dy) < 0.5 * (size_old[rows] + size_new[n])
         if close.any():
@@ -114,7 +114,7 @@ class ExchangeBalance(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Mass that is left over, as part of what the ledger holds; 0 if it closes."""
+        """Mass that is left over, as part of the mass in the ledger; 0 if it closes."""
         scale = max(abs(self.start), abs(self.now), self.taken, self.given, 1e-30)
         return (self.start + self.taken - self.given - self.left - self.now) / scale
 
@@ -161,7 +161,7 @@ class Exchange:
     calving : bool, optional
         Whether bergs calve from the flux of land ice that is handed over.
     settling_time : float, optional
-        Time (s) in which the mass on cells passes from that of a shelf to that of the berg that calved from it, see
+        Time (s) in which the mass on cells passes from a shelf to the berg that calved from it, see
         `calve_shelf`.
 
     Attributes
@@ -233,12 +233,12 @@ class Exchange:
 
     def balance(self) -> ExchangeBalance:
         """Return the ledger since the start."""
-        now = self.stocks()
+        current = self.stocks()
         came, went, heat_came, heat_went = self._totals.tolist()
         left, heat_left = self._left.tolist()
         return ExchangeBalance(
-            float(self._start[0]), now[0], came, went, left,
-            float(self._start[1]), now[1], heat_came, heat_went, heat_left,
+            float(self._start[0]), current[0], came, went, left,
+            float(self._start[1]), current[1], heat_came, heat_went, heat_left,
         )  # fmt: skip
 
     # ----------------------------------------------------------------------------------------------------------- step
@@ -249,14 +249,14 @@ class Exchange:
         Parameters
         ----------
         given : mapping or xarray.Dataset
-            What the ocean hands over, by the names of `riftberg.coupling.fields.TAKEN`: numbers, arrays in the units of that
-            table, pairs of array and units, or xarray variables with units. What is left out stays as it is at rest or
+            Fields from the ocean, by the names of `riftberg.coupling.fields.TAKEN`: numbers, arrays in the units of that
+            table, pairs of array and units, or xarray variables with units. Fields that are left out stay at rest or
             absent; temperature must be there if bergs melt.
 
         Returns
         -------
         xarray.Dataset
-            What the ocean gets, mean over its step (mass, area and friction velocity: at its end), with CF attributes; see
+            Fields to the ocean, mean over its step (mass, area and friction velocity: at its end), with CF attributes; see
             `riftberg.coupling.fields.GIVEN`.
 
         Raises
@@ -290,15 +290,15 @@ class Exchange:
         )
 
     def _checkpoint(self) -> Callable[[], None]:
-        """Return what brings back bergs, stores and budget as they are now."""
+        """Return a function that restores bergs, stores and budget."""
         go_back = self.model.checkpoint()
         names = ("_held", "_totals", "_left", "departed")
-        kept = {name: getattr(self, name).copy() for name in names}
+        copies = {name: getattr(self, name).copy() for name in names}
         rest, stores = self._settling.rest.copy(), None if self.calving is None else deepcopy(self.calving.stores)
 
         def whole_way() -> None:
             go_back()
-            for name, value in kept.items():
+            for name, value in copies.items():
                 setattr(self, name, value)
             self._settling.rest = rest
             if self.calving is not None and stores is not None:
@@ -307,7 +307,7 @@ class Exchange:
         return whole_way
 
     def _stepped(self, flux: Floats, heat: Floats) -> xr.Dataset:
-        """Let ice calve and bergs step, and return what the ocean gets."""
+        """Let ice calve and bergs step, and return the fields to the ocean."""
         fluxes = {name: np.zeros(flux.shape) for name in ("melt", "heat", "left", "left_heat", "stress_x", "stress_y")}
         by_process = np.zeros((len(PROCESSES), *flux.shape))
         if self.calving is not None:
@@ -374,7 +374,7 @@ class Exchange:
         # A pack that only seems to stand still would hold bergs.
         model = self.model
         model.constants = model.constants._replace(ice_drift_known="ui" in arrays or "ice_thickness" not in arrays)
-        before = self.forcing.fields_at(0.0)
+        previous = self.forcing.fields_at(0.0)
         fields = {name: self.grid.extended(a) for name, a in arrays.items()}
         for u, v, where in (
             ("uo", "vo", self.staggering),
@@ -383,7 +383,7 @@ class Exchange:
         ):
             if u in fields:
                 fields[u], fields[v] = at_corners(fields[u], fields[v], self.grid, where)
-        return before._replace(**fields)
+        return previous._replace(**fields)
 
     def _refuse_lacking(self, arrays: Mapping[str, Floats]) -> None:
         """Refuse the first step after a restart unless all is there that was handed over before: a restart has no fields."""
@@ -406,7 +406,7 @@ class Exchange:
         fluxes["left"] = got.left / area
         fluxes["left_heat"] = got.heat_left / area - LATENT_HEAT * fluxes["left"]
         others = self.model.elements if self.model.parameters.stepping.interactions else None
-        elements, ids = self.calving.bear(*date_of_birth(self.model, coming=True), self.ocean_step, others)
+        elements, ids = self.calving.bear(*birth_date(self.model, coming=True), self.ocean_step, others)
         if ids.size:
             self._bear(elements)
 
@@ -428,7 +428,7 @@ class Exchange:
         """Let a bonded berg calve from an ice shelf, between two steps.
 
         The berg has the mass of the shelf. On each cell the ocean meets no jump of pressure: at this moment the mass on the
-        water (`mass_on_water`) is that of the shelf, and from there it goes over into that of the berg within
+        water (`mass_on_water`) is the mass of the shelf, and from there it goes over into the mass of the berg within
         ``settling_time``. The shelf is the ocean's or the land ice's own: take ice away there at the same moment.
 
         Parameters
@@ -466,12 +466,12 @@ class Exchange:
         self.grid.locate(new)
         refuse_ice_on_bergs(model.elements, new, Metric(p.earth.latlon, p.earth.radius, p.earth.period))
         new.life.start_mass[:], new.life.start_lon[:], new.life.start_lat[:] = new.mass, new.lon, new.lat
-        year, day = date_of_birth(model, coming=True)
+        year, day = birth_date(model, coming=True)
         new.life.start_year[:], new.life.start_day[:] = year, day
         # What the cells bear with and without the new berg, both now: their difference is what has still to settle.
-        before = self._borne()[0] + self._settling.rest
+        previous = self._borne()[0] + self._settling.rest
         ids, mass, heat = self._bear(new, berg.bonds)
-        self._settling.rest = before + shelf.mass - self._borne()[0]
+        self._settling.rest = previous + shelf.mass - self._borne()[0]
         self._totals[0], self._totals[2] = self._totals[0] + mass, self._totals[2] + heat
         self._keep()
         return ids
@@ -482,7 +482,7 @@ class Exchange:
         return np.asarray(self._settling.settled(borne - grounded) / self.grid.arrays.area[self.grid.domain])
 
     def _borne(self) -> tuple[Floats, Floats]:
-        """Return the mass of bergs on cells now, and what of it the floor bears, kg."""
+        """Return the mass of bergs on cells, and the part that the floor bears, kg."""
         m = self.model
         shares = self._shares()
         mass = scaled_mass(m.elements.life, m.elements.body.mass)
@@ -493,16 +493,16 @@ class Exchange:
         m = self.model
         elements = m.elements.copy()
         self.grid.locate(elements)
-        return shares_of(elements, m.bonds, self.grid, m.parameters)
+        return compute_shares(elements, m.bonds, self.grid, m.parameters)
 
     def _on_floor(self, el: Elements) -> Floats:
         """Return the mass of each element that the sea floor bears, kg."""
         return np.asarray(mass_on_floor(el, self.model.constants) * el.life.mass_scaling)
 
     def _look(self, model: LifeModel) -> None:
-        """Note where the elements are and what forces have acted, before the melt."""
+        """Note the positions of the elements and the forces on them, before the melt."""
         m = self.model
-        shares = shares_of(m.elements, m.bonds, self.grid, m.parameters)
+        shares = compute_shares(m.elements, m.bonds, self.grid, m.parameters)
         scaling = m.elements.life.mass_scaling.copy()
         self._seen = _Seen(m.elements.body.id.copy(), shares, scaling, self._drag(m.elements))
 
@@ -514,21 +514,21 @@ class Exchange:
         return np.stack([c * east - s * north, s * east + c * north])
 
     def _add_departed(self, elements: Elements, fluxes: dict[str, Floats]) -> None:
-        """Add the drag of what left in one step of the bergs: to their cells, of those beyond the edge to the nearest."""
-        there, place, g = elements.copy(), elements.place, self.grid.arrays
-        for own, size, name in ((place.cell_i, g.ni, "cell_i"), (place.cell_j, g.nj, "cell_j")):
-            getattr(there.place, name)[:] = np.clip(own, g.halo, g.halo + size - 1)
-        np.clip(place.xi, 0.0, 1.0, out=there.place.xi)
-        np.clip(place.eta, 0.0, 1.0, out=there.place.eta)
-        cells = there.place.cell_j - g.halo, there.place.cell_i - g.halo
+        """Add the drag of departed bergs in one step: to their cells, or to the nearest ones if they lie beyond the edge."""
+        inside, place, g = elements.copy(), elements.place, self.grid.arrays
+        for index, size, name in ((place.cell_i, g.ni, "cell_i"), (place.cell_j, g.nj, "cell_j")):
+            getattr(inside.place, name)[:] = np.clip(index, g.halo, g.halo + size - 1)
+        np.clip(place.xi, 0.0, 1.0, out=inside.place.xi)
+        np.clip(place.eta, 0.0, 1.0, out=inside.place.eta)
+        cells = inside.place.cell_j - g.halo, inside.place.cell_i - g.halo
         area = g.area[self.grid.domain][cells]
-        for name, drag in zip(("stress_x", "stress_y"), self._drag(there), strict=True):
-            np.add.at(fluxes[name], cells, -drag * there.life.mass_scaling / area / self.steps)
+        for name, drag in zip(("stress_x", "stress_y"), self._drag(inside), strict=True):
+            np.add.at(fluxes[name], cells, -drag * inside.life.mass_scaling / area / self.steps)
 
     def _add(self, fluxes: dict[str, Floats], by_process: Floats) -> None:
-        """Add what one step of the bergs gives."""
+        """Add the fluxes of one step of the bergs."""
         assert self._seen is not None
-        seen, part = self._seen, 1.0 / self.ocean_step
+        seen, per_second = self._seen, 1.0 / self.ocean_step
         # The ocean gets the opposite of what it did to the bergs.
         for name, drag in zip(("stress_x", "stress_y"), seen.drag, strict=True):
             fluxes[name] += seen.shares.per_area(-drag * seen.scaling) / self.steps
@@ -536,19 +536,19 @@ class Exchange:
         if life is None or life.last is None:
             return
         step = life.last.melt
-        fluxes["melt"] += seen.shares.per_area(step.water * part)
-        fluxes["heat"] += seen.shares.per_area(step.water * (step.heat_density - LATENT_HEAT) * part)
+        fluxes["melt"] += seen.shares.per_area(step.water * per_second)
+        fluxes["heat"] += seen.shares.per_area(step.water * (step.heat_density - LATENT_HEAT) * per_second)
         for k, water in enumerate(life.last.water):
-            by_process[k] += seen.shares.per_area(water * part)
+            by_process[k] += seen.shares.per_area(water * per_second)
 
     def _state(self) -> dict[str, Floats]:
         """Mass, area and friction velocity at the end of the step."""
         assert self._seen is not None
         el, p = self.model.elements, self.model.parameters
         # Melt may have removed elements since their shares were found: rows are matched by identifier.
-        rows, known = find_rows(self._seen.ids, el.body.id)
+        rows, matched = find_rows(self._seen.ids, el.body.id)
         # Processes of the user may have added ice since.
-        shares = self._seen.shares.taken(rows) if known.all() else self._shares()
+        shares = self._seen.shares.taken(rows) if matched.all() else self._shares()
         scaling = el.life.mass_scaling
         mass, plan = scaled_mass(el.life, el.body.mass), el.body.length * el.body.width * scaling
         on_floor = self._on_floor(el)
@@ -589,34 +589,36 @@ class Exchange:
 
     def _keep(self) -> None:
         """Leave stores and ledger where a restart finds them."""
-        kept: dict[str, Floats | None] = {
+        memory: dict[str, Floats | None] = {
             "totals": self._totals, "start": self._start, "held": self._held, "left": self._left,
             "settling": self._settling.rest, "handed": self._handed, "corners": _outer_corners(self.grid),
         }  # fmt: skip
         if self.calving is not None:
             s = self.calving.stores
-            kept |= {"ice": s.ice, "heat": s.heat, "counter": s.counter.astype(float)}
-            kept |= {"mean_flux": s.mean_flux, "mean_heat": s.mean_heat}
-        self.model.remembered.update({STORES + name: array.copy() for name, array in kept.items() if array is not None})
+            memory |= {"ice": s.ice, "heat": s.heat, "counter": s.counter.astype(float)}
+            memory |= {"mean_flux": s.mean_flux, "mean_heat": s.mean_heat}
+        self.model.remembered.update(
+            {STORES + name: array.copy() for name, array in memory.items() if array is not None}
+        )
 
 
 def _check_kept(model: BareModel, grid: Grid) -> None:
     """Refuse stores of a restart that lie on another grid, or are not whole."""
-    shape, kept = (grid.arrays.nj, grid.arrays.ni), model.remembered
+    shape, memory = (grid.arrays.nj, grid.arrays.ni), model.remembered
     names = [STORES + name for name in ("settling", "ice", "heat", "counter", "mean_flux", "mean_heat")]
     for name in names:
-        if name in kept and kept[name].shape[-2:] != shape:
+        if name in memory and memory[name].shape[-2:] != shape:
             raise InputError(
-                f"{name} lies on a grid of {kept[name].shape[-2:]} cells, the exchange on one of {shape}",
+                f"{name} lies on a grid of {memory[name].shape[-2:]} cells, the exchange on one of {shape}",
                 where=f"restart file, extra/{name}", remedy="Go on with the grid of the run that wrote the restart",
             )  # fmt: skip
-    there, here = kept.get(STORES + "corners"), _outer_corners(grid)
-    if there is not None and not np.allclose(there, here, rtol=0.0, atol=1e-6):
+    saved, here = memory.get(STORES + "corners"), _outer_corners(grid)
+    if saved is not None and not np.allclose(saved, here, rtol=0.0, atol=1e-6):
         raise InputError(
-            f"the grid of the exchange reached from {there[:2]} to {there[2:]}, and reaches from {here[:2]} to {here[2:]} now",
+            f"the grid of the exchange reached from {saved[:2]} to {saved[2:]}, and reaches from {here[:2]} to {here[2:]} now",
             where="restart file, group extra", remedy="Go on with the grid of the run that wrote the restart",
         )  # fmt: skip
-    if names[1] in kept and not {names[2], names[3]} <= kept.keys():
+    if names[1] in memory and not {names[2], names[3]} <= memory.keys():
         raise InputError(
             "stores of ice without their heat or counters", where="restart file, group extra",
             remedy="The file is damaged: resume from another restart",
@@ -631,12 +633,14 @@ def _outer_corners(grid: Grid) -> Floats:
 
 
 def _kept_stores(model: BareModel) -> Stores | None:
-    kept = model.remembered
-    if STORES + "ice" not in kept:
+    memory = model.remembered
+    if STORES + "ice" not in memory:
         return None
-    flux, heat = (kept[name].copy() if (name := STORES + part) in kept else None for part in ("mean_flux", "mean_heat"))
-    counter = kept[STORES + "counter"].astype(np.int64)
-    return Stores(kept[STORES + "ice"].copy(), kept[STORES + "heat"].copy(), counter, flux, heat, begun=True)
+    flux, heat = (
+        memory[name].copy() if (name := STORES + kind) in memory else None for kind in ("mean_flux", "mean_heat")
+    )
+    counter = memory[STORES + "counter"].astype(np.int64)
+    return Stores(memory[STORES + "ice"].copy(), memory[STORES + "heat"].copy(), counter, flux, heat, begun=True)
 
 
 def _whole_steps(ocean: float, bergs: float) -> int:
@@ -673,14 +677,14 @@ def ocean_grid(
     mask : array, shape (nj, ni), optional
         1 ocean, 0 land.
     area : array, shape (nj, ni), optional
-        Areas of the cells as the ocean model has them, m2, so that what it gets is what left here; found from the corners if
+        Areas of the cells in the ocean model, m2, so that it gets all that leaves the bergs; found from the corners if
         left out.
     latlon : bool, optional
         Whether corners are degrees.
     period : float, optional
         Of the first coordinate; 360 degrees, or none in metres.
     edge : {"open", "closed"}, optional
-        What the edge of the grid is, where it is neither land nor joined to the other side nor a pole: open, and bergs leave
+        Kind of the edge of the grid, where it is neither land nor joined to the other side nor a pole: open, and bergs leave
         the model over it, as a whole, as soon as a part of them lies beyond (`Exchange.departed`); or closed like a coast.
     **options
         See `riftberg.ocean.grid.Grid.from_corners`.
@@ -714,7 +718,7 @@ class Box(Section):
     edge: Edge = key("open", "", "open: bergs leave over it; closed: a coast")
 
     def cells(self, **options: Any) -> Grid:
-        """Return its grid; options are those of `ocean_grid`."""
+        """Return its grid; options as of `ocean_grid`."""
         if not (self.west < self.east and self.south < self.north):
             raise InputError(
                 f"no cells from {self.west:g} to {self.east:g} and {self.south:g} to {self.north:g} degrees", where="grid",

@@ -16,7 +16,7 @@ from riftberg.state import Floats
 
 
 class Exchanged(NamedTuple):
-    """What is exchanged."""
+    """An exchanged field."""
 
     field: str  # Short name here; of what comes in, the field of `riftberg.ocean.cells.Fields` where there is one
     units: str  # Units in which it is handed over unless others are stated
@@ -91,7 +91,7 @@ GIVEN: Final[dict[str, Exchanged]] = {
 def taken(
     given: Mapping[str, Any], shapes: Mapping[str, tuple[tuple[int, int], ...]], mask: Floats
 ) -> dict[str, Floats]:
-    """Check what an ocean hands over, and return arrays by short name in the units used here."""
+    """Check the fields from an ocean, and return arrays by short name in the units used here."""
     arrays = {}
     for name, value in given.items():
         if name not in TAKEN:
@@ -156,9 +156,9 @@ class OceanForcing(GriddedForcing):
     Attributes
     ----------
     provides : frozenset of str
-        What each step brings of the water; `Exchange.step` sees to it.
+        Fields of the water that each step brings; `Exchange.step` sees to it.
     given : bool
-        Whether a step has put its fields; until then a run that is resumed keeps what its bergs met last.
+        Whether a step has put its fields; until then a resumed run keeps the fields that its bergs met last.
     """
 
     provides = frozenset({"sst", "sss"})

@@ -1,6 +1,6 @@
-"""What bergs give to the ocean, on cells: monthly means and moments of a run as CF files, conserving to round-off.
+"""Fluxes from bergs to the ocean, on cells: monthly means and moments of a run as CF files, conserving to round-off.
 
-Names are those of CMIP and of the exchange (`riftberg.coupling.fields.GIVEN`): ``ficeberg`` is the fresh water,
+Names follow CMIP and the exchange (`riftberg.coupling.fields.GIVEN`): ``ficeberg`` is the fresh water,
 ``hfibthermds2d`` the heat that it takes, latent heat above all.
 """
 
@@ -20,14 +20,14 @@ from riftberg.config.values import number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.fields import GIVEN
-from riftberg.coupling.shelf import Shares, shares_of
+from riftberg.coupling.shelf import Shares, compute_shares
 from riftberg.errors import InputError
 from riftberg.life.melt import scaled_mass
 from riftberg.life.process import PROCESSES, LifeModel
 from riftberg.model import BareModel
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
-from riftberg.runs.layout import counted_from
+from riftberg.runs.layout import time_units
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import summed
 from riftberg.system.netcdf_lock import write_dataset
@@ -40,10 +40,10 @@ ROWS: Final = AREA + 1
 """Rows of a sum: melt water by process (kg), then mass (kg s), heat (J) and area (m2 s)."""
 
 MOST_LATITUDE: Final = 88.0
-"""Cells of `cells_of` end here: nearer to the pole they have no width."""
+"""Cells of `make_cells` end here: nearer to the pole they have no width."""
 
 
-def cells_of(width: float) -> Grid:
+def make_cells(width: float) -> Grid:
     """Return cells of this width (degrees) around the Earth, joined at the date line."""
     width = number(width, "degree", where="cells")
     count = round(360.0 / width) if 1e-3 < width <= 10.0 else 0
@@ -70,7 +70,7 @@ class _Sums(NamedTuple):
 
 
 class _Span(NamedTuple):
-    """What passed between two moments, and how things stood (kg, m2)."""
+    """Fluxes between two moments, and stocks (kg, m2)."""
 
     since: datetime
     end: datetime
@@ -87,7 +87,7 @@ def _nothing(rows: int) -> _Sums:
 
 
 class GridRecorder:
-    """Recorder of a run: gathers on cells what the bergs give, and writes it at the end.
+    """Recorder of a run: gathers on cells the fluxes of the bergs, and writes them at the end.
 
     A restart keeps the sums of the month and of the time since the last moment, so that a resumed run goes on with both: its
     files hold the months and moments that end in it, as the run that never stopped has them; with ``goes_on`` those from
@@ -118,7 +118,7 @@ class GridRecorder:
         self, path: str | Path, grid: Grid | float, *, every_hours: float = 24.0, goes_on: bool = False
     ) -> None:
         self.path, self.goes_on = Path(path), goes_on
-        self.grid = grid if isinstance(grid, Grid) else cells_of(grid)
+        self.grid = grid if isinstance(grid, Grid) else make_cells(grid)
         self.every = timedelta(hours=number(every_hours, "h", where="every_hours"))
         if self.every <= timedelta(0):
             raise InputError(f"a moment every {every_hours:g} h", where="every_hours", remedy="Give hours above 0")
@@ -148,11 +148,11 @@ class GridRecorder:
         if life is None:
             return
         # An exchange may look there too; it comes first, and gets its place back at the end.
-        before = self._before = life.look_around
+        previous = self._before = life.look_around
 
         def look(living: LifeModel) -> None:
-            if before is not None:
-                before(living)
+            if previous is not None:
+                previous(living)
             self._look(model)
 
         life.look_around = look
@@ -188,40 +188,40 @@ class GridRecorder:
         return f"gridded_{zlib.crc32(corners)}_every_{self.every.total_seconds():g}_s_{name}"
 
     def _remember(self, model: BareModel) -> None:
-        """Leave with the model what a run that goes on from here must know of the month and of the time to the next moment."""
-        kept = model.remembered
+        """Leave with the model the sums of the month and since the last moment, for a run that goes on from here."""
+        memory = model.remembered
         began = [(moment - model.start).total_seconds() for moment in (self._month_began, self._passed_began)]
-        kept[self._times] = np.array([model.time, *began])
+        memory[self._times] = np.array([model.time, *began])
         for name, sums in (("month", self._month), ("passed", self._passed)):
-            kept[f"{self._sums}_{name}_cells"] = sums.cells.astype(float)
-            kept[f"{self._sums}_{name}_rows"] = sums.rows
+            memory[f"{self._sums}_{name}_cells"] = sums.cells.astype(float)
+            memory[f"{self._sums}_{name}_rows"] = sums.rows
         spans = [*((0, span) for span in self._months), *((1, span) for span in self._moments)]
         # Spans that have ended do not change, and copying all of them in every step would cost more and more.
         if len(spans) == self._kept:
             return
         self._kept = len(spans)
-        parts = [part for _, span in spans for part in (span.sums, span.state)]
-        kept[f"{self._sums}_spans"] = np.array(
+        tables = [table for _, span in spans for table in (span.sums, span.state)]
+        memory[f"{self._sums}_spans"] = np.array(
             [[kind, *((moment - model.start).total_seconds() for moment in span[:2]), *(len(p.cells) for p in span[2:])]
              for kind, span in spans], float,
         ).reshape(-1, 5)  # fmt: skip
-        kept[f"{self._sums}_spans_cells"] = np.concatenate([np.zeros(0), *(part.cells for part in parts)])
-        kept[f"{self._sums}_spans_values"] = np.concatenate([np.zeros(0), *(part.rows.ravel() for part in parts)])
+        memory[f"{self._sums}_spans_cells"] = np.concatenate([np.zeros(0), *(table.cells for table in tables)])
+        memory[f"{self._sums}_spans_values"] = np.concatenate([np.zeros(0), *(table.rows.ravel() for table in tables)])
 
     def _take_up(self, model: BareModel) -> None:
         """Go on with the month and the time to the next moment of the run that stopped here."""
         self._times, self._sums = self._key("times"), self._key("sums")
-        kept = model.remembered
-        now, month, passed = kept.get(self._times, np.full(3, np.nan)).tolist()
-        if now != model.time:
+        memory = model.remembered
+        saved_time, month, passed = memory.get(self._times, np.full(3, np.nan)).tolist()
+        if saved_time != model.time:
             if self.goes_on:
                 raise InputError(
                     "the run had no output on these cells", where="gridded output", remedy="Leave --cells as it was"
                 )
             return
         cells = self.grid.arrays.area.size
-        for name in (f"{self._sums}_{part}" for part in ("month", "passed")):
-            touched, rows = kept.get(f"{name}_cells"), kept.get(f"{name}_rows")
+        for name in (f"{self._sums}_{period}" for period in ("month", "passed")):
+            touched, rows = memory.get(f"{name}_cells"), memory.get(f"{name}_rows")
             if touched is None or rows is None or rows.shape != (ROWS, touched.size) or (touched >= cells).any():
                 raise InputError(
                     f"sums that do not fit the {cells} cells of the output", where=f"restart file, extra/{name}_cells",
@@ -229,7 +229,7 @@ class GridRecorder:
                 )  # fmt: skip
         self._month_began, self._passed_began = (model.start + timedelta(seconds=s) for s in (month, passed))
         self._month, self._passed = (
-            _Sums(kept[f"{self._sums}_{name}_cells"].astype(np.int64), kept[f"{self._sums}_{name}_rows"])
+            _Sums(memory[f"{self._sums}_{name}_cells"].astype(np.int64), memory[f"{self._sums}_{name}_rows"])
             for name in ("month", "passed")
         )
         if self.goes_on:
@@ -248,12 +248,12 @@ class GridRecorder:
                 remedy="The file is damaged: resume from another restart",
             )  # fmt: skip
         for (kind, since, end), sizes in zip(table[:, :3].tolist(), counts.tolist(), strict=True):
-            parts = []
+            pair = []
             for size, rows in zip(sizes, (ROWS, 2), strict=True):
-                parts.append(_Sums(cells[:size].astype(np.int64), values[: rows * size].reshape(rows, size)))
+                pair.append(_Sums(cells[:size].astype(np.int64), values[: rows * size].reshape(rows, size)))
                 cells, values = cells[size:], values[rows * size :]
             began, ended = (model.start + timedelta(seconds=moment) for moment in (since, end))
-            (self._moments if kind else self._months).append(_Span(began, ended, parts[0], parts[1]))
+            (self._moments if kind else self._months).append(_Span(began, ended, pair[0], pair[1]))
 
     def finish(self, model: BareModel) -> None:
         """Write both files; nothing where no step was taken."""
@@ -267,7 +267,7 @@ class GridRecorder:
                 write_dataset(dataset, self.path.with_name(name))
 
     def monthly(self) -> xr.Dataset:
-        """Return means by month; the first and the last are of what the run had of them, as their bounds say."""
+        """Return means by month; the first and the last may be cut off by the run, as their bounds say."""
         return self._dataset(self._months, "mean")
 
     def moments(self) -> xr.Dataset:
@@ -282,10 +282,10 @@ class GridRecorder:
 
     def _look(self, model: BareModel) -> None:
         elements = self._placed(model)
-        self._seen = shares_of(elements, model.bonds, self.grid, model.parameters), _stock(elements)
+        self._seen = compute_shares(elements, model.bonds, self.grid, model.parameters), _stock(elements)
 
     def _placed(self, model: BareModel) -> Elements:
-        """Return the elements with their cells of this grid; those of the forcing's own grid are known."""
+        """Return the elements with their cells of this grid; on the forcing's own grid they are known."""
         elements = model.elements
         if self.grid is model.forcing.grid and (elements.place.cell_i >= 0).all():
             return self._unwrapped(elements)
@@ -311,13 +311,13 @@ class GridRecorder:
 
     def _state(self, model: BareModel) -> _Sums:
         elements = self._placed(model)
-        shares = shares_of(elements, model.bonds, self.grid, model.parameters)
+        shares = compute_shares(elements, model.bonds, self.grid, model.parameters)
         return _nothing(2).added(shares.cells, _shared(shares, _stock(elements)))
 
     def _box(self, spans: list[_Span]) -> tuple[slice, slice]:
         """Return rows and columns with bergs, and one more on each side."""
         g = self.grid.arrays
-        touched = np.concatenate([np.zeros(0, np.int64), *(part.cells for s in spans for part in (s.sums, s.state))])
+        touched = np.concatenate([np.zeros(0, np.int64), *(sums.cells for s in spans for sums in (s.sums, s.state))])
         j, i = np.divmod(np.unique(touched), g.area.shape[1])
         if not j.size:
             return np.s_[g.halo : g.halo + 1, g.halo : g.halo + 1]
@@ -372,7 +372,7 @@ class GridRecorder:
         })  # fmt: skip
         began = spans[0].since if spans else datetime(2000, 1, 1)
         for name in ("time", "time_bnds"):
-            dataset[name].encoding = {**counted_from(began), "dtype": "float64"}
+            dataset[name].encoding = {**time_units(began), "dtype": "float64"}
         for name in data:
             dataset[name].encoding = {"zlib": True}
         return dataset

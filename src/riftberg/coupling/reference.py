@@ -71,16 +71,16 @@ def orientations(elements: Elements, bonds: Bonds, rules: NineCellRules, earth: 
     third = math.pi / 3.0
     angles: list[list[float]] = [[] for _ in range(elements.size)]
     for b in np.flatnonzero(bonds.status == 0):
-        for own, other in ((bonds.first[b], bonds.second[b]), (bonds.second[b], bonds.first[b])):
+        for row, other in ((bonds.first[b], bonds.second[b]), (bonds.second[b], bonds.first[b])):
             e = elements.place
-            dx, dy = separation(e.lon[other], e.lat[other], e.lon[own], e.lat[own], *earth)
+            dx, dy = separation(e.lon[other], e.lat[other], e.lon[row], e.lat[row], *earth)
             if dx == 0.0:
-                angles[own].append(math.pi / 2.0)
+                angles[row].append(math.pi / 2.0)
             else:
                 turn = (math.pi / 2.0 - rules.orientation * DEGREE) - math.atan(dy / dx)
-                angles[own].append(turn % third)
-    for e_row, found in enumerate(angles):
-        value[e_row] = (sum(found) / len(found) if found else 0.0) % third
+                angles[row].append(turn % third)
+    for e_row, turns in enumerate(angles):
+        value[e_row] = (sum(turns) / len(turns) if turns else 0.0) % third
     return value
 
 
@@ -104,7 +104,7 @@ def spread_nine(
 ) -> None:
     """Add mass (kg), area (m2) and area times velocity of bergs to the nine cells around each.
 
-    ``out`` has the shape (4, 9, rows, columns): what the bergs of a cell give to its neighbour number n, counted row by
+    ``out`` has the shape (4, 9, rows, columns): shares that the bergs of a cell give to its neighbour number n, counted row by
     row from the south-west.
     """
     w, scratch = np.zeros(9), np.zeros((8, 16))
@@ -117,14 +117,14 @@ def spread_nine(
             if fl_bits > 0.0:
                 thin, _, _ = bit_shape(b.thickness[e], values)
                 fl_bits = fl_bits * _afloat(thin, water, values.rho_ice)
-        part = 1.0
+        factor = 1.0
         if rules.hexagonal:
             reach = math.sqrt(3.0) / 2.0 * 0.49
             if cell > 0.0:
                 reach = min(math.sqrt(b.area[e] / (2.0 * math.sqrt(3.0))) / math.sqrt(cell), 1.0)
             hexagon_shares(b.xi[e], b.eta[e], reach, b.orientation[e], w, scratch)
             if b.static[e] < 0.5:
-                part = 1.0 / wet_part(w, mask, i, j)
+                factor = 1.0 / wet_part(w, mask, i, j)
             for k in range(9):
                 if k != 4:
                     w[k] *= mask[j + k // 3 - 1, i + k % 3 - 1]
@@ -136,27 +136,27 @@ def spread_nine(
         weight = (((mass + fl_bits) + b.bits[e]) + b.fl_bergy_bits[e]) * b.scaling[e]
         plan = b.area[e] * b.scaling[e]
         for k in range(9):
-            out[0, k, j, i] += (w[k] * weight) * part
-            out[1, k, j, i] += (w[k] * plan) * part
-            out[2, k, j, i] += (w[k] * (b.u[e] * plan)) * part
-            out[3, k, j, i] += (w[k] * (b.v[e] * plan)) * part
+            out[0, k, j, i] += (w[k] * weight) * factor
+            out[1, k, j, i] += (w[k] * plan) * factor
+            out[2, k, j, i] += (w[k] * (b.u[e] * plan)) * factor
+            out[3, k, j, i] += (w[k] * (b.v[e] * plan)) * factor
 
 
-def gather(parts: Floats, grid: Grid) -> Floats:
-    """Return what each cell gets from the nine around it, over its area; shape of the grid with its halo (files, 4.4).
+def gather(shares: Floats, grid: Grid) -> Floats:
+    """Return the sum that each cell gets from the nine around it, over its area; shape of the grid with its halo (files, 4.4).
 
-    ``parts``: as `spread_nine` fills it (shape (9, rows, columns)).
+    ``shares``: as `spread_nine` fills it (shape (9, rows, columns)).
     """
     g, h = grid.arrays, grid.arrays.halo
-    c = np.zeros_like(parts)
+    c = np.zeros_like(shares)
     rows, columns = grid.domain
-    c[:, rows, columns] = parts[:, rows, columns]
+    c[:, rows, columns] = shares[:, rows, columns]
     if g.cyclic:
         c[:, :, :h], c[:, :, h + g.ni :] = c[:, :, g.ni : g.ni + h], c[:, :, h : 2 * h]
 
     def at(k: int, di: int, dj: int) -> Floats:
-        part: Floats = c[k, rows.start + dj : rows.stop + dj, columns.start + di : columns.stop + di]
-        return part
+        neighbour: Floats = c[k, rows.start + dj : rows.stop + dj, columns.start + di : columns.stop + di]
+        return neighbour
 
     total = at(4, 0, 0) + (
         ((at(8, -1, -1) + at(0, 1, 1)) + (at(6, 1, -1) + at(2, -1, 1)))
@@ -169,7 +169,7 @@ def gather(parts: Floats, grid: Grid) -> Floats:
 
 
 class ReturnRules(NamedTuple):
-    """What the reference returns; names of its namelist in brackets."""
+    """Fields that the reference returns; names of its namelist in brackets."""
 
     nine: NineCellRules
     weight: bool  # Mass on the ocean is returned (``add_weight_to_ocean``)
@@ -182,7 +182,7 @@ class ReturnRules(NamedTuple):
 
 
 class Returned(NamedTuple):
-    """What one step gives to the ocean; arrays over the cells of the domain."""
+    """Fields of one step to the ocean; arrays over the cells of the domain."""
 
     calving: Floats  # Fresh water, kg m-2 s-1: melt and what no size class took
     calving_hflx: Floats  # Heat, W m-2
@@ -296,11 +296,11 @@ class ReferenceExchange:
         mass, cover, ustar = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         u, v = np.zeros(shape), np.zeros(shape)
         if rules.weight or rules.melt_by_mass:
-            parts = self._parts(self._bergs())
-            mass = gather(parts[0], self.grid)[domain]
+            sums = self._parts(self._bergs())
+            mass = gather(sums[0], self.grid)[domain]
             if rules.fields:
-                cover = np.minimum(gather(parts[1], self.grid)[domain], 1.0)
-                u, v = (gather(q, self.grid)[domain] for q in parts[2:])
+                cover = np.minimum(gather(sums[1], self.grid)[domain], 1.0)
+                u, v = (gather(q, self.grid)[domain] for q in sums[2:])
         if rules.melt_by_mass:
             after = self._after_melt() if p.melt.keep_shape else mass
             melt = np.maximum((self._before[domain] - after) / dt, 0.0)
@@ -312,9 +312,9 @@ class ReferenceExchange:
             ustar = np.where(cover != 0.0, np.maximum(p.melt.least_friction, speed), 0.0)
         if rules.least_gap >= 0.0:
             assert self._fields is not None
-            some = cover > 0.0
-            thick = np.where(some, mass / (np.where(some, cover, 1.0) * p.ice.density), 0.0)
-            shallow = some & (self._fields.depth[domain] - draft_of(thick, p.ice.density) < rules.least_gap)
+            covered = cover > 0.0
+            thick = np.where(covered, mass / (np.where(covered, cover, 1.0) * p.ice.density), 0.0)
+            shallow = covered & (self._fields.depth[domain] - draft_of(thick, p.ice.density) < rules.least_gap)
             melt, heat = np.where(shallow, 0.0, melt), np.where(shallow, 0.0, heat)
         return mass, cover, ustar, melt, heat
 
@@ -324,15 +324,15 @@ class ReferenceExchange:
         m, bergs = self.life.last.melt.melted, self._bergs()
         left = m.mass > 0.0
         bits_only = ~left & (m.fl_bits > 0.0)
-        one = m.fl_length * m.fl_width * m.fl_thickness * self.values.rho_ice
-        scaling = np.where(bits_only, m.fl_bits * bergs.scaling / np.where(bits_only, one, 1.0), bergs.scaling)
+        bit_mass = m.fl_length * m.fl_width * m.fl_thickness * self.values.rho_ice
+        scaling = np.where(bits_only, m.fl_bits * bergs.scaling / np.where(bits_only, bit_mass, 1.0), bergs.scaling)
         zero = np.zeros_like(m.mass)
         changed = bergs._replace(
-            mass=np.where(left, m.mass, one), bits=m.bits, fl_bits=np.where(left, m.fl_bits, zero),
+            mass=np.where(left, m.mass, bit_mass), bits=m.bits, fl_bits=np.where(left, m.fl_bits, zero),
             fl_bergy_bits=np.where(left, m.fl_bergy_bits, zero), scaling=scaling,
             area=np.where(left, m.length * m.width, m.fl_length * m.fl_width),
             thickness=np.where(left, m.thickness, m.fl_thickness),
         )  # fmt: skip
         rows = np.flatnonzero(left | bits_only)
-        some = Spread(**{name: np.ascontiguousarray(a[rows]) for name, a in changed._asdict().items()})
-        return gather(self._parts(some)[0], self.grid)[self.grid.domain]
+        remaining = Spread(**{name: np.ascontiguousarray(a[rows]) for name, a in changed._asdict().items()})
+        return gather(self._parts(remaining)[0], self.grid)[self.grid.domain]

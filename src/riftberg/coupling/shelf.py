@@ -2,9 +2,10 @@
 
 The berg fills the cells of the mask. An element gets the mean thickness of the ice under it, weighted by the areas that it
 shares with the cells, so that a slope of the shelf is a slope of the berg. One factor for each piece then makes the mass of
-the elements that of the cells; it is the misfit of the lattice to the outline, and near 1. Spread back over the cells the berg
-weighs as much as the shelf did inside of it; cells at its rim differ, for elements stick out of the mask or leave a part of
-it bare. `riftberg.coupling.exchange.Exchange.calve_shelf` lets that rest settle, so that the ocean meets no jump anywhere.
+the elements equal to the mass of the cells; it is the misfit of the lattice to the outline, and near 1. Spread back over the
+cells the berg weighs as much as the shelf did inside of it; cells at its rim differ, for elements stick out of the mask or
+leave a part of it bare. `riftberg.coupling.exchange.Exchange.calve_shelf` lets that rest settle, so that the ocean meets no
+jump anywhere.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class Shares:
 
 
 def element_axes(elements: Elements, bonds: Bonds, p: Parameters) -> Floats:
-    """Return the axis of each element, rad from east: of its lattice where it has bonds, else what it has turned by."""
+    """Return the axis of each element, rad from east: of its lattice where it has bonds, else its own rotation."""
     earth = p.earth
     unbroken = np.flatnonzero(bonds.status == 0)
     a, b = bonds.first[unbroken], bonds.second[unbroken]
@@ -93,7 +94,7 @@ def _apart(
     return dx, dy
 
 
-def shares_of(elements: Elements, bonds: Bonds, grid: Grid, p: Parameters) -> Shares:
+def compute_shares(elements: Elements, bonds: Bonds, grid: Grid, p: Parameters) -> Shares:
     """Return the exact shares of all elements: elements of a hexagonal lattice are hexagons, all others rectangles."""
     g, place, body = grid.arrays, elements.place, elements.body
     shape = HEXAGON if p.bonds.packing == "hexagonal" and p.bonds.law != "none" else RECTANGLE
@@ -133,7 +134,7 @@ class IceShelf:
     thickness : array, shape (nj, ni)
         Of that ice, m; 0 where there is none.
     density : float
-        Of ice, kg m-3; that of the run.
+        Of ice, kg m-3, as in the run.
 
     Examples
     --------
@@ -174,10 +175,10 @@ class IceShelf:
             If shapes or values cannot be, naming the cell.
         """
         shape = grid.arrays.nj, grid.arrays.ni
-        part, height = _on_cells(mask, "mask", shape), _on_cells(thickness, "thickness", shape)
-        _check(part, height)
-        part = np.nan_to_num(part)
-        return cls(grid, part, np.where(part > 0.0, height, 0.0), number(density, "kg m-3", where="density"))
+        fraction, height = _on_cells(mask, "mask", shape), _on_cells(thickness, "thickness", shape)
+        _check(fraction, height)
+        fraction = np.nan_to_num(fraction)
+        return cls(grid, fraction, np.where(fraction > 0.0, height, 0.0), number(density, "kg m-3", where="density"))
 
     @classmethod
     def from_raster(
@@ -199,33 +200,33 @@ class IceShelf:
         density : float, optional
             Of ice, kg m-3.
         earth_radius : float, optional
-            Of the sphere, m; that of the A68a experiment by default.
+            Of the sphere, m; by default as in the A68a experiment.
         """
         height = _raster(thickness, variable, date)
         if crs is not None:
             height = replace(height, crs=crs)
-        part = replace(height, values=(height.values > 0.0).astype(float))
+        fraction = replace(height, values=(height.values > 0.0).astype(float))
         if mask is not None:
-            part = replace(_raster(mask, mask_variable, date), crs=height.crs)
-            if height.values.shape != part.values.shape or not (
-                np.allclose(height.lon, part.lon) and np.allclose(height.lat, part.lat)
+            fraction = replace(_raster(mask, mask_variable, date), crs=height.crs)
+            if height.values.shape != fraction.values.shape or not (
+                np.allclose(height.lon, fraction.lon) and np.allclose(height.lat, fraction.lat)
             ):
                 raise InputError(
-                    f"another grid than that of the thickness ({height.name})", where=part.name,
+                    f"another grid than that of the thickness ({height.name})", where=fraction.name,
                     remedy="Bring mask and thickness to the same cells",
                 )  # fmt: skip
-        there = np.nan_to_num(part.values) > 0.0
-        if not there.any():
-            raise InputError("no ice: the mask is 0 everywhere", where=part.name)
+        icy = np.nan_to_num(fraction.values) > 0.0
+        if not icy.any():
+            raise InputError("no ice: the mask is 0 everywhere", where=fraction.name)
         # Both maps are cut around the ice that calves, with a ring of cells, their longitudes in one go.
-        height, part = unbroken(height, there), unbroken(part, there)
-        calves = np.nonzero(np.nan_to_num(part.values) > 0.0)
+        height, fraction = unbroken(height, icy), unbroken(fraction, icy)
+        calves = np.nonzero(np.nan_to_num(fraction.values) > 0.0)
         rows, columns = (slice(max(int(k.min()) - 1, 0), int(k.max()) + 2) for k in calves)
-        height, part = (
+        height, fraction = (
             replace(map_, lon=map_.lon[columns], lat=map_.lat[rows], values=map_.values[rows, columns])
-            for map_ in (height, part)
+            for map_ in (height, fraction)
         )
-        return cls.of(_cells(height, earth_radius), part.values, height.values, density)
+        return cls.of(_cells(height, earth_radius), fraction.values, height.values, density)
 
     @property
     def mass(self) -> Floats:
@@ -237,8 +238,8 @@ class IceShelf:
     ) -> Iceberg:
         """Return a berg of bonded elements with the mass of the shelf; pieces that do not touch are not bonded.
 
-        Its report says by which factors thicknesses were changed to that end (``thickness_factor``), and how far the mass on
-        cells that lie wholly under it is from that of the shelf, as part of that (``misfit_inside``; `misfit` for all cells).
+        Its report says by which factors thicknesses were changed to that end (``thickness_factor``), and by how much the mass on
+        cells that lie wholly under it differs from the shelf, relative to it (``misfit_inside``; `misfit` for all cells).
 
         Parameters
         ----------
@@ -253,10 +254,10 @@ class IceShelf:
         BergError
             If a piece is smaller than an element.
         """
-        there = self.part > HALF
-        if not there.any():
+        marked = self.part > HALF
+        if not marked.any():
             raise BergError("no cell is more than half of ice that calves", where="ice shelf, mask")
-        geometry = self._outline(there)
+        geometry = self._outline(marked)
         options: Any = {"radius": radius, "packing": packing, "velocity": velocity, "density": self.density}
         berg = self._filled(geometry, options)
         shares = self._shares(berg, self.part > 0.0)
@@ -279,21 +280,21 @@ class IceShelf:
         return replace(finished, report=report)
 
     def misfit(self, berg: Iceberg) -> Floats:
-        """Return what the berg, spread over the cells, weighs more than the shelf on each, kg m-2; its sum by area is 0."""
+        """Return the excess of the berg, spread over the cells, over the shelf on each, kg m-2; its sum by area is 0."""
         spread = self._shares(berg, np.ones(self.part.shape, bool)).sum(berg.elements.body.mass)
         return np.asarray((spread - self.mass) / self.grid.arrays.area[self.grid.domain])
 
-    def _outline(self, there: Booleans) -> Any:
-        """Return the union of cells; longitudes are near those of the first cell."""
+    def _outline(self, marked: Booleans) -> Any:
+        """Return the union of cells; longitudes are near the first cell."""
         g = self.grid.arrays
-        j, i = (k + g.halo for k in np.nonzero(there))
+        j, i = (k + g.halo for k in np.nonzero(marked))
         # Rings are closed: the first corner stands at the end again.
         corners = [(j - 1, i - 1), (j - 1, i), (j, i), (j, i - 1), (j - 1, i - 1)]
         ring = np.stack([np.stack([g.lon[at], g.lat[at]], axis=-1) for at in corners], axis=1)
         if g.period > 0.0:
             ring[..., 0] -= g.period * np.round((ring[:, :1, 0] - ring[0, 0, 0]) / g.period)
-        whole = shapely.union_all(shapely.polygons(ring), grid_size=1e-9 if g.latlon else 1e-6)
-        return shapely.segmentize(whole, _FINE) if g.latlon else whole
+        outline = shapely.union_all(shapely.polygons(ring), grid_size=1e-9 if g.latlon else 1e-6)
+        return shapely.segmentize(outline, _FINE) if g.latlon else outline
 
     def _filled(self, geometry: Any, options: dict[str, Any]) -> Iceberg:
         """Return elements in the outline, of one thickness."""
@@ -304,26 +305,26 @@ class IceShelf:
         lattice, radius = fill(region, options["radius"], options["packing"])
         options = {**options, "radius": radius}
         return Iceberg.from_points(
-            lattice.x, lattice.y, thickness=height, latlon=False, pieces=region.piece_of(lattice), **options
+            lattice.x, lattice.y, thickness=height, latlon=False, pieces=region.piece_numbers(lattice), **options
         )
 
-    def _shares(self, berg: Iceberg, there: Booleans) -> Shares:
+    def _shares(self, berg: Iceberg, marked: Booleans) -> Shares:
         """Return the shares of elements in some of the cells."""
         # Shares fall on marked cells alone: ice goes back to cells of the shelf, not to the sea beside it.
-        mask = self.grid.extended(there.astype(float), outside="zero")
+        mask = self.grid.extended(marked.astype(float), outside="zero")
         cells = Grid(self.grid.arrays._replace(mask=mask), self.grid.earth_radius)
         cells.bergs_on_land = True
         elements = berg.elements.copy()
         cells.locate(elements)
         p = Parameters(bonds={"packing": berg.packing}, earth={"latlon": berg.latlon, "radius": berg.earth_radius})
-        return shares_of(elements, berg.bonds, cells, p)
+        return compute_shares(elements, berg.bonds, cells, p)
 
     def _weighed(self, elements: Elements, mean: Floats, geometry: Any) -> tuple[Ints, Floats]:
         """Return the piece of each element, and for each piece the factor that gives it the mass of its cells."""
         count = len(getattr(geometry, "geoms", [geometry]))
         body, place, g, domain = elements.body, elements.place, self.grid.arrays, self.grid.domain
-        own = self._piece_of(place.lon, place.lat, geometry)
-        has = np.bincount(own, self.density * mean * body.length * body.width, count)
+        nearest = self._nearest_piece(place.lon, place.lat, geometry)
+        has = np.bincount(nearest, self.density * mean * body.length * body.width, count)
         if (has == 0.0).any():
             raise BergError(
                 f"piece {int(np.argmin(has)) + 1} of {count} of the ice shelf is smaller than an element",
@@ -331,17 +332,17 @@ class IceShelf:
             )  # fmt: skip
         # Cells with little ice lie outside of the outline; they count to the nearest piece.
         ice = self.part > 0.0
-        piece = self._piece_of(g.lon_centre[domain][ice], g.lat_centre[domain][ice], geometry)
-        return own, np.bincount(piece, self.mass[ice], count) / has
+        piece = self._nearest_piece(g.lon_centre[domain][ice], g.lat_centre[domain][ice], geometry)
+        return nearest, np.bincount(piece, self.mass[ice], count) / has
 
-    def _piece_of(self, lon: Floats, lat: Floats, geometry: Any) -> Ints:
+    def _nearest_piece(self, lon: Floats, lat: Floats, geometry: Any) -> Ints:
         """Return the number of the piece, from 0, that is nearest to each point."""
         if self.grid.arrays.period > 0.0:
             turns = np.round((lon - geometry.centroid.x) / self.grid.arrays.period)
             lon = lon - turns * self.grid.arrays.period
         points = shapely.points(lon, lat)
-        away = [shapely.distance(points, piece) for piece in getattr(geometry, "geoms", [geometry])]
-        return np.asarray(np.argmin(away, axis=0), np.int64)
+        distances = [shapely.distance(points, piece) for piece in getattr(geometry, "geoms", [geometry])]
+        return np.asarray(np.argmin(distances, axis=0), np.int64)
 
 
 def _on_cells(values: Any, name: str, shape: tuple[int, int]) -> Floats:
@@ -349,22 +350,22 @@ def _on_cells(values: Any, name: str, shape: tuple[int, int]) -> Floats:
         array = np.asarray(values, dtype=float)
         return np.array(np.broadcast_to(array, shape))
     except (TypeError, ValueError) as error:
-        said = f"shape {np.shape(values)}" if np.ndim(values) else value_shown(values)
+        fault = f"shape {np.shape(values)}" if np.ndim(values) else value_shown(values)
         raise InputError(
-            f"{said}, where the grid has {shape[0]} x {shape[1]} cells",
+            f"{fault}, where the grid has {shape[0]} x {shape[1]} cells",
             where=f"ice shelf, {name}",
             remedy="Give one number for each cell",
         ) from error
 
 
-def _check(part: Floats, thickness: Floats) -> None:
+def _check(fraction: Floats, thickness: Floats) -> None:
     """Refuse parts and thicknesses that cannot be."""
-    there = np.nan_to_num(part) > 0.0
+    marked = np.nan_to_num(fraction) > 0.0
     with np.errstate(invalid="ignore"):
-        odd = np.isfinite(part) & ((part < 0.0) | (part > 1.0)) | np.isinf(part)
-        thin = there & ~((thickness > 0.0) & (thickness <= THICKEST))
+        odd = np.isfinite(fraction) & ((fraction < 0.0) | (fraction > 1.0)) | np.isinf(fraction)
+        thin = marked & ~((thickness > 0.0) & (thickness <= THICKEST))
     for bad, values, name, remedy in (
-        (odd, part, "mask", "Give the part of the cell that calves, from 0 to 1"),
+        (odd, fraction, "mask", "Give the part of the cell that calves, from 0 to 1"),
         (thin, thickness, "thickness", f"Give metres, above 0 and up to {THICKEST:g}, in all cells of the mask"),
     ):
         if bad.any():
@@ -373,7 +374,7 @@ def _check(part: Floats, thickness: Floats) -> None:
                 f"{name} is {values[j, i]:g} in cell ({i + 1}, {j + 1}) ({int(bad.sum())} such cells)",
                 where="ice shelf", remedy=remedy,
             )  # fmt: skip
-    if not there.any():
+    if not marked.any():
         raise InputError("no ice: the mask is 0 everywhere", where="ice shelf, mask")
 
 

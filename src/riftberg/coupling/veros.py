@@ -1,4 +1,4 @@
-"""Bergs in the ocean model Veros: what they take from its state, and the sources that they put into it.
+"""Bergs in the ocean model Veros: the fields that they take from its state, and the sources that they put into it.
 
 Veros (https://veros.readthedocs.io) has a fixed volume: fresh water comes as the salt that it would replace at a salinity of
 reference, so that salt, and with it fresh water, can be counted to round-off. Currents, temperature and salinity are means over
@@ -45,19 +45,19 @@ def veros_grid(state: Any) -> Grid:
 
 
 def _edges(ends: Any, lengths: Any, unit: float) -> Floats:
-    """Return the edges of the cells along an axis; the halo of a cyclic axis holds those of its other end."""
+    """Return the edges of the cells along an axis; the halo of a cyclic axis holds the edges of its other end."""
     inner = np.asarray(ends)[2:-2]
     return np.concatenate([[inner[0] - np.asarray(lengths)[2] / unit], inner])
 
 
 def veros_forcing(state: Any) -> OceanForcing:
-    """Return what a model of bergs needs to live in a Veros set-up: its grid and its sea floor; the rest comes by step."""
+    """Return the forcing of a model of bergs in a Veros set-up: its grid and its sea floor; the rest comes by step."""
     grid = veros_grid(state)
     return OceanForcing(grid, grid.fields(depth=np.asarray(state.variables.ht)[INNER].T))
 
 
 class Stock(NamedTuple):
-    """What bergs and ocean hold together."""
+    """Stocks of bergs and ocean."""
 
     ice: float  # Of bergs and stores, kg
     fresh_water: float  # Of the ocean above its salinity of reference, kg
@@ -66,7 +66,7 @@ class Stock(NamedTuple):
 
 
 class Closure(NamedTuple):
-    """Whether what leaves the bergs arrives in the ocean."""
+    """Balance between the loss of the bergs and the gain of the ocean."""
 
     water: float  # What left the ice since the start, kg
     heat: float  # The same, J
@@ -86,7 +86,7 @@ class VerosBergs:
     model : Model
         Its forcing is `veros_forcing` of the same state.
     keel : float, optional
-        Depth (m) of the water that bergs feel and give to; that of the uppermost layer by default.
+        Depth (m) of the water that bergs feel and give to; by default the uppermost layer.
     salinity : float, optional
         Salinity of reference (1e-3), of the water that fresh water replaces; the mean of the ocean by default.
     **options
@@ -130,12 +130,12 @@ class VerosBergs:
         self._start = self.stock()
 
     def step(self) -> xr.Dataset:
-        """Let the bergs take the state of the ocean, move and melt, and put what they give into its next step.
+        """Let the bergs take the state of the ocean, move and melt, and put their fluxes into its next step.
 
         Returns
         -------
         xarray.Dataset
-            What the ocean gets; see `riftberg.coupling.exchange.Exchange.step`.
+            Fields to the ocean; see `riftberg.coupling.exchange.Exchange.step`.
         """
         given = self.exchange.step(self.taken())
         density = float(self.state.settings.rho_0)
@@ -152,14 +152,14 @@ class VerosBergs:
         return given
 
     def taken(self) -> dict[str, Any]:
-        """Return what the ocean hands over, by CF name: means over the keel, stress of the wind, and sea level."""
+        """Return the fields from the ocean, by CF name: means over the keel, stress of the wind, and sea level."""
         vs = self.state.variables
-        now = int(vs.tau)
+        level = int(vs.tau)
         fields = {
-            "eastward_sea_water_velocity": self._mean(vs.u, "U", now),
-            "northward_sea_water_velocity": self._mean(vs.v, "V", now),
-            "sea_surface_temperature": self._mean(vs.temp, "T", now),
-            "sea_surface_salinity": self._mean(vs.salt, "T", now),
+            "eastward_sea_water_velocity": self._mean(vs.u, "U", level),
+            "northward_sea_water_velocity": self._mean(vs.v, "V", level),
+            "sea_surface_temperature": self._mean(vs.temp, "T", level),
+            "sea_surface_salinity": self._mean(vs.salt, "T", level),
             "surface_downward_eastward_stress": np.asarray(vs.surface_taux)[INNER].T,
             "surface_downward_northward_stress": np.asarray(vs.surface_tauy)[INNER].T,
         }
@@ -168,56 +168,56 @@ class VerosBergs:
         return fields
 
     def stock(self) -> Stock:
-        """Return what bergs and ocean hold now."""
+        """Return the stocks of bergs and ocean."""
         vs, density = self.state.variables, float(self.state.settings.rho_0)
-        now = int(vs.tau)
-        salt, temperature = (np.asarray(field)[INNER][..., now] for field in (vs.salt, vs.temp))
+        level = int(vs.tau)
+        salt, temperature = (np.asarray(field)[INNER][..., level] for field in (vs.salt, vs.temp))
         fresh = float((self._volume * (self.salinity - salt)).sum()) * density / self.salinity
         heat = float((self._volume * temperature).sum()) * density * HEAT_CAPACITY
         ice, ice_heat = self.exchange.stocks()
         return Stock(ice, fresh, ice_heat, heat)
 
     def closure(self) -> Closure:
-        """Return what left the ice since the start, and what of it did not arrive; after a step of the ocean."""
-        start, now = self._start, self.stock()
+        """Return the loss of the ice since the start, and the part that did not arrive; after a step of the ocean."""
+        start, end = self._start, self.stock()
         density = float(self.state.settings.rho_0)
         all_water = float(self._volume.sum()) * density
-        lost = (now.ice - start.ice) + (now.fresh_water - start.fresh_water)
-        heat_lost = (now.ice_heat - start.ice_heat) + (now.ocean_heat - start.ocean_heat)
-        scale = max(abs(start.ice_heat), abs(now.ocean_heat))
+        lost = (end.ice - start.ice) + (end.fresh_water - start.fresh_water)
+        heat_lost = (end.ice_heat - start.ice_heat) + (end.ocean_heat - start.ocean_heat)
+        scale = max(abs(start.ice_heat), abs(end.ocean_heat))
         return Closure(
-            start.ice - now.ice, start.ice_heat - now.ice_heat, lost / (start.ice + all_water), heat_lost / scale
+            start.ice - end.ice, start.ice_heat - end.ice_heat, lost / (start.ice + all_water), heat_lost / scale
         )
 
     def _mean_salinity(self) -> float:
         salt = np.asarray(self.state.variables.salt)[INNER][..., int(self.state.variables.tau)]
         return float((self._volume * salt).sum() / self._volume.sum())
 
-    def _mean(self, field: Any, at: str, now: int) -> Floats:
+    def _mean(self, field: Any, at: str, level: int) -> Floats:
         """Mean over the keel, [y, x]."""
-        return np.asarray((self._parts[at] * np.asarray(field)[INNER][..., now]).sum(axis=-1)).T
+        return np.asarray((self._parts[at] * np.asarray(field)[INNER][..., level]).sum(axis=-1)).T
 
     def _on_faces(self, force: Floats, axis: int, at: str) -> Floats:
         """Share the force on each cell among its open faces of an axis; none is lost but in a cell without any."""
         mask = np.asarray(getattr(self.state.variables, f"mask{at}"), dtype=float)[..., -1]  # true + true is not 2
-        after, before = mask[INNER], mask[1:-3, 2:-2] if axis == 0 else mask[2:-2, 1:-3]
-        share = force / np.maximum(after + before, 1.0)
+        after, behind = mask[INNER], mask[1:-3, 2:-2] if axis == 0 else mask[2:-2, 1:-3]
+        share = force / np.maximum(after + behind, 1.0)
         # The face before the first cell is that behind the last one, or shut.
-        return np.asarray(share * after + np.roll(share * before, -1, axis=axis))
+        return np.asarray(share * after + np.roll(share * behind, -1, axis=axis))
 
     def _put(self, name: str, values: Floats) -> None:
         vs = self.state.variables
-        whole = np.array(getattr(vs, name))
-        whole[INNER] = values
+        field = np.array(getattr(vs, name))
+        field[INNER] = values
         with vs.unlock():
-            setattr(vs, name, whole)
+            setattr(vs, name, field)
 
 
 def _parts(mask: Floats, felt: Floats) -> Floats:
     """Part of the keel in each layer, [x, y, z]; 0 on land."""
     wet = mask * felt
-    whole = wet.sum(axis=-1, keepdims=True)
-    return np.asarray(np.divide(wet, whole, out=np.zeros_like(wet), where=whole > 0.0))
+    total = wet.sum(axis=-1, keepdims=True)
+    return np.asarray(np.divide(wet, total, out=np.zeros_like(wet), where=total > 0.0))
 
 
 def _check(state: Any, model: BareModel) -> None:

@@ -58,7 +58,7 @@ class YacSettings(Section):
 
 
 class Coupling(NamedTuple):
-    """What a coupling file says that concerns the bergs."""
+    """Settings of a coupling file that concern the bergs."""
 
     path: Path
     start: datetime
@@ -67,22 +67,24 @@ class Coupling(NamedTuple):
 
 
 def read_coupling(path: str | Path) -> Coupling:
-    """Read a configuration file of YAC with its section ``riftberg``; refuse what lacks dates, or has another calendar."""
+    """Read a configuration file of YAC with its section ``riftberg``; refuse a file without dates, or with another calendar."""
     path = Path(path)
     check_file(path, most=MOST_YAML, remedy="Name the coupling file of YAC")
     with reading(path, "cannot be read", "Write it as YAML"):
-        said = yaml.safe_load(path.read_text("utf-8"))
-    said = said if isinstance(said, dict) else {}
+        settings = yaml.safe_load(path.read_text("utf-8"))
+    settings = settings if isinstance(settings, dict) else {}
     for name, form in (("calendar", "proleptic-gregorian"), ("start_date", "2020-12-09"), ("end_date", "2020-12-31")):
-        if name not in said:
+        if name not in settings:
             raise InputError(f"no {name}", where=str(path), remedy=f"Write it, such as {name}: {form}")
-    if str(said["calendar"]).lower() != "proleptic-gregorian":
+    if str(settings["calendar"]).lower() != "proleptic-gregorian":
         raise InputError(
-            f"calendar {value_shown(said['calendar'])}", where=str(path),
+            f"calendar {value_shown(settings['calendar'])}", where=str(path),
             remedy="Write calendar: proleptic-gregorian, for all components: bergs have real dates",
         )  # fmt: skip
-    start, end = (moment(said[name], where=f"{path}, {name}") for name in ("start_date", "end_date"))
-    return Coupling(path, start, end, read_section(YacSettings, said.get("riftberg", {}), where=f"{path}, riftberg"))
+    start, end = (moment(settings[name], where=f"{path}, {name}") for name in ("start_date", "end_date"))
+    return Coupling(
+        path, start, end, read_section(YacSettings, settings.get("riftberg", {}), where=f"{path}, riftberg")
+    )
 
 
 def ocean_beside(forcing: Forcing, coupling: Coupling, parameters: Parameters) -> OceanForcing:
@@ -174,13 +176,13 @@ class _Port(NamedTuple):
 class YacComponent:
     """Bergs as a component of YAC; to be used inside of `ending_all_ranks`.
 
-    Its fields are those of `riftberg.coupling.fields.TAKEN` and `GIVEN`, with names and units as metadata; it exchanges those
-    that the coupling file names. Units that a partner states in its own metadata (``units: K``) are converted.
+    Its fields are listed in `riftberg.coupling.fields.TAKEN` and `GIVEN`, with names and units as metadata; it exchanges the
+    fields that the coupling file names. Units that a partner states in its own metadata (``units: K``) are converted.
 
     Parameters
     ----------
     model : BareModel
-        On rows of longitude and latitude (`OceanForcing`). Areas of their cells become those of the coupler, times its radius
+        On rows of longitude and latitude (`OceanForcing`). Areas of their cells are taken from the coupler, times its radius
         squared.
     coupling : Coupling
         See `read_coupling`.
@@ -192,7 +194,7 @@ class YacComponent:
     exchange : Exchange
         The exchange behind it, with its ledger.
     taken : dict of str to (array, str)
-        What came last from the ocean, by name, and its units.
+        Last fields from the ocean, by name, and their units.
 
     Raises
     ------
@@ -242,17 +244,17 @@ class YacComponent:
         self.exchange.model.advance(seconds / 86400.0, recorders=recorders, step=self.step)
 
     def step(self) -> xr.Dataset:
-        """Take one step with the ocean; return what it gets (see `riftberg.coupling.exchange.Exchange.step`)."""
+        """Take one step with the ocean; return the fields to it (see `riftberg.coupling.exchange.Exchange.step`)."""
         if not self._met:
             self._meet()
         self._met = False
-        given, kept = self.exchange.step(self.taken), self.exchange.model.remembered
-        kept[LAST_GIVEN] = np.stack([given[quantity.short].values for quantity in GIVEN.values()])
-        self._put(1, kept[LAST_GIVEN])
+        given, memory = self.exchange.step(self.taken), self.exchange.model.remembered
+        memory[LAST_GIVEN] = np.stack([given[quantity.short].values for quantity in GIVEN.values()])
+        self._put(1, memory[LAST_GIVEN])
         return given
 
     def _meet(self) -> None:
-        """Exchange what has the date at which a step begins."""
+        """Exchange the fields with the date at which a step begins."""
         # Dates decide: without a lag the ocean gets at a date what bergs gave in the step before, and both run at once; with a
         # lag of one step, whose date is the end of this step, it waits for what they give in it.
         arrays = self.exchange.grid.arrays
@@ -308,21 +310,21 @@ class YacComponent:
         for name, quantity in {**TAKEN, **GIVEN}.items():
             points, size = at_sea if name in TAKEN else everywhere, layers if name.endswith("sea_water_velocity") else 1
             fields[name] = yac.Field.create(name, self._component, points, size, step, yac.TimeUnit.MILLISECOND)
-            said = {"standard_name": name} if quantity.standard else {}
-            text = yaml.safe_dump({**said, "units": quantity.units, "long_name": quantity.meaning})
+            standard = {"standard_name": name} if quantity.standard else {}
+            text = yaml.safe_dump({**standard, "units": quantity.units, "long_name": quantity.meaning})
             self._coupler.def_field_metadata(*self._own, name, text.encode())
         return fields
 
     def _port(self, name: str, field: Any) -> _Port:
         """Return a coupled field with the change of units between its partners and here."""
-        coupler, units, own = self._coupler, {**TAKEN, **GIVEN}[name].units, (*self._own, name)
+        coupler, units, field_id = self._coupler, {**TAKEN, **GIVEN}[name].units, (*self._own, name)
         if name in TAKEN:
-            partners = [tuple(coupler.get_field_source(*own))]
+            partners = [tuple(coupler.get_field_source(*field_id))]
         else:
             others = [(c, g, f) for c in coupler.component_names for g in coupler.get_comp_grid_names(c)
                       for f in coupler.get_field_names(c, g)]  # fmt: skip
             targets = [other for other in others if coupler.get_field_role(*other) == self._yac.ExchangeType.TARGET]
-            partners = [target for target in targets if tuple(coupler.get_field_source(*target)) == own]
+            partners = [target for target in targets if tuple(coupler.get_field_source(*target)) == field_id]
         stated = {_units(coupler.get_field_metadata(*partner)) or units for partner in partners}
         change = unit_change(stated.pop(), units) if len(stated) == 1 else None
         if change is None:
@@ -345,7 +347,7 @@ class YacComponent:
         return lag
 
     def _get(self, port: _Port) -> None:
-        """Take what comes of a field; where nothing is due, what came last stays."""
+        """Take the values of a field; where nothing is due, the last ones stay."""
         grid, date, size = self.exchange.grid, self.exchange.model.date, port.field.collection_size
         g, where = grid.arrays, f"{self.coupling.path}, {port.name}"
         with self._watch.waiting(f"{port.name} from {port.partners} at {date}"):
@@ -393,7 +395,7 @@ class YacComponent:
 def _units(metadata: str | None) -> str | None:
     """Return the units that a partner states in its metadata, if it does."""
     try:
-        said = yaml.safe_load(metadata or "")
+        entries = yaml.safe_load(metadata or "")
     except yaml.YAMLError:
         return None
-    return str(said["units"]) if isinstance(said, dict) and said.get("units") else None
+    return str(entries["units"]) if isinstance(entries, dict) and entries.get("units") else None

@@ -1,1 +1,1 @@
-"""What a run means: summary, scores against observations, reasons of break-ups, speed."""
+"""Diagnostics of a run: summary, scores against observations, reasons of break-ups, speed."""

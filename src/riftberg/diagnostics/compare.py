@@ -1,4 +1,4 @@
-"""Runs side by side: what broke off when and where, and how far each was from what was observed, day by day.
+"""Runs side by side: break-ups with dates and positions, and the distance of each run from observations, day by day.
 
 The same break-up of all runs stands in one row (`riftberg.diagnostics.compare`). Each run is read from its folder
 (``summary.json`` and ``run.nc``). The berg at an observed day is the largest fragment, together with further ones,
@@ -27,8 +27,8 @@ from riftberg.diagnostics.score import root_mean_square
 from riftberg.diagnostics.summary import read_summary
 from riftberg.ocean.grid import haversine
 from riftberg.parameters import GROUPS
-from riftberg.runs.accessor import Course, Event, aligned, apart, course_of
-from riftberg.runs.layout import COMMAND, FILE, parameters_of
+from riftberg.runs.accessor import Course, Event, align_breakups, compare_courses, find_course
+from riftberg.runs.layout import COMMAND, FILE, run_parameters
 from riftberg.runs.opendrift import Trajectory
 from riftberg.runs.run_file import open_run
 from riftberg.runs.scene import Scene
@@ -40,8 +40,8 @@ def shown_records(times: NDArray[np.datetime64]) -> list[int]:
     """Return the records that a table shows: on whole days after the first, at most a dozen, and the last."""
     days = (times - times[0]) / np.timedelta64(1, "D")
     step = float(np.ceil(days[-1] / 12.0)) if days[-1] > 2.0 else float(days[-1]) / 6.0
-    wanted = np.arange(0.0, days[-1], step) if step else np.zeros(1)
-    return sorted({len(days) - 1, *(int(np.argmin(np.abs(days - day))) for day in wanted)})
+    chosen_days = np.arange(0.0, days[-1], step) if step else np.zeros(1)
+    return sorted({len(days) - 1, *(int(np.argmin(np.abs(days - day))) for day in chosen_days)})
 
 
 MOST_NAMED: Final = 3
@@ -49,7 +49,7 @@ MOST_NAMED: Final = 3
 
 
 def differences(summaries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
-    """Return rows of what the runs do not share: experiment, forcing, parameters; nothing for a single run."""
+    """Return rows in which the runs differ: experiment, forcing, parameters; nothing for a single run."""
     rows: dict[str, list[str]] = {}
     for label in ("experiment", "forcing"):
         texts = [str(summary.get(label, "")) for summary in summaries]
@@ -60,30 +60,33 @@ def differences(summaries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
         if "program" not in summary else {}
         for summary in summaries
     ]  # fmt: skip
-    own = [one for one in flat if one]  # other programs have parameters of their own
-    # What one engine alone has does not differ.
+    own_settings = [settings for settings in flat if settings]  # other programs have parameters of their own
+    # Parameters that one engine alone has do not differ.
     names = sorted({
-        name for one in own for name in one
-        if any(other.get(name, one[name] if name.partition(".")[0] in GROUPS else None) != one[name] for other in own)
+        name for settings in own_settings for name in settings
+        if any(other.get(name, settings[name] if name.partition(".")[0] in GROUPS else None) != settings[name]
+               for other in own_settings)
     })  # fmt: skip
     if names:
         more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
         rows["parameters that differ"] = [
-            ", ".join(f"{name} {_value_text(one.get(name))}" for name in names[:MOST_NAMED]) + more if one else ""
-            for one in flat
+            ", ".join(f"{name} {_value_text(settings.get(name))}" for name in names[:MOST_NAMED]) + more
+            if settings
+            else ""
+            for settings in flat
         ]
     return rows
 
 
-def own_lines(texts: Sequence[str]) -> list[str]:
+def differing_lines(texts: Sequence[str]) -> list[str]:
     """Return of each text the lines that another one has not, the first few."""
     lines = [[line.strip() for line in text.splitlines()] for text in texts]
-    found = []
+    rows = []
     for mine in lines:
-        own = [line for line in mine if line and any(line not in other for other in lines)]
-        more = f" and {len(own) - MOST_NAMED} lines more" if len(own) > MOST_NAMED else ""
-        found.append("; ".join(own[:MOST_NAMED]) + more)
-    return found
+        differing = [line for line in mine if line and any(line not in other for other in lines)]
+        more = f" and {len(differing) - MOST_NAMED} lines more" if len(differing) > MOST_NAMED else ""
+        rows.append("; ".join(differing[:MOST_NAMED]) + more)
+    return rows
 
 
 def _value_text(value: Any) -> str:
@@ -101,7 +104,7 @@ MOST_EVENTS: Final = 6
 
 @dataclass(frozen=True)
 class RealEvent:
-    """What is known of the real event, for columns beside the runs."""
+    """Observations of the real event, for columns beside the runs."""
 
     # Texts by the label of a row, of the published run and of the real berg
     published: dict[str, str] = field(default_factory=dict)
@@ -109,7 +112,7 @@ class RealEvent:
     fixes: Sequence[Fix] = ()  # Where the berg was
 
     def within(self, begin: np.datetime64, end: np.datetime64) -> RealEvent:
-        """Return what there is of these dates (an hour apart at most); texts stand beside positions, not alone."""
+        """Return the part within these dates (an hour apart at most); texts stand beside positions, not alone."""
         hour = np.timedelta64(1, "h")
         fixes = [fix for fix in self.fixes if begin - hour <= np.datetime64(fix.when) <= end + hour]
         return replace(self, fixes=fixes) if fixes else RealEvent()
@@ -169,36 +172,38 @@ class Comparison:
 
     def apart(self) -> list[dict[str, Any]]:
         """Return how far each further run is from the first, by time."""
-        first, found = self.runs[0], []
+        first, entries = self.runs[0], []
         for run in self.runs[1:]:
-            by_time = apart(first.course, run.course)
+            by_time = compare_courses(first.course, run.course)
             turned = [None if math.isnan(turn) else turn for turn in by_time["rotation"].tolist()]
-            found.append({
+            entries.append({
                 "first": first.name, "second": run.name, "berg": first.course.berg,
                 "time": np.datetime_as_string(by_time["time"], "s").tolist(),
                 "distance_km": (by_time["distance"] / 1e3).tolist(), "rotation": turned,
                 "area_first_km2": (by_time["area_first"] / 1e6).tolist(),
                 "area_second_km2": (by_time["area_second"] / 1e6).tolist(),
             })  # fmt: skip
-        return found
+        return entries
 
     def apart_rows(self) -> list[tuple[str, list[str]]]:
-        """Return the same as a table: dates with place and area of the first run, and what the others are apart."""
+        """Return the same as a table: dates with position and area of the first run, and the distances of the others."""
         first, rows = self.runs[0].course, []
-        others = [apart(first, run.course) for run in self.runs[1:]]
+        others = [compare_courses(first, run.course) for run in self.runs[1:]]
         if not others:
             return []
-        times = first.times[[k for k, time in enumerate(first.times) if any(time in one["time"] for one in others)]]
+        times = first.times[
+            [k for k, time in enumerate(first.times) if any(time in separation["time"] for separation in others)]
+        ]
         for time in times[shown_records(times)]:
             k = int(np.searchsorted(first.times, time))
-            place = place_text(float(first.x[k]), float(first.y[k]), latlon=first.latlon, digits=2)
-            cells = [f"{place}, {area_text(float(first.area[k]))}"]
-            for one in others:
-                at = np.flatnonzero(one["time"] == time)
+            position = place_text(float(first.x[k]), float(first.y[k]), latlon=first.latlon, digits=2)
+            cells = [f"{position}, {area_text(float(first.area[k]))}"]
+            for separation in others:
+                at = np.flatnonzero(separation["time"] == time)
                 cells.append(
                     ""
                     if not at.size
-                    else _gap(*(float(one[n][at[0]]) for n in ("distance", "rotation", "area_second")))
+                    else _gap(*(float(separation[n][at[0]]) for n in ("distance", "rotation", "area_second")))
                 )
             rows.append((minute_text(str(time)[:19]), cells))
         return rows
@@ -215,20 +220,20 @@ def _gap(metres: float, turned: float, area: float) -> str:
 def read_compared(folder: Path, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Read a run from its folder and compare it with the observed positions."""
     with open_run(folder) as dataset:
-        return run_compared(folder, dataset, name, fixes)
+        return compare_run(folder, dataset, name, fixes)
 
 
-def run_compared(folder: Path, dataset: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
+def compare_run(folder: Path, dataset: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Compare a run that is open with the observed positions; its summary is read from its folder."""
     summary, scene = read_summary(folder / "summary.json"), Scene(dataset)
-    days = [day for fix in fixes if (day := _day_of_fix(scene, fix)) is not None] if scene.latlon else []
+    days = [day for fix in fixes if (day := _compare_fix(scene, fix)) is not None] if scene.latlon else []
     numerics = summary["numerics"] | _set_beside_parameters(str(dataset.attrs.get(COMMAND, "")), summary["numerics"])
     return ComparedRun(
-        name, {**summary, "numerics": numerics}, days, course_of(dataset), str(dataset.attrs.get(FILE, ""))
+        name, {**summary, "numerics": numerics}, days, find_course(dataset), str(dataset.attrs.get(FILE, ""))
     )
 
 
-def trajectory_compared(trajectory: Trajectory, name: str, fixes: Sequence[Fix]) -> ComparedRun:
+def compare_trajectory(trajectory: Trajectory, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Compare a trajectory of another program, of which there are positions alone."""
     course = trajectory.course()
     summary = {
@@ -236,24 +241,24 @@ def trajectory_compared(trajectory: Trajectory, name: str, fixes: Sequence[Fix])
         "numerics": {"earth": {"latlon": True, "radius": course.radius, "period": 0.0}}, "bonds_broken": 0, "bonds_total": None,
         "largest_km2": float(course.area[-1]) / 1e6, "seconds_per_day": None,
     }  # fmt: skip
-    return ComparedRun(name, summary, _days_of_course(course, fixes), course)
+    return ComparedRun(name, summary, _compare_course(course, fixes), course)
 
 
 def _set_beside_parameters(command: str, numerics: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """Return what a command set of berg, start and forcing, which a summary does not name, by group and name."""
-    found: dict[str, dict[str, str]] = {}
+    """Return settings of berg, start and forcing in a command, which a summary does not name, by group and name."""
+    settings: dict[str, dict[str, str]] = {}
     for option, setting in pairwise(shlex.split(command)):
         path, equals, value = setting.partition("=")
         group, _, name = path.strip().partition(".")
         if option in ("--set", "-s") and equals and group not in numerics:
-            found.setdefault(group, {})[name] = value
-    return found
+            settings.setdefault(group, {})[name] = value
+    return settings
 
 
-def member_compared(member: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
+def compare_member(member: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Compare one member of a sweep, of which there are tracks and break-ups, but no elements."""
-    course = course_of(member)
-    numerics = parameters_of(member).model_dump(mode="json")
+    course = find_course(member)
+    numerics = run_parameters(member).model_dump(mode="json")
     for coordinate in member.coords.values():
         group, _, parameter = str(coordinate.attrs.get("parameter", "")).partition(".")
         if parameter:
@@ -265,10 +270,10 @@ def member_compared(member: xr.Dataset, name: str, fixes: Sequence[Fix]) -> Comp
         "largest_km2": float(member["largest_area"]) / 1e6,
         "seconds_per_day": float(member["wall_time"]) / span if span else None,
     }  # fmt: skip
-    return ComparedRun(name, summary, _days_of_course(course, fixes), course)
+    return ComparedRun(name, summary, _compare_course(course, fixes), course)
 
 
-def _days_of_course(course: Course, fixes: Sequence[Fix]) -> list[RunDay]:
+def _compare_course(course: Course, fixes: Sequence[Fix]) -> list[RunDay]:
     """Return how far a course is from observed positions."""
     days = []
     for fix in fixes:
@@ -280,22 +285,22 @@ def _days_of_course(course: Course, fixes: Sequence[Fix]) -> list[RunDay]:
     return days
 
 
-def _day_of_fix(scene: Scene, fix: Fix) -> RunDay | None:
-    apart = np.abs(scene.times - np.datetime64(fix.when)) / np.timedelta64(1, "h")
-    record = int(np.argmin(apart))
-    if apart[record] > 1.0:
+def _compare_fix(scene: Scene, fix: Fix) -> RunDay | None:
+    hours = np.abs(scene.times - np.datetime64(fix.when)) / np.timedelta64(1, "h")
+    record = int(np.argmin(hours))
+    if hours[record] > 1.0:
         return None
-    made = observed_part(scene, record, fix.area)
-    turned = axis_difference(made.azimuth, fix.azimuth)
+    modelled = match_observed(scene, record, fix.area)
+    turned = axis_difference(modelled.azimuth, fix.azimuth)
     return RunDay(
         fix.when.isoformat(),
-        float(haversine(made.lon, made.lat, fix.lon, fix.lat, scene.radius)) / 1e3,
+        float(haversine(modelled.lon, modelled.lat, fix.lon, fix.lat, scene.radius)) / 1e3,
         None if math.isnan(turned) else turned,
-        made.area / 1e6,
+        modelled.area / 1e6,
     )
 
 
-def observed_part(scene: Scene, record: int, area: float) -> Position:
+def match_observed(scene: Scene, record: int, area: float) -> Position:
     """Return place and heading of the fragments that make up the berg as it was seen.
 
     ``area``: observed area, m2.
@@ -307,40 +312,42 @@ def observed_part(scene: Scene, record: int, area: float) -> Position:
 
     largest = next(iter(sizes))
     middle = place(berg == largest)
-    away = haversine(scene.x[record], scene.y[record], middle.lon, middle.lat, scene.radius)
-    length = 2.0 * away[berg == largest].max() + math.sqrt(areas[berg == largest].max())
+    distance = haversine(scene.x[record], scene.y[record], middle.lon, middle.lat, scene.radius)
+    length = 2.0 * distance[berg == largest].max() + math.sqrt(areas[berg == largest].max())
     chosen, total = [largest], sizes.pop(largest)
     for number, size in sizes.items():
-        near = scene.origin(number) == scene.origin(largest) and away[berg == number].min() <= length
-        if near and abs(total + size - area) < abs(total - area):
+        is_near = scene.origin(number) == scene.origin(largest) and distance[berg == number].min() <= length
+        if is_near and abs(total + size - area) < abs(total - area):
             chosen.append(number)
             total += size
     return place(np.isin(berg, chosen))
 
 
-def compare(runs: Sequence[ComparedRun], known: RealEvent | None = None) -> Comparison:
+def compare(runs: Sequence[ComparedRun], real_event: RealEvent | None = None) -> Comparison:
     """Return runs side by side."""
-    known = known or RealEvent()
+    real_event = real_event or RealEvent()
     seen = {}
-    for fix in known.fixes:
+    for fix in real_event.fixes:
         turned = "" if math.isnan(fix.azimuth) else f", {fix.azimuth:.0f}°"
-        place = place_text(fix.lon, fix.lat, latlon=True, digits=2)
-        seen[minute_text(fix.when.isoformat())] = f"{place}{turned}"
-    beside = {name: texts for name, texts in (("published", known.published), ("observed", known.observed)) if texts}
+        position = place_text(fix.lon, fix.lat, latlon=True, digits=2)
+        seen[minute_text(fix.when.isoformat())] = f"{position}{turned}"
+    beside = {
+        name: texts for name, texts in (("published", real_event.published), ("observed", real_event.observed)) if texts
+    }
     if seen:
-        beside["observed"] = {**known.observed, **seen}
-    cells: dict[str, list[str]] = {label: [""] * len(runs) for label in (*known.published, *known.observed)}
+        beside["observed"] = {**real_event.observed, **seen}
+    cells: dict[str, list[str]] = {label: [""] * len(runs) for label in (*real_event.published, *real_event.observed)}
     cells |= differences([run.summary for run in runs])
     if len({run.file for run in runs}) > 1 and all(run.file for run in runs):
-        cells["experiment file"] = own_lines([run.file for run in runs])
+        cells["experiment file"] = differing_lines([run.file for run in runs])
     large = [[event for event in run.summary["breakups"] if event["area_km2"] >= SMALL] for run in runs]
-    events = aligned(large, runs[0].summary["numerics"]["earth"]) if runs else []
+    events = align_breakups(large, runs[0].summary["numerics"]["earth"]) if runs else []
     for k, run in enumerate(runs):
         for label, text in _run_cells(run, events[k]).items():
             cells.setdefault(label, [""] * len(runs))[k] = text
     order = sorted(cells, key=lambda label: (_RANK.get(label, 1 if label.startswith(_BREAK_UP) else 7), label))
     rows = [(label, [*(texts.get(label, "") for texts in beside.values()), *cells[label]]) for label in order]
-    return Comparison(["", *beside, *(run.name for run in runs)], rows, list(runs), known.fixes)
+    return Comparison(["", *beside, *(run.name for run in runs)], rows, list(runs), real_event.fixes)
 
 
 _BREAK_UP: Final = "break-up"
@@ -362,7 +369,7 @@ _RANK: Final = {
 def _run_cells(run: ComparedRun, events: Sequence[Event | None]) -> dict[str, str]:
     """Return the cells of a run by label; ``events`` are its break-ups by row, None where it has none."""
     s = run.summary
-    rows = {"program": str(s["program"])} if "program" in s else _cells_of_ice(s, events)
+    rows = {"program": str(s["program"])} if "program" in s else _ice_cells(s, events)
     if s["seconds_per_day"] is not None:
         rows["wall time a day"] = f"{s['seconds_per_day']:.3g} s"
     for day in run.days:
@@ -374,7 +381,7 @@ def _run_cells(run: ComparedRun, events: Sequence[Event | None]) -> dict[str, st
     return rows
 
 
-def _cells_of_ice(s: dict[str, Any], events: Sequence[Event | None]) -> dict[str, str]:
+def _ice_cells(s: dict[str, Any], events: Sequence[Event | None]) -> dict[str, str]:
     """Return the cells of break-ups, pieces and bonds."""
     latlon = s["numerics"]["earth"]["latlon"]
     listed = enumerate(events[:MOST_EVENTS], 1)
@@ -393,11 +400,11 @@ def _cells_of_ice(s: dict[str, Any], events: Sequence[Event | None]) -> dict[str
 def _event(event: dict[str, Any], latlon: bool) -> str:
     when = datetime.fromisoformat(event["time"])
     ground = "aground" if event["grounded"] else "afloat"
-    place = place_text(event["lon"], event["lat"], latlon=latlon, digits=2)
-    return f"{when.day} {when:%b %H:%M} {ground}: {event['area_km2']:.0f} km², {event['bonds']} bonds, at {place}"
+    position = place_text(event["lon"], event["lat"], latlon=latlon, digits=2)
+    return f"{when.day} {when:%b %H:%M} {ground}: {event['area_km2']:.0f} km², {event['bonds']} bonds, at {position}"
 
 
-def with_hours(fixes: Sequence[Fix], hour: float) -> list[Fix]:
+def set_hours(fixes: Sequence[Fix], hour: float) -> list[Fix]:
     """Return observations with an hour (UTC) for those that know only their day, and without interpolated ones."""
     return [
         Fix(f.name, f.when + timedelta(hours=hour), False, f.lon, f.lat, f.azimuth, f.area) if f.day_only else f

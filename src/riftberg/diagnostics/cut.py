@@ -9,7 +9,7 @@ acted alone on the rigid body A + B, it would give it the acceleration ``a_k = F
     T_k = sum over A of (m (a_k + alpha_k x r) - f_k)
 
 and, about the centre of the cut, the couple ``C_k`` likewise. Their sums over k are the load of the cut; each T_k and
-C_k is the share of one force, which is what "this force broke it" can mean. The load is also found without assuming a
+C_k is the share of one force: "this force broke it" can mean no more. The load is also found without assuming a
 rigid body, from the recorded acceleration of A. A cut of length L in ice of thickness H carries the nominal stress
 ``sigma = tension / (H L) + 6 |couple| / (H L^2)`` of a beam at its outer fibre; it is a guide, not the stress of a bond.
 It is given for the whole cut, as it was before its first bond failed.
@@ -17,7 +17,7 @@ It is given for the whole cut, as it was before its first bond failed.
 The sea floor is stiff: it stops an element within a minute, and the velocity of one moment says little about the force
 over an hour. Where the run recorded the forces as they were applied, the force of the floor is its mean until the next
 record. Elsewhere, where the berg is aground, it is the one that balances all others with the
-change of the momentum of A + B until the next record; it acts on the elements that are aground at either. What passes
+change of the momentum of A + B until the next record; it acts on the elements that are aground at either. A force
 through the cut does not change that momentum, so this holds also while the cut breaks.
 
 Breaks between records
@@ -62,7 +62,7 @@ _WORDS: Final = {
     "sea_ice": "sea ice",
     "own": "own force",
 }
-"""What the forces are called in tables, in the order of all tables; others go by their own name and follow."""
+"""Names of the forces in tables, in the order of all tables; others go by their own name and follow."""
 
 _ROWS: Final = {
     _WORDS.get(name, name.replace("_", " ")): media.FORCES.index(name)
@@ -99,13 +99,13 @@ def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[s
     if forces_recorded(run):
         sides = [applied_forces(run, k) for k in (record, record + 1) if 0 < k < run.sizes["time"]]
         return {name: np.mean([side[name] for side in sides], axis=0) for name in sides[0]}
-    el = elements_at(run, record, p)
-    around = allocate_surroundings(el.mass.size)
-    find_surroundings(el, interaction_sizes(el, p), around, p)
-    around.acts[:] = True  # the sub-steps' part too
-    record_current_forces(el, around)
-    around.applied[:, media.SEA_ICE] += hold_by_pack(around.media[:, media.SEA_ICE], el.u, el.v)
-    return {name: el.mass[:, None] * around.applied[:, row] for name, row in _ROWS.items()}
+    el = read_elements(run, record, p)
+    surroundings = allocate_surroundings(el.mass.size)
+    find_surroundings(el, interaction_sizes(el, p), surroundings, p)
+    surroundings.acts[:] = True  # the sub-steps' part too
+    record_current_forces(el, surroundings)
+    surroundings.applied[:, media.SEA_ICE] += hold_by_pack(surroundings.media[:, media.SEA_ICE], el.u, el.v)
+    return {name: el.mass[:, None] * surroundings.applied[:, row] for name, row in _ROWS.items()}
 
 
 def forces_recorded(run: xr.Dataset) -> bool:
@@ -116,24 +116,24 @@ def forces_recorded(run: xr.Dataset) -> bool:
 def applied_forces(run: xr.Dataset, record: int) -> dict[str, Floats]:
     """Return the mean forces between the record before and this one, as applied; see `external_forces`."""
     names = {name: f"force_{media.FORCES[row]}" for name, row in _ROWS.items()}
-    if several := own_forces(run):
+    if user_names := user_forces(run):
         del names["own force"]  # their sum
-        names |= {name.replace("_", " "): f"force_{name}" for name in several}
-    now = run.isel(time=record)
+        names |= {name.replace("_", " "): f"force_{name}" for name in user_names}
+    state = run.isel(time=record)
     return {
-        name: np.stack([now[f"{stored}_{axis}"].values.astype(np.float64) for axis in "xy"], axis=-1)
+        name: np.stack([state[f"{stored}_{axis}"].values.astype(np.float64) for axis in "xy"], axis=-1)
         for name, stored in names.items()
     }
 
 
-def own_forces(run: xr.Dataset) -> list[str]:
+def user_forces(run: xr.Dataset) -> list[str]:
     """Return the names of several forces of the user, whose parts a run recorded."""
-    told = {str(name): str(v.attrs.get("long_name", "")) for name, v in run.variables.items()}
-    own = [name for name, text in told.items() if name.startswith("force_") and USER_LAW in text]
-    return [name.removeprefix("force_").removesuffix("_x") for name in own if name.endswith("_x")]
+    long_names = {str(name): str(v.attrs.get("long_name", "")) for name, v in run.variables.items()}
+    user_names = [name for name, text in long_names.items() if name.startswith("force_") and USER_LAW in text]
+    return [name.removeprefix("force_").removesuffix("_x") for name in user_names if name.endswith("_x")]
 
 
-def elements_at(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
+def read_elements(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
     """Return the elements of a run at a record, as far as its file holds them, at their synchronised velocity."""
     el = new_elements(run.sizes["trajectory"])
     names = {"lon": "x", "lat": "y"} if not p.latlon else {}
@@ -148,13 +148,15 @@ def elements_at(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
     return el
 
 
-def mass_at(run: xr.Dataset, record: int) -> Floats:
-    """Return the masses of the elements (kg) at a record: those of a run that melts change."""
+def read_mass(run: xr.Dataset, record: int) -> Floats:
+    """Return the masses of the elements (kg) at a record, which change in a run that melts."""
     mass = run["mass"]
     return np.asarray((mass.isel(time=record) if "time" in mass.dims else mass).values, np.float64)
 
 
-def forces_on(scene: Scene, p: KernelParameters, record: int, body: NDArray[np.bool_]) -> tuple[dict[str, Floats], int]:
+def body_forces(
+    scene: Scene, p: KernelParameters, record: int, body: NDArray[np.bool_]
+) -> tuple[dict[str, Floats], int]:
     """Return the external forces at a record, and the number of elements of a body that are aground.
 
     The force of the sea floor is its mean until the next record: as recorded, else the one that balances.
@@ -167,7 +169,7 @@ def forces_on(scene: Scene, p: KernelParameters, record: int, body: NDArray[np.b
     if forces_recorded(run):
         forces["sea floor"] = applied_forces(run, after)["sea floor"]
     elif aground.any():
-        rate, mass = accelerations(run, record, record, after), mass_at(run, record)
+        rate, mass = accelerations(run, record, record, after), read_mass(run, record)
         others = np.sum([f[body].sum(axis=0) for name, f in forces.items() if name != "sea floor"], axis=0)
         missing = (mass[body, None] * rate[body]).sum(axis=0) - others
         forces["sea floor"] = np.where(aground[:, None], missing[None, :] / aground.sum(), 0.0)
@@ -215,7 +217,7 @@ class Budget:
     mass: float  # kg
     forces: dict[str, list[float]]  # By name
     inertia: list[float] | None  # Mass times recorded acceleration
-    # Inertia minus forces: what the rest of the berg and other bergs exert on it, and errors of differences
+    # Inertia minus forces: the force of the rest of the berg and of other bergs on it, and errors of differences
     residual: list[float] | None
 
 
@@ -311,7 +313,7 @@ FIRST_BONDS: Final = 5
 """Bonds whose history is shown."""
 
 
-def members_at_birth(scene: Scene, row: int) -> tuple[Ints, int] | None:
+def birth_members(scene: Scene, row: int) -> tuple[Ints, int] | None:
     """Return the elements of a fragment at the first record at which it exists, and that record."""
     number = int(scene.run["fragment_number"].values[row])
     start = int(np.searchsorted(scene.times, scene.run["fragment_birth_time"].values[row]))
@@ -335,13 +337,13 @@ class Cut:
         """Return the reasons; None where there are too few records."""
         scene, run, row = self.scene, self.run, self.row
         birth = run["fragment_birth_time"].values[row]
-        members, before = members_at_birth(scene, row), int(np.searchsorted(scene.times, birth)) - 1
-        if members is None or before < 0:
+        members, last_record = birth_members(scene, row), int(np.searchsorted(scene.times, birth)) - 1
+        if members is None or last_record < 0:
             return None
         self.inside = np.zeros(run.sizes["trajectory"], bool)
         self.inside[members[0]] = True
         first, second = run["bond_first"].values, run["bond_second"].values
-        rest = ~self.inside & (scene.berg[before] == self.parent)
+        rest = ~self.inside & (scene.berg[last_record] == self.parent)
         # Bonds that joined the fragment to the rest, whichever end was stored first.
         across = (self.inside[first] & rest[second]) | (rest[first] & self.inside[second])
         bonds = np.flatnonzero(across & ~np.isnat(self.broken_at))
@@ -350,7 +352,7 @@ class Cut:
         self.bonds = bonds[np.argsort(self.broken_at[bonds], kind="stable")]
         hours = (birth - scene.times) / np.timedelta64(1, "h")
         window = np.flatnonzero((hours <= HOURS_BEFORE) & (hours > 0.0)).tolist()
-        loads = [load for k in window if (load := self.load(k, before)) is not None]
+        loads = [load for k in window if (load := self.load(k, last_record)) is not None]
         if not loads:
             return None
         # The load that began the breaking: the largest from the last record before the first failure to the birth.
@@ -373,8 +375,8 @@ class Cut:
             bonds=len(self.bonds),
             first_break=iso(first_break),
             decisive=decisive,
-            budgets=self.budgets(record, before),
-            closure=self.closure(record, before),
+            budgets=self.budgets(record, last_record),
+            closure=self.closure(record, last_record),
             first_bonds=[self.first_bond(int(b)) for b in self.bonds[:FIRST_BONDS]],
             by_strength=self.by_strength(),
             highest=self.highest_stress(),
@@ -417,7 +419,7 @@ class Cut:
             return None
         # Both stand with the bond at which a crack began.
         energy, area = (float(self.run[name].values[self.bonds].sum()) for name in ("released_energy", "cracked_area"))
-        # None released: what an impact breaks off, or a file of before, in which it was the energy stored.
+        # None released: an impact broke it off, or the file is older and holds the stored energy.
         return energy / area if energy > 0.0 and area > 0.0 else None
 
     # --- forces ----------------------------------------------------------------------------------------------------
@@ -428,17 +430,20 @@ class Cut:
 
     def budgets(self, record: int, last: int) -> dict[str, Budget]:
         """Return the budgets of fragment, rest and both."""
-        body, mass = self.body(record), mass_at(self.run, record)
-        forces, _ = forces_on(self.scene, self.p, record, body)
+        body, mass = self.body(record), read_mass(self.run, record)
+        forces, _ = body_forces(self.scene, self.p, record, body)
         rate = accelerations(self.run, record, 0, last)
         budgets = {}
         for name, rows in (("fragment", self.inside), ("rest", body & ~self.inside), ("both", body)):
             sums = {force: [float(c) for c in values[rows].sum(axis=0)] for force, values in forces.items()}
             inertia = (mass[rows, None] * rate[rows]).sum(axis=0)
-            known = bool(np.isfinite(inertia).all())
+            is_finite = bool(np.isfinite(inertia).all())
             rest = inertia - np.sum(list(sums.values()), axis=0)
             budgets[name] = Budget(
-                float(mass[rows].sum()), sums, inertia.tolist() if known else None, rest.tolist() if known else None
+                float(mass[rows].sum()),
+                sums,
+                inertia.tolist() if is_finite else None,
+                rest.tolist() if is_finite else None,
             )
         return budgets
 
@@ -447,9 +452,9 @@ class Cut:
         for k in range(record, max(record - 48, 0), -1):
             body = self.body(k)
             if not (self.scene.aground([k])[0] & body).any() and (body == self.body(record)).all():
-                both = self.budgets(k, last)["both"]
-                size = sum(math.hypot(*force) for force in both.forces.values())
-                return math.hypot(*both.residual) / size if both.residual and size > 0.0 else None
+                combined = self.budgets(k, last)["both"]
+                size = sum(math.hypot(*force) for force in combined.forces.values())
+                return math.hypot(*combined.residual) / size if combined.residual and size > 0.0 else None
         return None
 
     def load(self, record: int, last: int) -> Load | None:
@@ -459,8 +464,8 @@ class Cut:
             return None
         body = self.body(record)
         geometry = _Geometry(self, record, body)
-        forces, aground = forces_on(self.scene, self.p, record, body)
-        shares = {name: geometry.passed_on(geometry.on_plane(force)) for name, force in forces.items()}
+        forces, aground = body_forces(self.scene, self.p, record, body)
+        shares = {name: geometry.cut_load(geometry.on_plane(force)) for name, force in forces.items()}
         tension, shear, couple = ({n: s[k] for n, s in shares.items()} for k in range(3))
         sign = 1.0 if sum(couple.values()) >= 0.0 else -1.0
         section = geometry.thickness * geometry.length
@@ -489,17 +494,17 @@ class Cut:
     def highest_stress(self, of: str = "normal_stress", *, over_strength: bool = False) -> float:
         """Return the largest tensile stress (Pa) of the parent at the last record before the first bond failed.
 
-        With ``of="peak_stress"`` it is that of the sub-steps up to this record, since the one before. With
+        With ``of="peak_stress"`` it is the largest in the sub-steps up to this record, since the one before. With
         ``over_strength`` each is divided by the strength of its bond, as far as damage has left it at that record.
         """
         body = self.body(self.last_whole)
-        held = body[self.run["bond_first"].values] & body[self.run["bond_second"].values]
-        held &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[self.last_whole])
-        stress = self.run[of].isel(time=self.last_whole).values[held]
+        intact = body[self.run["bond_first"].values] & body[self.run["bond_second"].values]
+        intact &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[self.last_whole])
+        stress = self.run[of].isel(time=self.last_whole).values[intact]
         if over_strength:
-            left = self.scene.strengths[self.last_whole][held] * self.run["strength"].values[held]
+            left = self.scene.strengths[self.last_whole][intact] * self.run["strength"].values[intact]
             if "damage" in self.run:
-                left = left * (1.0 - self.run["damage"].isel(time=self.last_whole).values[held])
+                left = left * (1.0 - self.run["damage"].isel(time=self.last_whole).values[intact])
             stress = stress[left > 0.0] / left[left > 0.0]
         return float(stress.max(initial=0.0))
 
@@ -543,7 +548,7 @@ class _Geometry:
 
     def __init__(self, cut: Cut, record: int, body: NDArray[np.bool_]) -> None:
         scene, run = cut.scene, cut.run
-        self.mass, self.body, self.inside = mass_at(run, record), body, cut.inside
+        self.mass, self.body, self.inside = read_mass(run, record), body, cut.inside
         lon, lat, weight = scene.x[record], scene.y[record], self.mass[body]
         centre = float(np.average(lon[body], weights=weight)), float(np.average(lat[body], weights=weight))
         plane = ConformalPlane(*centre, scene.radius, scene.latlon)
@@ -556,12 +561,12 @@ class _Geometry:
         # The cut is the line through the middles of its bonds; its normal points to the fragment.
         first, second = run["bond_first"].values[cut.bonds], run["bond_second"].values[cut.bonds]
         inner, outer = np.where(self.inside[first], (first, second), (second, first))
-        places = np.column_stack([self.x, self.y])
-        middle, side = 0.5 * (places[inner] + places[outer]), float(np.sqrt(area[inner].mean()))
+        positions = np.column_stack([self.x, self.y])
+        middle, side = 0.5 * (positions[inner] + positions[outer]), float(np.sqrt(area[inner].mean()))
         self.centre = middle.mean(axis=0)
         spread = middle - self.centre
         values, axes = np.linalg.eigh(spread.T @ spread)
-        towards = (places[inner] - places[outer]).sum(axis=0)
+        towards = (positions[inner] - positions[outer]).sum(axis=0)
         # A short or crooked cut has no direction of its own; its bonds have.
         straight = values[1] > 4.0 * values[0] and np.sqrt(values[1]) > 0.5 * side
         normal = axes[:, 0] if straight else towards
@@ -576,7 +581,7 @@ class _Geometry:
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.stack([c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]], axis=-1)
 
-    def passed_on(self, force: Floats) -> tuple[float, float, float]:
+    def cut_load(self, force: Floats) -> tuple[float, float, float]:
         """Return tension, shear and couple that the cut passes on to the fragment if this force acts alone."""
         b, linear = self.body, force[self.body].sum(axis=0) / self.mass[self.body].sum()
         angular = float((self.x[b] * force[b, 1] - self.y[b] * force[b, 0]).sum()) / self.inertia
@@ -584,7 +589,7 @@ class _Geometry:
         return self.across(rigid, force)
 
     def across(self, rate: Floats, force: Floats) -> tuple[float, float, float]:
-        """Return what the cut passes on, if elements accelerate so under a force; tension pulls the fragment to the rest."""
+        """Return tension, shear and couple of the cut, if elements accelerate so under a force; tension pulls to the rest."""
         a, needed = self.inside, self.mass[:, None] * rate - force
         fx, fy = needed[a].sum(axis=0)
         couple = ((self.x[a] - self.centre[0]) * needed[a, 1] - (self.y[a] - self.centre[1]) * needed[a, 0]).sum()

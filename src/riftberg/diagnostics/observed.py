@@ -1,4 +1,4 @@
-"""What was observed of a berg: outlines from images, or positions and sizes from tracks; columns are known by their names.
+"""Observations of a berg: outlines from images, or positions and sizes from tracks; columns are known by their names.
 
 Outlines come as GeoJSON (polygons with a property ``date``), as CSV with one vertex per row (``date``, ``vertex``,
 ``lat``, ``lon``, optionally ``berg``), as KML or shapefile, or as gridded masks in NetCDF. Positions come as CSV: the
@@ -26,13 +26,13 @@ from riftberg.diagnostics.outlines import (
     NoBergError,
     Outline,
     checked_ring,
-    date_of,
-    outlines_of_drawing,
-    outlines_of_grid,
+    find_attribute_date,
+    read_drawing,
+    read_grid_outlines,
 )
 from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
-from riftberg.system.input_files import check_file, is_seen, reading, rows_of_csv, value_shown
+from riftberg.system.input_files import check_file, is_seen, read_csv_rows, reading, value_shown
 
 SENSORS: Final = ("ascat", "qscat", "oscat", "seawinds", "ers", "nscat", "sass", "nic")
 """Sources of positions in the BYU/NIC tables, the ones preferred first; NIC positions are given once a week."""
@@ -66,7 +66,7 @@ class Fix:
     azimuth: float = math.nan  # Long axis, degrees clockwise from north, 0 to 180; NaN where not given
     area: float = math.nan  # m2; NaN where not given
     interpolated: bool = False  # The table says that nobody saw the berg that day
-    sensor: str = ""  # What saw it
+    sensor: str = ""  # Name of the instrument, or of the model
     axes: tuple[float, float] | None = None  # m; of NIC
 
 
@@ -77,7 +77,7 @@ class Observations:
     source: str
     outlines: list[Outline] = field(default_factory=list)
     fixes: list[Fix] = field(default_factory=list)
-    notices: list[str] = field(default_factory=list)  # What was left out of the file, and why
+    notices: list[str] = field(default_factory=list)  # Entries of the file that were left out, and why
 
     def rings_by_day(self) -> dict[str, list[Floats]]:
         """Return the outlines by ISO day, as maps take them."""
@@ -95,14 +95,14 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
     with reading(path, "no observations that can be read", f"Give outlines or positions: {', '.join(KINDS)}"):
         kind = path.suffix.lower()
         if kind in _DRAWINGS:
-            return _with_outlines(path, outlines_of_drawing(path, date))
+            return _collect_outlines(path, read_drawing(path, date))
         if kind in _GRIDS:
-            return _with_outlines(path, outlines_of_grid(path, date, variable))
+            return _collect_outlines(path, read_grid_outlines(path, date, variable))
         if kind not in _TABLES:
             raise InputError(
                 f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}"
             )
-        table = rows_of_csv(path)[0]
+        table = read_csv_rows(path)[0]
         names = {k: str(k).strip().lower() for k in (table[0] if table else ()) if k is not None}
         rows = [{name: row[k].strip() for k, name in names.items() if row[k] is not None} for row in table]
         if not rows:
@@ -111,7 +111,7 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
         if not dated:
             raise _unknown(path, rows[0], "no column of dates")
         if any(name in rows[0] for name in _VERTEX):
-            return _with_outlines(path, _vertices(path, rows, dated))
+            return _collect_outlines(path, _vertices(path, rows, dated))
         unseen: list[str] = []
         once = {(f.name, f.when, f.lon, f.lat, f.interpolated): f for f in _fixes(path, rows, dated, unseen)}
         fixes = list(once.values())
@@ -129,12 +129,13 @@ def _trajectories(path: str | Path) -> Observations | None:
         return None
     from riftberg.runs.opendrift import file_and_number, trajectories_if_any
 
-    found, file = trajectories_if_any(path), file_and_number(path)[0]
-    if found is None:
+    trajectories, file = trajectories_if_any(path), file_and_number(path)[0]
+    if trajectories is None:
         return None
     fixes = [
-        Fix(f"{file.stem} {one.number}" if len(found) > 1 else file.stem, when, False, *place, sensor=one.program)
-        for one in found for when, place in one.observed().items()
+        Fix(f"{file.stem} {trajectory.number}" if len(trajectories) > 1 else file.stem, when, False, *position,
+            sensor=trajectory.program)
+        for trajectory in trajectories for when, position in trajectory.observed().items()
     ]  # fmt: skip
     return Observations(file.name, [], fixes)
 
@@ -143,44 +144,46 @@ _MOST: Final = 2**31
 """Bytes of a file of observations, grids among them."""
 
 
-def _unknown(path: Path, row: Mapping[str, str], what: str) -> InputError:
+def _unknown(path: Path, row: Mapping[str, str], problem: str) -> InputError:
     return InputError(
-        what,
+        problem,
         where=str(path),
         remedy=f"It has {', '.join(row)}; needed are date (or Last Update) and lat, lon (tracks), and vertex (outlines)",
     )
 
 
-def _with_outlines(path: Path, outlines: Iterable[Outline | NoBergError]) -> Observations:
-    """Return what the outlines of a file show, without those that no berg has and those given twice on their day."""
-    kept: dict[tuple[Any, ...], Outline] = {}
+def _collect_outlines(path: Path, outlines: Iterable[Outline | NoBergError]) -> Observations:
+    """Return the observations in the outlines of a file, without impossible outlines and those given twice on their day."""
+    unique: dict[tuple[Any, ...], Outline] = {}
     faults = []
     for outline in outlines:
         if isinstance(outline, NoBergError):
             faults.append(outline)
         else:
-            kept.setdefault((outline.when, outline.ring.shape, outline.ring.tobytes()), outline)
-    if faults and not kept:
+            unique.setdefault((outline.when, outline.ring.shape, outline.ring.tobytes()), outline)
+    if faults and not unique:
         raise faults[0]
     others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
-    return Observations(path.name, list(kept.values()), [], [f"left out {faults[0]}{others}"] if faults else [])
+    return Observations(path.name, list(unique.values()), [], [f"left out {faults[0]}{others}"] if faults else [])
 
 
 def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Outline | NoBergError]:
     lat, lon = _plain_columns(path, rows[0])
-    name, vertex, part = (next((n for n in names if n in rows[0]), "") for names in (NAMES, _VERTEX, RING_COLUMNS))
+    name, vertex, ring_column = (
+        next((n for n in names if n in rows[0]), "") for names in (NAMES, _VERTEX, RING_COLUMNS)
+    )
     groups: dict[tuple[tuple[tuple[str, str], ...], str], dict[str, list[Corner]]] = {}
     for number, row in enumerate(rows):
         dates = tuple((column, text) for column, text in row.items() if column in _WHEN)
         rings = groups.setdefault((dates, row.get(name, "")), {})
-        rings.setdefault(row.get(part, ""), []).append(
-            (row.get(vertex, ""), _number_of_row(row, lon, path, number), _number_of_row(row, lat, path, number))
+        rings.setdefault(row.get(ring_column, ""), []).append(
+            (row.get(vertex, ""), _read_row_number(row, lon, path, number), _read_row_number(row, lat, path, number))
         )
     for (dates, berg), rings in groups.items():
-        when, day_only = _date_of_row(dict(dates), date, str(path))
+        when, day_only = _read_row_date(dict(dates), date, str(path))
         day = dict(dates).get(date, "")
         where = f"{path}, {' '.join(filter(None, [day, berg]))}"
-        drawn: list[Any] = [_by_number(corners, where) for corners in rings.values()]
+        drawn: list[Any] = [_sort_corners(corners, where) for corners in rings.values()]
         if len(drawn) > 1:
             drawn = [area.exterior.coords for area in whole_polygons(drawn, path)]
         for points in drawn:
@@ -191,11 +194,11 @@ def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Out
 
 
 Corner = tuple[str, float, float]
-"""Number of a corner as it is written, longitude and latitude."""
+"""Number of a corner as written, longitude and latitude."""
 
 
-def _by_number(corners: list[Corner], where: str) -> list[tuple[float, float]]:
-    """Return the positions of corners in the order of their numbers; without numbers in that of the file."""
+def _sort_corners(corners: list[Corner], where: str) -> list[tuple[float, float]]:
+    """Return the positions of corners in the order of their numbers; without numbers in the order of the file."""
     corners = list(dict.fromkeys(corners))  # a row that stands twice, as the one that closes the ring
     try:
         numbers = [float(number) for number, _, _ in corners]
@@ -209,11 +212,11 @@ def _by_number(corners: list[Corner], where: str) -> list[tuple[float, float]]:
     return [(lon, lat) for _, (_, lon, lat) in sorted(zip(numbers, corners, strict=True))]
 
 
-def _date_of_row(row: Mapping[str, str], column: str, where: str) -> tuple[datetime, bool]:
+def _read_row_date(row: Mapping[str, str], column: str, where: str) -> tuple[datetime, bool]:
     """Read a date; only in a column of the US National Ice Center is ``12/10/2020`` known to be the tenth of December."""
     text = row.get(column, "")
-    if column in DATE_KEYS and text and (found := date_of(row, where=where)) is not None:
-        return found
+    if column in DATE_KEYS and text and (dated := find_attribute_date(row, where=where)) is not None:
+        return dated
     if column not in _UPDATED or not re.fullmatch(r"\d\d?/\d\d?/\d{4}", text):
         return parse_date(text, where=where)
     try:
@@ -229,7 +232,7 @@ def _plain_columns(path: Path, row: Mapping[str, str]) -> tuple[str, str]:
     raise _unknown(path, row, "no columns of latitude and longitude")
 
 
-def _number_of_row(row: Mapping[str, str], column: str, path: Path, number: int) -> float:
+def _read_row_number(row: Mapping[str, str], column: str, path: Path, number: int) -> float:
     text = row.get(column, "")
     try:
         return float(text) if text else math.nan
@@ -252,12 +255,12 @@ def _fixes(path: Path, rows: list[dict[str, str]], date: str, unseen: list[str])
         (pair for pair in _SIZES if set(pair) <= rows[0].keys()), ("", "")
     )  # a column of no name reads as NaN
     name = next((n for n in NAMES if n in rows[0]), "")
-    azimuth = min((c for c in rows[0] if "azimuth" in c), key=len, default="")  # not that of its error
+    azimuth = min((c for c in rows[0] if "azimuth" in c), key=len, default="")  # not the column of its error
     for number, row in enumerate(rows):
         where = f"{path}, line {number + 2}"
-        when, day_only = _date_of_row(row, date, where)
+        when, day_only = _read_row_date(row, date, where)
         if plain:
-            lat, lon = (_number_of_row(row, column, path, number) for column in plain)
+            lat, lon = (_read_row_number(row, column, path, number) for column in plain)
             interpolated, sensor = False, "nic" if date in _UPDATED else path.name
         else:
             lat, lon, interpolated, sensor = _best_sensor(row, sensors, path, number)
@@ -269,16 +272,16 @@ def _fixes(path: Path, rows: list[dict[str, str]], date: str, unseen: list[str])
             raise InputError(
                 f"latitude {lat:g}, longitude {lon:g} are no place on Earth", where=where, remedy="Give decimal degrees"
             )
-        area = _number_of_row(row, "area_km2", path, number) * 1e6
+        area = _read_row_number(row, "area_km2", path, number) * 1e6
         if area <= 0.0 or math.isinf(area):
             raise InputError(
                 f"an area of {area / 1e6:g} km2", where=where, remedy="Leave it empty where it is not known"
             )
-        length, width = (_number_of_row(row, column, path, number) for column in listed)
+        length, width = (_read_row_number(row, column, path, number) for column in listed)
         yield Fix(
             row.get(name) or path.stem.upper(), when, day_only, lon, lat,
-            _number_of_row(row, azimuth, path, number) % 180.0 if azimuth else math.nan, area, interpolated, sensor,
-            _axes_of(length, width, where),
+            _read_row_number(row, azimuth, path, number) % 180.0 if azimuth else math.nan, area, interpolated, sensor,
+            _axes_in_metres(length, width, where),
         )  # fmt: skip
 
 
@@ -288,7 +291,7 @@ def _best_sensor(
     """Return the position of the first sensor that saw the berg, else the first interpolated one, and the sensor."""
     second = math.nan, math.nan, True, ""
     for lat_name, lon_name, flag in sensors:
-        lat, lon = _number_of_row(row, lat_name, path, number), _number_of_row(row, lon_name, path, number)
+        lat, lon = _read_row_number(row, lat_name, path, number), _read_row_number(row, lon_name, path, number)
         if not is_seen(lon, lat):
             continue
         if row.get(flag, "1") in ("1", "1.0", ""):
@@ -304,7 +307,7 @@ LONGEST: Final = 500e3
 """Axis (m) that no berg has: the longest ever listed, B15, had 295 km."""
 
 
-def _axes_of(length: float, width: float, where: str) -> tuple[float, float] | None:
+def _axes_in_metres(length: float, width: float, where: str) -> tuple[float, float] | None:
     """Return the axes in m of those that are listed in nautical miles; None where none are."""
     if not min(length, width) > 0.0:
         return None
@@ -317,26 +320,26 @@ def _axes_of(length: float, width: float, where: str) -> tuple[float, float] | N
 
 
 def read_berg(berg: str, folder: str | Path) -> list[Fix]:
-    """Return what a folder of tables knows of a berg: in a table of its own (BYU), or in the rows with its name."""
+    """Return the fixes of a berg in a folder of tables: in a table of its own (BYU), or in the rows with its name."""
     folder, name = Path(folder), berg.strip().lower()
-    own = folder / f"{name}.csv"
-    if own.is_file():
-        return read_observed(own).fixes
+    berg_table = folder / f"{name}.csv"
+    if berg_table.is_file():
+        return read_observed(berg_table).fixes
     tables = sorted(folder.glob("*.csv")) + sorted(folder.glob("DownloadCurrent*"))
-    named = []  # with a column of names
+    name_tables = []  # with a column of names
     for path in tables:
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             if "iceberg" in file.readline().lower():
-                named.append(path)
-    found = [fix for path in named for fix in read_observed(path).fixes if fix.name.lower() == name]
-    if not found:
-        known = sorted({path.stem for path in tables if path not in named})
+                name_tables.append(path)
+    fixes = [fix for path in name_tables for fix in read_observed(path).fixes if fix.name.lower() == name]
+    if not fixes:
+        stems = sorted({path.stem for path in tables if path not in name_tables})
         raise InputError(
             f"no berg {berg!r} in {len(tables)} tables" if tables else "no tables of bergs",
             where=str(folder),
-            remedy=f"{nearest(name, known)}'riftberg fetch byu' or 'riftberg fetch usnic' gets tables",
+            remedy=f"{nearest(name, stems)}'riftberg fetch byu' or 'riftberg fetch usnic' gets tables",
         )
-    return sorted(found, key=lambda fix: fix.when)
+    return sorted(fixes, key=lambda fix: fix.when)
 
 
 FIX_WITHIN: Final = timedelta(days=3)
@@ -344,14 +347,14 @@ SIZE_WITHIN: Final = timedelta(days=60)
 
 
 @dataclass(frozen=True)
-class Known:
-    """What is known of a berg at a date."""
+class Sighting:
+    """Position and size of a berg nearest to a date."""
 
     fix: Fix
     size: Fix | None  # With its axes
 
 
-def known_at(berg: str, fixes: list[Fix], date: datetime, *, sized: bool = True) -> Known:
+def find_sighting(berg: str, fixes: list[Fix], date: datetime, *, sized: bool = True) -> Sighting:
     """Return the fix and, if ``sized``, the size nearest to a date, or say which the nearest are."""
     seen, sizes = [s for s in fixes if not s.interpolated], [s for s in fixes if s.axes is not None]
     if not seen:
@@ -360,15 +363,15 @@ def known_at(berg: str, fixes: list[Fix], date: datetime, *, sized: bool = True)
         )
     fix = min(seen, key=lambda s: abs(s.when - date))
     if abs(fix.when - date) > FIX_WITHIN:
-        near = [max((s for s in seen if s.when <= date), key=lambda s: s.when, default=None),
+        nearest = [max((s for s in seen if s.when <= date), key=lambda s: s.when, default=None),
                 min((s for s in seen if s.when > date), key=lambda s: s.when, default=None)]  # fmt: skip
-        said = " and ".join(f"{s.when:%Y-%m-%d}" for s in near if s)
+        dates_text = " and ".join(f"{s.when:%Y-%m-%d}" for s in nearest if s)
         raise InputError(
             f"{berg} was not seen within {FIX_WITHIN.days} days of {date:%Y-%m-%d}",
             where="--date",
-            remedy=f"The nearest dates are {said}",
+            remedy=f"The nearest dates are {dates_text}",
         )
-    # What breaks off later makes a berg smaller: the last size before the date counts, then the next one.
+    # Later break-ups make a berg smaller: the last size before the date counts, then the next one.
     size = min(
         sizes, key=lambda s: (not timedelta(0) <= date - s.when <= SIZE_WITHIN, abs(s.when - date)), default=None
     )
@@ -381,4 +384,4 @@ def known_at(berg: str, fixes: list[Fix], date: datetime, *, sized: bool = True)
             f"no size of {berg} within {SIZE_WITHIN.days} days of {date:%Y-%m-%d}; {when}", where="--date",
             remedy="Give --size 'LENGTH,WIDTH', such as --size '60 km,30 km', or --outline FILE",
         )  # fmt: skip
-    return Known(fix, size)
+    return Sighting(fix, size)

@@ -1,6 +1,6 @@
 """Observed outlines from drawings and grids (KML, shapefiles, masks, tables of corners in NetCDF), their dates, their overlap.
 
-Drawings are read by the readers that also make bergs (`riftberg.bergs.outline`), masks by that of
+Drawings are read by the readers that also make bergs (`riftberg.bergs.outline`), masks by
 `riftberg.bergs.raster`. Only outer rings count: a pool of water within the berg belongs to it. Lines (rifts) and points
 are left alone.
 """
@@ -24,9 +24,9 @@ from shapely import Polygon, make_valid
 from shapely.affinity import translate
 from shapely.validation import explain_validity
 
-from riftberg.bergs.outline import DATE_KEYS, DATES_BY_BELIEF, Feature, polygons_joined, read_features
+from riftberg.bergs.outline import DATE_KEYS, DATES_BY_BELIEF, Feature, join_polygons, read_features
 from riftberg.bergs.raster import Raster, read_raster, unbroken
-from riftberg.bergs.seams import NO_BERG, fault_of_ring
+from riftberg.bergs.seams import NO_BERG, ring_fault
 from riftberg.config.values import parse_date
 from riftberg.errors import BergError, InputError
 from riftberg.plane import ConformalPlane
@@ -68,7 +68,7 @@ class NoBergError(InputError):
 
 
 def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude first") -> Floats:
-    """Return an outer ring without the repeated point, or say what is wrong with it."""
+    """Return an outer ring without the repeated point, or refuse a faulty one."""
     try:
         ring = np.asarray(points, np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -84,7 +84,7 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
         raise InputError("a latitude beyond 90 degrees", where=where, remedy=remedy)
     if (np.abs(ring[:, 0]) > 540.0).any():
         raise InputError("a longitude beyond 540 degrees", where=where, remedy=remedy)
-    if fault := fault_of_ring(ring):
+    if fault := ring_fault(ring):
         raise NoBergError(fault, where=where, remedy=NO_BERG)
     # Across the date line the corners jump by 360 degrees; unwrapped, the polygon is whole.
     drawn = Polygon(np.column_stack([np.unwrap(ring[:, 0], period=360.0), ring[:, 1]]))
@@ -99,18 +99,18 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
 # --- drawings ----------------------------------------------------------------------------------------------------------
 
 
-def outlines_of_drawing(path: Path, date: str | None = None) -> Iterator[Outline | NoBergError]:
+def read_drawing(path: Path, date: str | None = None) -> Iterator[Outline | NoBergError]:
     """Read the polygons of a GeoJSON or KML file or of a shapefile; lines (rifts) and points are left alone."""
-    polygons = [Feature(area, f.properties) for f in read_features(path) if (area := polygons_joined(f.geometry))]
+    polygons = [Feature(area, f.properties) for f in read_features(path) if (area := join_polygons(f.geometry))]
     if not polygons:
         raise InputError("no polygons, only lines or points", where=str(path), remedy="Outlines are closed polygons")
     for number, feature in enumerate(polygons):
         where = f"{path}, outline {number}"
         # A name that is only its date is none.
         name = "" if len(feature.name) <= 10 and date_in_text(feature.name) else feature.name
-        for part in getattr(feature.geometry, "geoms", [feature.geometry]):
+        for polygon in getattr(feature.geometry, "geoms", [feature.geometry]):
             try:
-                ring = checked_ring(part.exterior.coords, where, "Add the .prj file with its coordinate system")
+                ring = checked_ring(polygon.exterior.coords, where, "Add the .prj file with its coordinate system")
             except NoBergError as fault:  # another one may be meant
                 yield fault
                 continue
@@ -121,11 +121,11 @@ def outlines_of_drawing(path: Path, date: str | None = None) -> Iterator[Outline
 # --- grids -------------------------------------------------------------------------------------------------------------
 
 
-def outlines_of_grid(path: Path, date: str | None = None, variable: str | None = None) -> Iterator[Outline]:
+def read_grid_outlines(path: Path, date: str | None = None, variable: str | None = None) -> Iterator[Outline]:
     """Read the outlines of a gridded mask, or of tables of corners, from NetCDF.
 
     A mask of 0 and 1, or the fraction of ice in a cell, is outlined where its bilinear value is one half, as
-    `Iceberg.from_mask` fills it. A mask of whole numbers numbers the pieces: each is outlined by itself and has its
+    `Iceberg.from_mask` fills it. A mask of whole numbers numbers the pieces: each is outlined alone and has its
     number for a name. A table has longitudes in one row (or column) and latitudes in the next, and NaN in the others.
     """
     with reading(path, "cannot be read", "Name a NetCDF file"), open_lazily(path) as opened:
@@ -167,9 +167,9 @@ def _corners(table: xr.DataArray) -> Floats | None:
 
 def _mask_variable(data: xr.Dataset, path: Path) -> str:
     names = [str(name) for name, values in data.data_vars.items() if values.ndim >= 2]
-    known = [name for name in names if name.lower() in _MASKS]
-    if len(names) == 1 or len(known) == 1:
-        return (known or names)[0]
+    mask_names = [name for name in names if name.lower() in _MASKS]
+    if len(names) == 1 or len(mask_names) == 1:
+        return (mask_names or names)[0]
     raise InputError(
         f"{len(names)} gridded variables", where=str(path),
         remedy=f"Name the mask with --variable: {', '.join(names) or 'there is none'}",
@@ -200,10 +200,10 @@ def mask_pieces(mask: Raster, attributes: Mapping[str, Any], where: str) -> list
     if str(attributes.get("units", "")).strip().lower() in ("%", "percent", "per cent"):
         values = values / 100.0
     if values.min() >= -1e-9 and values.max() <= 1.0 + 1e-9:
-        pieces = [("", ring) for ring in _rings_at_half(replace(mask, values=values), where)]
+        pieces = [("", ring) for ring in _contour_rings(replace(mask, values=values), where)]
     elif len(numbers := np.unique(values[values > 0.0])) <= _MOST and (values == np.round(np.abs(values))).all():
         each = {f"{n:g}": replace(mask, values=(values == n).astype(np.float64)) for n in numbers}
-        pieces = [(name, ring) for name, own in each.items() for ring in _rings_at_half(own, where)]
+        pieces = [(name, ring) for name, numbered in each.items() for ring in _contour_rings(numbered, where)]
     else:
         raise InputError(
             f"values from {values.min():g} to {values.max():g} are no mask", where=where,
@@ -218,15 +218,15 @@ def mask_pieces(mask: Raster, attributes: Mapping[str, Any], where: str) -> list
     return [piece for piece, area in zip(pieces, areas, strict=True) if area >= SMALLEST * sum(areas)]
 
 
-def _rings_at_half(mask: Raster, where: str) -> list[Floats]:
+def _contour_rings(mask: Raster, where: str) -> list[Floats]:
     """Return the outer rings of where the values exceed one half; a frame of water closes them at the edge."""
     from contourpy import FillType, contour_generator
 
     ice = mask.values > 0.5
     mask = unbroken(mask, ice) if ice.any() else mask
     # Round the whole Earth: a berg across the seam would be outlined as two.
-    whole = mask.lon[-1] - mask.lon[0] + np.diff(mask.lon).mean() >= 359.9
-    if whole and (mask.values[:, [0, -1]] > 0.5).any(axis=0).all():
+    is_global = mask.lon[-1] - mask.lon[0] + np.diff(mask.lon).mean() >= 359.9
+    if is_global and (mask.values[:, [0, -1]] > 0.5).any(axis=0).all():
         raise InputError(
             "there is ice at all longitudes", where=where,
             remedy="Cut the grid to the berg, or roll the longitudes, so that they begin in open water",
@@ -257,7 +257,7 @@ WORST: Final = 3.0
 
 
 def group_fragments(
-    shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeometry], before: Mapping[int, int] | None = None
+    shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeometry], previous: Mapping[int, int] | None = None
 ) -> list[list[int]]:
     """Return which fragments make up each observed piece.
 
@@ -265,10 +265,10 @@ def group_fragments(
     left joins the piece whose overlap, centroid on centroid, it makes better.
     """
     union = shapely.union_all
-    numbers, before = list(shapes), before or {}
+    numbers, previous = list(shapes), previous or {}
     cost = np.empty((len(pieces), len(numbers)))
     for (k, piece), (i, number) in product(enumerate(pieces), enumerate(numbers)):
-        same = KEPT if before.get(k) == number else 1.0
+        same = KEPT if previous.get(k) == number else 1.0
         cost[k, i] = same * pair_cost(shapes[number], piece, main=i == k == 0)
     groups: list[list[int]] = [[] for _ in pieces]
     free = dict(shapes)
@@ -300,8 +300,8 @@ def same_pieces(earlier: Sequence[BaseGeometry], pieces: Sequence[BaseGeometry])
 def pair_cost(shape: BaseGeometry, piece: BaseGeometry, *, main: bool = False) -> float:
     """Return how badly a fragment answers to an observed piece, 0 to `WORST`; infinite where it is not that piece.
 
-    The cost is the sum of three parts from 0 to 1: what the overlap (intersection over union) lacks, the distance of the
-    centroids as a part of the largest that may be, and the logarithm of the ratio of areas as a part of that of
+    The cost is the sum of three parts from 0 to 1: one minus the overlap (intersection over union), the distance of the
+    centroids as a part of the largest that may be, and the logarithm of the ratio of areas over the logarithm of
     `LARGEST_RATIO`. A fragment is not the piece if it has more than `LARGEST_RATIO` times its area; or if they do not overlap
     and it has less than that part of it, or lies further away than `REACH` times the mean diameter of both (of circles of
     their areas).
@@ -312,24 +312,24 @@ def pair_cost(shape: BaseGeometry, piece: BaseGeometry, *, main: bool = False) -
         return math.inf
     iou, ratio = intersection_over_union(shape, piece), float(shape.area / piece.area)
     diameters = [2.0 * math.sqrt(a.area / math.pi) for a in (shape, piece)]
-    away = float(shape.centroid.distance(piece.centroid)) / (REACH * 0.5 * sum(diameters))
+    distance = float(shape.centroid.distance(piece.centroid)) / (REACH * 0.5 * sum(diameters))
     unlike = abs(math.log(ratio)) / math.log(LARGEST_RATIO)
-    if ratio > LARGEST_RATIO or (iou == 0.0 and (unlike > 1.0 or (away > 1.0 and not main))):
+    if ratio > LARGEST_RATIO or (iou == 0.0 and (unlike > 1.0 or (distance > 1.0 and not main))):
         return math.inf
-    return 1.0 - iou + min(away, 1.0) + min(unlike, 1.0)
+    return 1.0 - iou + min(distance, 1.0) + min(unlike, 1.0)
 
 
 def intersection_over_union(a: BaseGeometry, b: BaseGeometry) -> float:
     """Return the intersection over the union of two outlines."""
     common = float(a.intersection(b).area)
-    whole = float(a.area) + float(b.area) - common
-    return common / whole if whole > 0.0 else 0.0
+    union = float(a.area) + float(b.area) - common
+    return common / union if union > 0.0 else 0.0
 
 
 def aligned_overlap(a: BaseGeometry, b: BaseGeometry) -> float:
     """Return the intersection over the union of two outlines whose centroids are laid on each other."""
-    here, there = a.centroid, b.centroid
-    return intersection_over_union(translate(a, there.x - here.x, there.y - here.y), b)
+    origin, target = a.centroid, b.centroid
+    return intersection_over_union(translate(a, target.x - origin.x, target.y - origin.y), b)
 
 
 def polygon_moments(ring: Floats) -> tuple[float, float, float]:
@@ -348,24 +348,24 @@ def polygon_moments(ring: Floats) -> tuple[float, float, float]:
     return float(cx + ring[0, 0]), float(cy + ring[0, 1]), float(principal_azimuth(xx, yy, xy))
 
 
-def polygon_on(plane: ConformalPlane, ring: Floats) -> BaseGeometry:
+def project_polygon(plane: ConformalPlane, ring: Floats) -> BaseGeometry:
     """Return an outline on the plane; one that crosses itself is made valid and its largest part kept."""
     x, y = plane.forward(ring[:, 0], ring[:, 1])
     polygon: BaseGeometry = shapely.Polygon(np.column_stack([x, y]))
     if not polygon.is_valid:
         # Parts may be collections themselves, and lines where the outline runs back along itself.
-        parts = shapely.get_parts(shapely.get_parts(shapely.make_valid(polygon)))
-        polygon = max(parts, key=lambda part: part.area)
+        polygons = shapely.get_parts(shapely.get_parts(shapely.make_valid(polygon)))
+        polygon = max(polygons, key=lambda single: single.area)
     return polygon
 
 
-def without_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, BaseGeometry]]:
+def drop_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, BaseGeometry]]:
     """Return the pieces largest first, without those drawn twice."""
-    kept: list[tuple[str, BaseGeometry]] = []
+    unique: list[tuple[str, BaseGeometry]] = []
     for name, piece in sorted(pieces, key=lambda p: -p[1].area):
-        if not any(intersection_over_union(piece, other) > TWINS for _, other in kept):
-            kept.append((name, piece))
-    return kept
+        if not any(intersection_over_union(piece, other) > TWINS for _, other in unique):
+            unique.append((name, piece))
+    return unique
 
 
 NAME_KEYS: Final = ("berg", "iceberg", "name", "label", "variable", "outline", "id", "folder", "description")
@@ -394,11 +394,11 @@ def date_in_text(text: str) -> tuple[datetime, bool] | None:
     return dates.pop() if len(dates) == 1 else None
 
 
-def _moment(*parts: str | None) -> set[tuple[datetime, bool]]:
+def _moment(*fields: str | None) -> set[tuple[datetime, bool]]:
     """Return a moment as a set of one; an impossible one gives an empty set."""
-    year, month, day, hour, minute, second = (int(part or 0) for part in parts)
+    year, month, day, hour, minute, second = (int(field or 0) for field in fields)
     try:
-        return {(datetime(year, month, day, hour, minute, second), parts[3] is None)}
+        return {(datetime(year, month, day, hour, minute, second), fields[3] is None)}
     except ValueError:
         return set()
 
@@ -406,21 +406,21 @@ def _moment(*parts: str | None) -> set[tuple[datetime, bool]]:
 _CLOCK: Final = re.compile(r"(\d\d?):?(\d\d)(?::(\d\d)(?:\.\d*)?)?(?: ?UTC| ?Z)?", re.IGNORECASE)
 
 
-def date_of(values: Mapping[str, str], *, where: str) -> tuple[datetime, bool] | None:
+def find_attribute_date(values: Mapping[str, str], *, where: str) -> tuple[datetime, bool] | None:
     """Return the date that attributes or the columns of a row give, with the time of day where one says it; None without any.
 
     Dates when a picture was taken go before others, and before the beginning of a span. Others must fall on one day.
     """
     for keys in DATES_BY_BELIEF:
         texts = {key: values[key] for key in keys if values.get(key)}
-        # What is called acquired may say by what; another date that cannot be read is a fault.
+        # A column acquired may name a sensor; another date that cannot be read is a fault.
         read = [key for key, text in texts.items() if _is_date(text)] or list(texts)[: keys is not DATES_BY_BELIEF[0]]
-        dates = {k: _with_clock(*parse_date(texts[k], where=f"{where}, {k}"), k, values, where) for k in read}
+        dates = {k: _add_clock(*parse_date(texts[k], where=f"{where}, {k}"), k, values, where) for k in read}
         days = {when.date(): key for key, (when, _) in reversed(dates.items())}
         if len(days) > 1:
-            (one, a), (other, b) = sorted(days.items())[:2]
+            (first_date, a), (second_date, b) = sorted(days.items())[:2]
             raise InputError(
-                f"{a} says {one}, {b} says {other}, and nothing tells when the berg lay there", where=where,
+                f"{a} says {first_date}, {b} says {second_date}, and nothing tells when the berg lay there", where=where,
                 remedy=f"Leave one of them out, or call the date of the picture {DATES_BY_BELIEF[0][0]}",
             )  # fmt: skip
         if dates:
@@ -428,7 +428,7 @@ def date_of(values: Mapping[str, str], *, where: str) -> tuple[datetime, bool] |
     return None
 
 
-def _with_clock(
+def _add_clock(
     when: datetime, day_only: bool, key: str, values: Mapping[str, str], where: str
 ) -> tuple[datetime, bool]:
     """Return a date with the time of day that stands beside it: acq_time beside acq_date."""
@@ -457,8 +457,10 @@ def find_date(
 ) -> tuple[datetime, bool]:
     """Find the date of an outline: in its attributes, in its names, in the name of its file."""
     small = {str(key).lower(): value for key, value in properties.items()}
-    if (held := date_of({key: _text_of_value(value) for key, value in small.items()}, where=where)) is not None:
-        return held
+    if (
+        attribute_date := find_attribute_date({key: _cell_text(value) for key, value in small.items()}, where=where)
+    ) is not None:
+        return attribute_date
     for text in (*(str(small[key]) for key in NAME_KEYS if small.get(key)), *names):
         dated = date_in_text(text)
         if dated is not None:
@@ -474,7 +476,7 @@ def find_date(
     )
 
 
-def _text_of_value(value: Any) -> str:
+def _cell_text(value: Any) -> str:
     """Return a value of a table as text, empty for none; numbers without the point that tables give them."""
     if value is None or value != value:
         return ""

@@ -1,6 +1,6 @@
-"""How well a run agrees with what was observed: place, heading, area, outline and fragments, day by day.
+"""How well a run agrees with observations: position, heading, area, outline and fragments, day by day.
 
-A day without a time is compared at one hour, by default that of the start of the run. The model's outline is the union
+A day without a time is compared at one hour, by default the hour of the start of the run. The model's outline is the union
 of its elements. Which of the model's fragments make up an observed piece is found in two steps. First each piece gets
 at most one fragment, all pieces together in the best way: by overlap, by the distance of the centroids in diameters,
 and by the ratio of areas (`riftberg.diagnostics.outlines.pair_cost`); a fragment that answered to the piece the time
@@ -30,12 +30,12 @@ from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import (
     REACH,
     Outline,
+    drop_twins,
     group_fragments,
     intersection_over_union,
     polygon_moments,
-    polygon_on,
+    project_polygon,
     same_pieces,
-    without_twins,
 )
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
@@ -56,7 +56,7 @@ SMALLEST: Final = 0.005
 """Fragments below this part of the whole area are not matched one by one."""
 
 FIX_REACH: Final = 100e3
-"""Mean distance (m) within which a position can be that of a small fragment: positions have no size, and scatter by tens
+"""Mean distance (m) within which a position can belong to a small fragment: positions have no size, and scatter by tens
 of km between sensors."""
 
 STRANGE: Final = 500e3
@@ -109,7 +109,7 @@ class Score:
 
     observed: str  # File of the observations
     days: list[ScoredDay]
-    melt: list[str] = field(default_factory=list)  # What the run lost by melting, in words; empty where nothing melts
+    melt: list[str] = field(default_factory=list)  # Melt of the run, in words; empty where nothing melts
 
     def summary(self) -> dict[str, Any]:
         """Return means over the days, for the berg itself."""
@@ -154,7 +154,7 @@ def score_run(
     observed : Observations
         From `riftberg.diagnostics.observed.read_observed`.
     hour : float, optional
-        Hour of the day (UTC) at which observations without a time are compared; by default that of the start.
+        Hour of the day (UTC) at which observations without a time are compared; by default the hour of the start.
     between : tuple of datetime, optional
         First and last moment to compare.
     together : sequence of int, optional
@@ -172,22 +172,22 @@ def score_run(
         raise InputError("this run is in metres", remedy="Only runs on a sphere can be compared with observations")
     judge = _Judge(scene, tuple(together))
     start: datetime = scene.times[0].astype("datetime64[s]").item()
-    wanted = start.hour + start.minute / 60.0 if hour is None else hour
+    at_hour = start.hour + start.minute / 60.0 if hour is None else hour
     wished = [f for f in observed.fixes if interpolated or not f.interpolated]
-    fixes = judge.in_run(wished, wanted)
-    outlines = judge.in_run(observed.outlines, wanted)
-    found: list[tuple[datetime, int, Outline | Fix]] = [*outlines, *fixes]
-    for what, count in (("outlines", len(outlines)), ("positions", len(fixes))):
-        if count > MOST_COMPARED[what]:
+    fixes = judge.in_run(wished, at_hour)
+    outlines = judge.in_run(observed.outlines, at_hour)
+    sightings: list[tuple[datetime, int, Outline | Fix]] = [*outlines, *fixes]
+    for kind, count in (("outlines", len(outlines)), ("positions", len(fixes))):
+        if count > MOST_COMPARED[kind]:
             raise InputError(
-                f"{count} {what} during the run; the most that are compared is {MOST_COMPARED[what]}",
+                f"{count} {kind} during the run; the most that are compared is {MOST_COMPARED[kind]}",
                 where=observed.source, remedy="Give the rows of one berg, or one of an hour",
             )  # fmt: skip
     names = judge.name_fragments(fixes)
     # A berg of the table that a fragment is known as stays in, however far away it is.
     strangers = judge.strangers(fixes) - set(names)
     groups: dict[tuple[datetime, int], list[Outline | Fix]] = {}
-    for when, record, item in found:
+    for when, record, item in sightings:
         if item.name not in strangers and (between is None or between[0] <= when <= between[1]):
             groups.setdefault((when, record), []).append(item)
     days = [judge.day(when, record, groups[when, record], names) for when, record in sorted(groups)]
@@ -200,7 +200,7 @@ def score_run(
 
 
 MOST_COMPARED: Final = {"outlines": 2000, "positions": 100_000}
-"""What is compared with one run: half a minute of computing. Nobody sees bergs more often."""
+"""Most observations compared with one run: half a minute of computing. Nobody sees bergs more often."""
 
 
 class _Judge:
@@ -215,18 +215,18 @@ class _Judge:
         self._positions: dict[tuple[int, tuple[int, ...]], Position] = {}
 
     def in_run(self, items: Sequence[Seen], hour: float) -> list[tuple[datetime, int, Seen]]:
-        """Return what was seen during the run, with its time and the record nearest to it: a table may hold decades."""
+        """Return the observations during the run, each with its time and the record nearest to it: a table may hold decades."""
         seen = np.array([item.when for item in items], "datetime64[us]")
         day_only = np.array([item.day_only for item in items], bool)
         seen = np.where(day_only, seen + np.timedelta64(round(hour * 3.6e9), "us"), seen)
         times = self.scene.times.astype("datetime64[us]")
         after = np.clip(np.searchsorted(times, seen), 1, max(1, len(times) - 1))
         nearest = np.where(seen - times[after - 1] <= times[after % len(times)] - seen, after - 1, after % len(times))
-        near = np.abs(times[nearest] - seen) <= np.timedelta64(round(self.patience * 1e6), "us")
-        return [(seen[k].item(), int(nearest[k]), items[k]) for k in np.flatnonzero(near).tolist()]
+        is_near = np.abs(times[nearest] - seen) <= np.timedelta64(round(self.patience * 1e6), "us")
+        return [(seen[k].item(), int(nearest[k]), items[k]) for k in np.flatnonzero(is_near).tolist()]
 
     def position(self, record: int, numbers: Iterable[int]) -> Position:
-        """Return place and heading of some fragments together; those of a record are asked for again and again."""
+        """Return position and heading of some fragments together; kept, for each is asked for many times."""
         s, key = self.scene, (record, tuple(numbers))
         if key not in self._positions:
             rows = np.isin(s.berg[record], key[1])
@@ -260,14 +260,14 @@ class _Judge:
     def _outlines(self, record: int, outlines: list[Outline]) -> tuple[list[Match], list[int]]:
         # All shapes of a moment on one plane, which touches at the largest fragment: areas and overlaps are true
         # there.
-        here = self.position(record, self.fragments(record)[:1])
-        plane = ConformalPlane(here.lon, here.lat, self.scene.radius)
-        pieces = without_twins([(o.name, polygon_on(plane, o.ring)) for o in outlines])
+        centre = self.position(record, self.fragments(record)[:1])
+        plane = ConformalPlane(centre.lon, centre.lat, self.scene.radius)
+        pieces = drop_twins([(o.name, project_polygon(plane, o.ring)) for o in outlines])
         polygons = self.scene.polygons(record)
         shapes = {n: self._union(plane, polygons[self.scene.berg[record] == n]) for n in self.fragments(record)}
         drawn = [shape for _, shape in pieces]
         # The fragments that answered to these pieces when they were seen the time before.
-        earlier = [polygon_on(plane, ring) for ring, _ in self._before]
+        earlier = [project_polygon(plane, ring) for ring, _ in self._before]
         groups = group_fragments(shapes, drawn, {k: self._before[i][1] for k, i in same_pieces(earlier, drawn).items()})
         self._before = [
             (np.column_stack(plane.inverse(*np.asarray(shape.exterior.coords).T)), group[0])
@@ -275,8 +275,8 @@ class _Judge:
             if group
         ]
         if self.together:
-            there = [n for n in self.together if n in shapes]
-            groups = [there, *([n for n in g if n not in there] for g in groups[1:])]
+            present = [n for n in self.together if n in shapes]
+            groups = [present, *([n for n in g if n not in present] for g in groups[1:])]
         matches = [
             self._piece(record, plane, name, piece, group, shapes)
             for (name, piece), group in zip(pieces, groups, strict=True)
@@ -330,10 +330,10 @@ class _Judge:
         rest = [name for name in sorted(seen) if name != main]
         cost = np.full((len(rest), len(others)), np.inf)
         for (k, name), (i, number) in product(enumerate(rest), enumerate(others)):
-            apart = self._mean_distance(number, seen[name])
-            reach = max(FIX_REACH, REACH * 2.0 * math.sqrt(self.scene.area_of(number) / math.pi))
-            if apart <= reach:
-                cost[k, i] = apart + DRIFT * self._wait(number, seen[name][0][0])
+            distance = self._mean_distance(number, seen[name])
+            reach = max(FIX_REACH, REACH * 2.0 * math.sqrt(self.scene.final_area(number) / math.pi))
+            if distance <= reach:
+                cost[k, i] = distance + DRIFT * self._wait(number, seen[name][0][0])
         # To leave a name alone costs as much as the worst match, so that every name that can be matched is.
         alone = float(cost[np.isfinite(cost)].max(initial=FIX_REACH))
         return {main: largest} | {rest[k]: others[i] for k, i in best_pairs(cost, alone)}
@@ -341,11 +341,13 @@ class _Judge:
     def strangers(self, fixes: list[tuple[datetime, int, Fix]]) -> set[str]:
         """Return the bergs that never came within `STRANGE` of the run's largest fragment: tables may hold all there are."""
         here = [(self.position(record, self.fragments(record)[:1]), fix) for _, record, fix in fixes]
-        near = {fix.name for (_, fix), apart in zip(here, self._apart(here), strict=True) if apart <= STRANGE}
-        return {fix.name for _, _, fix in fixes} - near
+        close_names = {
+            fix.name for (_, fix), distance in zip(here, self._apart(here), strict=True) if distance <= STRANGE
+        }
+        return {fix.name for _, _, fix in fixes} - close_names
 
     def _apart(self, pairs: list[tuple[Position, Fix]]) -> Floats:
-        """Return the distances (m) of what was seen from places of the run."""
+        """Return the distances (m) of observations from positions of the run."""
         lon1, lat1, lon2, lat2 = np.array([(p.lon, p.lat, fix.lon, fix.lat) for p, fix in pairs]).reshape(-1, 4).T
         return haversine(lon1, lat1, lon2, lat2, self.scene.radius)
 
@@ -356,34 +358,34 @@ class _Judge:
 
     def _mean_distance(self, number: int, seen: list[tuple[int, Fix]]) -> float:
         """Return the mean distance (m) of a fragment from where a berg was seen; infinite if never both were there."""
-        there = {record for record, _ in seen if (self.scene.berg[record] == number).any()}
-        both = [(self.position(record, [number]), fix) for record, fix in seen if record in there]
-        return float(np.mean(self._apart(both))) if both else math.inf
+        records_present = {record for record, _ in seen if (self.scene.berg[record] == number).any()}
+        pairs = [(self.position(record, [number]), fix) for record, fix in seen if record in records_present]
+        return float(np.mean(self._apart(pairs))) if pairs else math.inf
 
     def _fix(self, record: int, fix: Fix, names: dict[str, int]) -> Match:
         number = names.get(fix.name)
         main = number is not None and number == names[next(iter(names))]
         group = list(self.together) if main and self.together else [number] if number is not None else []
-        there = [n for n in group if (self.scene.berg[record] == n).any()]
-        return self._match(fix.name, there, record, Position(fix.lon, fix.lat, fix.azimuth, fix.area), None)
+        present = [n for n in group if (self.scene.berg[record] == n).any()]
+        return self._match(fix.name, present, record, Position(fix.lon, fix.lat, fix.azimuth, fix.area), None)
 
     def _match(self, name: str, group: list[int], record: int, seen: Position, iou: float | None) -> Match:
         if not group:
             azimuth, area = _or_none(seen.azimuth), _or_none(seen.area / 1e6)
             return Match(name, [], None, None, azimuth, None, None, area, None, None, None, seen.lon, seen.lat)
-        made = self.position(record, group)
+        modelled = self.position(record, group)
         return Match(
             observed=name,
             fragments=group,
-            distance_km=float(haversine(made.lon, made.lat, seen.lon, seen.lat, self.scene.radius)) / 1e3,
-            azimuth=_or_none(made.azimuth),
+            distance_km=float(haversine(modelled.lon, modelled.lat, seen.lon, seen.lat, self.scene.radius)) / 1e3,
+            azimuth=_or_none(modelled.azimuth),
             azimuth_observed=_or_none(seen.azimuth),
-            azimuth_difference=_or_none(axis_difference(made.azimuth, seen.azimuth)),
-            area_km2=made.area / 1e6,
+            azimuth_difference=_or_none(axis_difference(modelled.azimuth, seen.azimuth)),
+            area_km2=modelled.area / 1e6,
             area_observed_km2=_or_none(seen.area / 1e6),
             iou=iou,
-            lon=made.lon,
-            lat=made.lat,
+            lon=modelled.lon,
+            lat=modelled.lat,
             lon_observed=seen.lon,
             lat_observed=seen.lat,
         )
@@ -395,10 +397,10 @@ def _or_none(value: float) -> float | None:
 
 def root_mean_square(values: Iterable[float | None]) -> float | None:
     """Return the root of the mean square of the values that there are; None where there is none."""
-    there = [v for v in values if v is not None]
-    return math.sqrt(sum(v * v for v in there) / len(there)) if there else None
+    present = [v for v in values if v is not None]
+    return math.sqrt(sum(v * v for v in present) / len(present)) if present else None
 
 
 def _mean(values: Iterable[float | None]) -> float | None:
-    there = [v for v in values if v is not None]
-    return sum(there) / len(there) if there else None
+    present = [v for v in values if v is not None]
+    return sum(present) / len(present) if present else None

@@ -1,4 +1,4 @@
-"""What a run came to, in one dictionary that is written as ``summary.json``.
+"""The results of a run, in one dictionary that is written as ``summary.json``.
 
 Keys
 ----
@@ -15,8 +15,8 @@ bergs : list, one entry per berg of the start, and per one added later: number, 
     (how many pieces it is in at the end), largest_km2 (of these), areas_km2 (of the six largest), largest (number of that
     piece), largest_weight (N), melted_kg, and drift_east_km, drift_north_km (of the largest from where the berg began; round a
     periodic domain all of the way), lon, lat (of the largest), and of the ice of the largest (Pa): prestress (mean by area),
-    largest_prestress, reserve (tension that it bears beside it), crevasse_strength (at the tips of its crevasses: given, or what
-    fracture.normal_strength means), front and foot (largest bending at its edges, by closed forms: stress (Pa, of the top at
+    largest_prestress, reserve (tension that it bears beside it), crevasse_strength (at the tips of its crevasses: given, or the
+    meaning of fracture.normal_strength), front and foot (largest bending at its edges, by closed forms: stress (Pa, of the top at
     fronts, of the base at feet), inland (m from the edge), lon, lat, corner (angle of the ice, degrees; null along a straight
     edge); foot is null without footloose calving); all null where it is gone, reserve and crevasse_strength where the strength
     is none of the ice
@@ -30,7 +30,7 @@ collisions : list, one entry per collision of two bergs or fragments: time, end,
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
     azimuth of its long axis in degrees clockwise from north, 0 to 180, null where it has none
 largest_km2, areas_km2 : area of the largest fragment, and of all, largest first, at the end
-ground : what the sea floor did: law, least_clearance (m, water under the keel at the least; negative where it stands deeper
+ground : effects of the sea floor: law, least_clearance (m, water under the keel at the least; negative where it stands deeper
     than the floor), bathymetry_spacing (m between the nodes of the chart under the berg, null for formulas), first (date of the
     first touch, null where none), stays: list, one entry per stay of a berg, or of a fragment of 5 % of its berg or more:
     number, name, first, last, lasts (aground at the end), lon, lat, towards (degrees from north, of the side that touched),
@@ -39,18 +39,18 @@ ground : what the sea floor did: law, least_clearance (m, water under the keel a
     yields was pressed), way_aground (m), stopped_within (m, null where it did not stop), held_since (date, null while it
     slides). elements_of_small_pieces: aground at the end, of pieces without a stay. For all of them together: hours, times,
     elements, load, capacity, pressing, lift, bending_stress, gouge, way_aground (the longest); with the law seabed the
-    sediment, and capacity_on: what the same load could hold on clay and on rock (N)
-ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and by what part of the
-    turnover the ledgers of mass and heat do not close; by_fragment: melt water (kg) by process of each fragment; null where
-    nothing melts
-motion : momentum (N s, east and north) at start and end and what each force gave; kinetic energy (J) at start and end and the
+    sediment, and capacity_on: capacity of the same load on clay and on rock (N)
+ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and the part of the
+    turnover by which the ledgers of mass and heat do not close; by_fragment: melt water (kg) by process of each fragment;
+    null where nothing melts
+motion : momentum (N s, east and north) at start and end, impulse of each force; kinetic energy (J) at start and end,
     work of each force; energy in bonds, dissipated (null where bonds do not vibrate), released by cracks, and
     crushed: plastic work and friction of faces that crush each other, rubbed: friction of grounding.law seabed
 wall_seconds : wall time of the whole run, s
 seconds_per_day : wall time per simulated day without the first step and without compilation, s; null in runs of one step
 steps : long steps taken
 numerics : all parameters of the run by group
-forcing : what the forcing says of itself
+forcing : description of the forcing
 riftberg : version of Riftberg
 """
 
@@ -73,10 +73,10 @@ from riftberg.config.values import finding_text
 from riftberg.engines.common.fragments.tree import centroid
 from riftberg.engines.common.reserves import CAVEAT, Reserve, berg_reserve
 from riftberg.errors import InputError
-from riftberg.life.footloose import edge_moduli, growth_of
-from riftberg.life.process import PROCESSES, melt_of
+from riftberg.life.footloose import edge_moduli, find_growth
+from riftberg.life.process import PROCESSES, read_melt
 from riftberg.runs.groundings import summarize_ground
-from riftberg.runs.layout import called, read_start
+from riftberg.runs.layout import label_fragment, read_start
 from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
@@ -122,8 +122,8 @@ def summarize(
         "track": track_table(track),
         "largest_km2": areas[0] if areas else 0.0,
         "areas_km2": areas,
-        "ledger": ledger_of(model),
-        "motion": motion_of(model),
+        "ledger": ledger_entry(model),
+        "motion": motion_entry(model),
         "wall_seconds": None if stopwatch is None else stopwatch.wall_seconds,
         "seconds_per_day": None if math.isnan(speed) else speed,
         "steps": model.step_number,
@@ -133,18 +133,18 @@ def summarize(
     }
 
 
-def ledger_of(model: BareModel) -> dict[str, Any] | None:
+def ledger_entry(model: BareModel) -> dict[str, Any] | None:
     """Return the ledger of melt as the summary holds it."""
     if model.life is None:
         return None
     balance = model.life.balance(model)
     rows = model.fragments.rows
-    water = melt_of(model.remembered, np.array([row.number for row in rows], np.int64))
+    water = read_melt(model.remembered, np.array([row.number for row in rows], np.int64))
     order = np.argsort(-water.sum(axis=1), kind="stable")[:MOST_FRAGMENTS].tolist()
     by_fragment = [
         {
             "fragment": rows[k].number,
-            "name": called(rows[k].number, rows[k].parent, rows[k].name),
+            "name": label_fragment(rows[k].number, rows[k].parent, rows[k].name),
             **dict(zip(PROCESSES, water[k].tolist(), strict=True)),
         }
         for k in order
@@ -156,7 +156,7 @@ def ledger_of(model: BareModel) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def motion_of(model: BareModel) -> dict[str, Any] | None:
+def motion_entry(model: BareModel) -> dict[str, Any] | None:
     """Return the ledger of momentum and mechanical energy as the summary holds it."""
     if model.motion is None:
         return None
@@ -203,9 +203,9 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
 
     rows = {row.number: row for row in model.fragments.rows}
     e, p = model.elements, model.parameters
-    youngs = edge_moduli(e, p, growth_of(e, model.remembered)[0]) if p.footloose.enabled else None
+    youngs = edge_moduli(e, p, find_growth(e, model.remembered)[0]) if p.footloose.enabled else None
     area, earth, origin = e.length * e.width, model.parameters.earth, model.fragments.origin
-    way = e.lon + earth.period * model.turns if earth.period > 0.0 else e.lon
+    unwrapped = e.lon + earth.period * model.turns if earth.period > 0.0 else e.lon
 
     pieces: dict[int, list[tuple[float, int]]] = {}
     for number, size in by_area(e.berg, area).items():
@@ -213,7 +213,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     melted: dict[int, float] = {}
     if model.life is not None:
         for number, water in zip(
-            rows, melt_of(model.remembered, np.array(list(rows), np.int64)).sum(axis=1), strict=True
+            rows, read_melt(model.remembered, np.array(list(rows), np.int64)).sum(axis=1), strict=True
         ):
             melted[origin(number)] = melted.get(origin(number), 0.0) + float(water)
     entries: list[dict[str, Any]] = []
@@ -231,7 +231,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
             inside = e.berg == mine[0][1]
             lon, lat = centroid(e.lon[inside], e.lat[inside], area[inside], earth.period)
             # From where it began all the way that it went, be it more than once round.
-            gone, _ = centroid(way[inside], e.lat[inside], area[inside], earth.period)
+            gone, _ = centroid(unwrapped[inside], e.lat[inside], area[inside], earth.period)
             here = np.array([gone]), np.array([lat]), np.array([row.lon]), np.array([row.lat])
             east, north = separations(Metric(earth.latlon, earth.radius), *here)
             entry |= {
@@ -249,7 +249,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
 
 def collisions(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per collision of two bergs or fragments, in order of time."""
-    names = {row.number: called(row.number, row.parent, row.name) for row in model.fragments.rows}
+    names = {row.number: label_fragment(row.number, row.parent, row.name) for row in model.fragments.rows}
     return [
         {
             "time": (model.start + timedelta(seconds=row.time)).isoformat(),
@@ -286,12 +286,12 @@ def melt_by_fragment(run: xr.Dataset) -> dict[int, dict[str, float]]:
 
 
 def melted_words(run: xr.Dataset) -> dict[int, str]:
-    """Return what each fragment lost, in words."""
+    """Return the melt of each fragment, in words."""
     return {number: _amounts(water) for number, water in melt_by_fragment(run).items()}
 
 
 def melt_lines(run: xr.Dataset) -> list[str]:
-    """Return in words what all and what each of the largest losers lost; nothing where nothing melts.
+    """Return the melt of all fragments and of each of the largest losers in words; nothing where nothing melts.
 
     The first line counts bits that have not melted yet too, and of bergs born on the way: children of footloose calving
     and of land.
@@ -300,19 +300,19 @@ def melt_lines(run: xr.Dataset) -> list[str]:
     if not lost:
         return []
     every = {name: sum(water[name] for water in lost.values()) for name in next(iter(lost.values()))}
-    said = [f"Melted: {_amounts(every)}"]
-    # What is afloat as bits at the last record; older files do not say.
+    clauses = [f"Melted: {_amounts(every)}"]
+    # Ice afloat as bits at the last record; older files lack it.
     ice = float(run["ice_in_bits"].isel(time=-1).sum()) if "ice_in_bits" in run and run.sizes["time"] else 0.0
     if ice > LEAST * sum(every.values()):
-        said.append(f"{ice / 1e12:.3g} Gt more are afloat as bits")
-    lines = ["; ".join([*said, *_births(run)]) + "."]
+        clauses.append(f"{ice / 1e12:.3g} Gt more are afloat as bits")
+    lines = ["; ".join([*clauses, *_births(run)]) + "."]
     if len(lost) > 1:
-        shown = list(lost.items())[:NAMED]
+        largest = list(lost.items())[:NAMED]
         rest = sum(sum(water.values()) for water in list(lost.values())[NAMED:])
         more = f"; {len(lost) - NAMED} others {rest / 1e12:.3g} Gt" if len(lost) > NAMED else ""
         scene = Scene(run)
         lines.append(
-            "Of this " + "; ".join(f"{scene.name(number)} {_amounts(water)}" for number, water in shown) + more + "."
+            "Of this " + "; ".join(f"{scene.name(number)} {_amounts(water)}" for number, water in largest) + more + "."
         )
     return lines
 
@@ -327,9 +327,9 @@ def _births(run: xr.Dataset) -> list[str]:
 
 
 def _amounts(water: dict[str, float]) -> str:
-    whole = sum(water.values())
-    parts = [f"{name.replace('_', ' ')} {w / 1e12:.3g}" for name, w in water.items() if w > LEAST * whole]
-    return f"{whole / 1e12:.3g} Gt ({', '.join(parts)})"
+    total = sum(water.values())
+    shares = [f"{name.replace('_', ' ')} {w / 1e12:.3g}" for name, w in water.items() if w > LEAST * total]
+    return f"{total / 1e12:.3g} Gt ({', '.join(shares)})"
 
 
 _Number = Annotated[float, Field(gt=-LARGEST, lt=LARGEST)]
@@ -337,7 +337,7 @@ _Count = Annotated[int, Field(ge=0)]
 
 
 class _Entries(BaseModel):
-    """What readers of ``summary.json`` use; there is more in it."""
+    """Entries of ``summary.json`` that readers use; there are more."""
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
@@ -379,7 +379,7 @@ class _Summary(_Entries):
 
 
 def read_summary(path: Path) -> dict[str, Any]:
-    """Read ``summary.json`` and check what it holds."""
+    """Read ``summary.json`` and check its entries."""
     remedy = "Make the run again: 'riftberg run' writes summary.json beside run.nc"
     check_file(path, remedy="Name folders that 'riftberg run' made", most=MOST_TEXT, missing="no summary.json")
     with reading(path, "not JSON, or a damaged file", remedy):
@@ -390,8 +390,8 @@ def read_summary(path: Path) -> dict[str, Any]:
         _Summary.model_validate(summary)
     except ValidationError as error:
         first = error.errors()[0]
-        place = f"{shown(path)}, key {'.'.join(map(str, first['loc']))}"
-        raise InputError(finding_text(first), where=place, remedy=remedy) from error
+        location = f"{shown(path)}, key {'.'.join(map(str, first['loc']))}"
+        raise InputError(finding_text(first), where=location, remedy=remedy) from error
     for event in summary["breakups"]:
         read_start(event["time"], path)
     return {"seconds_per_day": None, **summary}

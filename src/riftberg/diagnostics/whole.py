@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from riftberg.config.units import minute_text, place_text
-from riftberg.diagnostics.cut import forces_on, iso, mass_at
+from riftberg.diagnostics.cut import body_forces, iso, read_mass
 from riftberg.engines.common.fragments.grounding_log import STANDSTILL
 from riftberg.runs.scene import Scene
 
@@ -41,11 +41,11 @@ class WholeBerg:
     used: list[float]
     nearest: NearestBond | None
     fracture: bool  # Whether bonds may break at all
-    moments: list[str]  # Dates of what follows
+    moments: list[str]  # Dates of the series below
     speed: list[float]  # Of its centre, m s-1
     aground: list[int]  # Elements
     forces: dict[str, list[float]]  # Size of each force on it, N
-    power: dict[str, float]  # What each gave to it along its way, W, mean over these dates
+    power: dict[str, float]  # Power of each along its way, W, mean over these dates
 
 
 def whole_berg(scene: Scene) -> WholeBerg:
@@ -65,24 +65,24 @@ def whole_berg(scene: Scene) -> WholeBerg:
         if not body.any():  # it has melted away
             chosen = chosen[: chosen.index(record)]
             break
-        weight = mass_at(run, record)[body]
+        weight = read_mass(run, record)[body]
         pair = [run[name].isel(time=record).values[body] for name in ("u", "v")]
         motion = np.array([np.average(component, weights=weight) for component in pair])
-        acting, floor = forces_on(scene, p, record, body)
+        acting, floor = body_forces(scene, p, record, body)
         speed.append(float(np.hypot(*motion)))
         aground.append(floor)
         for name, values in acting.items():
             force = values[body].sum(axis=0)
             forces.setdefault(name, []).append(float(np.hypot(*force)))
             power[name] = power.get(name, 0.0) + float(force @ motion) * float(span)
-    used, nearest = _stressed(scene, number)
+    used, nearest = _most_stressed(scene, number)
     return WholeBerg(
         scene.name(number), [iso(time) for time in scene.times], used, nearest, scene.parameters.fracture.enabled,
         [iso(scene.times[k]) for k in chosen], speed, aground, forces, power,
     )  # fmt: skip
 
 
-def _stressed(scene: Scene, number: int) -> tuple[list[float], NearestBond | None]:
+def _most_stressed(scene: Scene, number: int) -> tuple[list[float], NearestBond | None]:
     """Return at each record which part of its strength the most stressed bond of a berg bears, and that bond."""
     run = scene.run
     ends = np.stack([run[name].values for name in ("bond_first", "bond_second")])
@@ -92,26 +92,27 @@ def _stressed(scene: Scene, number: int) -> tuple[list[float], NearestBond | Non
     stress, strength = scene.tension()[:, rows], scene.strengths[:, rows] * run["strength"].values[rows]
     if (damage := scene.bond_damage()) is not None:
         strength = strength * (1.0 - damage[:, rows])
-    part = np.divide(stress, strength, out=np.zeros_like(stress), where=strength > 0.0)
-    record, bond = np.unravel_index(int(part.argmax()), part.shape)
+    ratio = np.divide(stress, strength, out=np.zeros_like(stress), where=strength > 0.0)
+    record, bond = np.unravel_index(int(ratio.argmax()), ratio.shape)
     pair = ends[:, rows[bond]]
     x, y = (float(axis[record][pair].mean()) for axis in (scene.x, scene.y))
     ids = run["trajectory"].values[pair].tolist()
     nearest = NearestBond(
         iso(scene.times[record]), x, y, ids, float(stress[record, bond]), float(strength[record, bond])
     )
-    return part.max(axis=1).tolist(), nearest
+    return ratio.max(axis=1).tolist(), nearest
 
 
 def whole_lines(berg: WholeBerg, *, latlon: bool) -> list[str]:
-    """Return in sentences how near a berg came to breaking, and what drove and braked it."""
+    """Return in sentences how near a berg came to breaking, and the forces that drove and braked it."""
     lines, bond = [], berg.nearest
     if bond is not None and bond.strength > 0.0:
-        part = 100.0 * bond.stress / bond.strength
+        percent = 100.0 * bond.stress / bond.strength
         off = "" if berg.fracture else " Bonds cannot break in this run (fracture.enabled is false)."
         lines.append(
             f"{berg.name.capitalize()} came nearest to breaking at {minute_text(bond.time)}: {bond.stress / 1e3:.3g} of "
-            f"{bond.strength / 1e3:.3g} kPa ({part:.2g} %) in the bond of elements {bond.elements[0]} and {bond.elements[1]} at "
+            f"{bond.strength / 1e3:.3g} kPa ({percent:.2g} %) in the bond of elements {bond.elements[0]} "
+            f"and {bond.elements[1]} at "
             f"{place_text(bond.lon, bond.lat, latlon=latlon, digits=2)}.{off}"
         )
     moved = [
@@ -120,13 +121,13 @@ def whole_lines(berg: WholeBerg, *, latlon: bool) -> list[str]:
         if (shares := _shares(berg.power, sign))
     ]
     end = "stands still" if berg.speed[-1] < STANDSTILL else f"moves at {berg.speed[-1]:.2g} m/s"
-    way = f"; on its way it was {', '.join(moved)}" if moved else ""
-    lines.append(f"It {end} at the end{way}.")
+    motion_text = f"; on its way it was {', '.join(moved)}" if moved else ""
+    lines.append(f"It {end} at the end{motion_text}.")
     return lines
 
 
 def _shares(power: dict[str, float], sign: float) -> list[str]:
     """Return the two or three forces that give most of the power of a sign, with their parts of it."""
-    given = sorted(((sign * value, name) for name, value in power.items() if sign * value > 0.0), reverse=True)
-    total = sum(value for value, _ in given)
-    return [f"{name} ({100.0 * value / total:.0f} %)" for value, name in given[:3] if value >= TOLD * total]
+    ranked = sorted(((sign * value, name) for name, value in power.items() if sign * value > 0.0), reverse=True)
+    total = sum(value for value, _ in ranked)
+    return [f"{name} ({100.0 * value / total:.0f} %)" for value, name in ranked[:3] if value >= TOLD * total]

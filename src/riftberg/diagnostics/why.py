@@ -1,4 +1,4 @@
-"""Why a berg broke: the break-ups of a run with their reasons, what controls make of them, and all of it in plain words.
+"""Why a berg broke: the break-ups of a run with their reasons, their fate in controls, and all of it in plain words.
 
 How the load of a cut is found and shared among the forces stands in `riftberg.diagnostics.cut`.
 """
@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.config.units import area_text, count_text, minute_text, place_text
-from riftberg.diagnostics.cut import GEOSTROPHIC, Breakup, Collision, Cut, FirstBond, iso, members_at_birth
+from riftberg.diagnostics.cut import GEOSTROPHIC, Breakup, Collision, Cut, FirstBond, birth_members, iso
 from riftberg.diagnostics.edges import edge_lines
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.diagnostics.whole import WholeBerg, whole_berg, whole_lines
 from riftberg.engines.common.rift_tips import tip_lines
 from riftberg.runs.groundings import read_stays, why_lines
-from riftberg.runs.layout import heading_of
+from riftberg.runs.layout import run_heading
 from riftberg.runs.scene import SMALL, Scene
 from riftberg.system.atomic_files import write_json
 
@@ -96,17 +96,17 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
     for row in np.argsort(run["fragment_birth_time"].values, kind="stable"):
         if int(run["fragment_parent"].values[row]) <= 0:
             continue
-        whole = scene.berg_areas.get(scene.origin(int(run["fragment_number"].values[row])), float(scene.area.sum()))
-        large = float(run["fragment_area"].values[row]) >= smallest * whole
+        berg_area = scene.berg_areas.get(scene.origin(int(run["fragment_number"].values[row])), float(scene.area.sum()))
+        large = float(run["fragment_area"].values[row]) >= smallest * berg_area
         breakup = Cut(scene, int(row)).breakup() if large else None
         if breakup is None:
             small += 1
             continue
         breakup.name, breakup.parent_name = scene.name(breakup.fragment), scene.name(breakup.parent)
-        breakup.collision = collision_of(scene, breakup)
+        breakup.collision = find_collision(scene, breakup)
         breakups.append(breakup)
     return Reasons(
-        experiment=heading_of(run, ""),
+        experiment=run_heading(run, ""),
         forcing=str(run.attrs.get("forcing_title", "")),
         breakups=breakups,
         small=small,
@@ -120,7 +120,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
     )
 
 
-def collision_of(scene: Scene, b: Breakup) -> Collision | None:
+def find_collision(scene: Scene, b: Breakup) -> Collision | None:
     """Return the contact with another berg in which the first bond of a break-up failed; the latest, if there are several."""
     run = scene.run
     if "contact_time" not in run or run.sizes.get("contact", 0) == 0:
@@ -137,20 +137,22 @@ def collision_of(scene: Scene, b: Breakup) -> Collision | None:
     return Collision(scene.name(other), iso(began[k]), float(run["contact_speed"].values[k]))
 
 
-def removed_by(breakup: Breakup, control: xr.Dataset) -> str:
-    """Return what became of a break-up in a control run."""
+def control_fate(breakup: Breakup, control: xr.Dataset) -> str:
+    """Return the fate of a break-up in a control run."""
     scene, ids = Scene(control), control["trajectory"].values
-    mine = np.isin(ids, breakup.members)
-    area = float(scene.area[mine].sum())
+    fragment_rows = np.isin(ids, breakup.members)
+    area = float(scene.area[fragment_rows].sum())
     pieces: list[tuple[float, float, str]] = []  # area in common and area of each fragment (m2), time of its birth
     for row in range(control.sizes["fragment"]):
-        members = members_at_birth(scene, row) if int(control["fragment_parent"].values[row]) > 0 else None
+        members = birth_members(scene, row) if int(control["fragment_parent"].values[row]) > 0 else None
         if members is None:
             continue
-        theirs = np.isin(ids, ids[members[0]])
-        if (mine & theirs).any():
+        control_rows = np.isin(ids, ids[members[0]])
+        if (fragment_rows & control_rows).any():
             birth = iso(control["fragment_birth_time"].values[row])
-            pieces.append((float(scene.area[mine & theirs].sum()), float(scene.area[theirs].sum()), birth))
+            pieces.append(
+                (float(scene.area[fragment_rows & control_rows].sum()), float(scene.area[control_rows].sum()), birth)
+            )
     if not pieces:
         return "removed"
     common, other, birth = max(pieces, key=lambda piece: piece[0] / (area + piece[1] - piece[0]))
@@ -162,13 +164,13 @@ def removed_by(breakup: Breakup, control: xr.Dataset) -> str:
     return birth_text
 
 
-def words(reasons: Reasons) -> list[str]:
+def reason_lines(reasons: Reasons) -> list[str]:
     """Return the reasons in words, one paragraph per break-up."""
     small, reserves = count_text(reasons.small, "small piece"), [" ".join(reasons.reserves)] if reasons.reserves else []
     if not reasons.breakups:
         but = f" but {small} (--all lists them)" if reasons.small else ""
-        whole = [] if reasons.whole is None else [" ".join(whole_lines(reasons.whole, latlon=reasons.latlon))]
-        return [f"Nothing broke off{but}.", *whole, *reasons.rifts, *reasons.ground, *reasons.melt, *reserves]
+        whole_text = [] if reasons.whole is None else [" ".join(whole_lines(reasons.whole, latlon=reasons.latlon))]
+        return [f"Nothing broke off{but}.", *whole_text, *reasons.rifts, *reasons.ground, *reasons.melt, *reserves]
     lines = [_paragraph(breakup) for breakup in reasons.breakups]
     if reasons.small:
         lines.append(f"{small.replace('small', 'smaller')} broke off too (--all lists them).")
@@ -176,18 +178,18 @@ def words(reasons: Reasons) -> list[str]:
 
 
 def _paragraph(b: Breakup) -> str:
-    """Return what broke off, when, under which load, and which force caused it."""
+    """Return the fragment that broke off, the date, the load, and the force that caused it."""
     first, load = b.first_bonds[0], b.decisive
     where = (
         "aground" if b.grounded else "afloat: nothing of it touched the sea floor" if load.aground == 0 else "afloat"
     )
-    place = place_text(first.lon, first.lat, latlon=b.latlon, digits=2)
+    position = place_text(first.lon, first.lat, latlon=b.latlon, digits=2)
     large = max(abs(value) for _, value in b.causes) or 1.0
     shares = [f"{name} {value / 1e3:+.1f} kPa" for name, value in b.causes if abs(value) >= 0.02 * large]
     text = [
         f"{minute_text(b.time)}: {b.name or f'fragment {b.fragment}'} ({area_text(1e6 * b.area_km2)}, "
         f"{count_text(b.elements, 'element')}) broke off {b.parent_name or f'berg {b.parent}'}, {where}.",
-        f"{count_text(b.bonds, 'bond')} failed from {minute_text(b.first_break)} on, the first at {place}"
+        f"{count_text(b.bonds, 'bond')} failed from {minute_text(b.first_break)} on, the first at {position}"
         + (", with an end aground." if first.grounded else "."),
         _strength_words(b.by_strength),
         _stress_words(first),
@@ -220,11 +222,11 @@ def _paragraph(b: Breakup) -> str:
         text.append(f"The forces explain the recorded motion{afloat} within {100.0 * b.closure:.1f} % of their sum.")
     if load.aground and not b.floor_recorded:
         text.append(FLOOR)
-    for part, fate in b.controls.items():
-        # As people write it: "still" for what was not removed, and no seconds.
-        still = "still " + re.sub(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d):\d\d", r"\1 \2", fate)
-        text.append(f"{part.capitalize()} it {'does not break off' if fate == 'removed' else still}.")
-    return " ".join(part for part in text if part)
+    for change, fate in b.controls.items():
+        # As people write it: "still" for a break-up that was not removed, and no seconds.
+        fate_text = "still " + re.sub(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d):\d\d", r"\1 \2", fate)
+        text.append(f"{change.capitalize()} it {'does not break off' if fate == 'removed' else fate_text}.")
+    return " ".join(clause for clause in text if clause)
 
 
 def _short(value: float) -> str:

@@ -38,8 +38,8 @@ def cores() -> int:
 
 
 @contextmanager
-def connected(scheduler: Any) -> Iterator[Any]:
-    """Give a client of dask.distributed for the address of a scheduler; a client itself is given as it is."""
+def connect_client(scheduler: Any) -> Iterator[Any]:
+    """Give a client of dask.distributed for the address of a scheduler; a client itself passes through unchanged."""
     try:
         import distributed
     except ImportError as error:
@@ -63,15 +63,15 @@ def connected(scheduler: Any) -> Iterator[Any]:
         yield client
 
 
-def computed(jobs: Iterable[Job], client: Any, workers: int, hold: Hold) -> Iterator[Outcome]:
+def compute_members(jobs: Iterable[Job], client: Any, workers: int, hold: Hold) -> Iterator[Outcome]:
     """Give the outcomes of members as they come, until all have come or a signal waits.
 
     ``client``: of dask, or None for ``workers`` processes of this machine; 0 runs one member after another in this one.
     """
     if client is not None:
-        yield from _distributed(jobs, client, hold)
+        yield from _run_distributed(jobs, client, hold)
     elif workers:
-        yield from (_outcome(future, job) for future, job in pooled(run_member, jobs, workers, hold))
+        yield from (_outcome(future, job) for future, job in run_pool(run_member, jobs, workers, hold))
     else:
         for job in jobs:
             if hold.requested:
@@ -87,11 +87,13 @@ ALONE: Final = {
 """Environment of a process that runs one member at a time."""
 
 
-def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, hold: Hold) -> Iterator[tuple[Any, Any]]:
+def run_pool(
+    function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, hold: Hold
+) -> Iterator[tuple[Any, Any]]:
     """Run a function of each job in processes of the standard library; give the futures as they end, with their jobs.
 
-    As many jobs are under way as there are processes, so that of a lost process it is known which jobs may have ended it:
-    these are done again by others, up to `LOST_TIMES` times. A signal lets those under way come to their end, and no more begin.
+    As many jobs are under way as there are processes, so the jobs that may have ended a lost process are known:
+    other processes run them again, up to `LOST_TIMES` times. After a signal, jobs under way finish and no more begin.
     """
     # A process that reads the script anew would, where the guard is missing, start processes of its own.
     if getattr(multiprocessing.current_process(), "_inheriting", False):
@@ -101,16 +103,16 @@ def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, ho
         )  # fmt: skip
     # Of jobs that are made when they are asked for, there are no more in memory than processes have.
     waiting, lost = Line(jobs), Counter[int]()
-    before = set(multiprocessing.active_children())
+    earlier = set(multiprocessing.active_children())
     script = _script_needed(function, waiting)
     context = multiprocessing.get_context("spawn") if script else _Apart()
-    begun = context.Event()
+    started = context.Event()
     with _environment(ALONE):
         while waiting and not hold.requested:
-            executor = ProcessPoolExecutor(workers, context, initializer=_begin_worker, initargs=(begun,))
+            executor = ProcessPoolExecutor(workers, context, initializer=_begin_worker, initargs=(started,))
             try:
-                for future, job in _through(executor, function, waiting, workers, hold):
-                    if script and future.exception() is not None and not begun.is_set():
+                for future, job in _submit_all(executor, function, waiting, workers, hold):
+                    if script and future.exception() is not None and not started.is_set():
                         raise InputError(
                             f"no worker has begun: each reads {script} anew, and that failed", where="sweep",
                             remedy='Put the call under if __name__ == "__main__":, install cloudpickle, or give workers=0',
@@ -122,7 +124,7 @@ def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, ho
                         lost.pop(id(job), None)  # the next job may have its place in memory
                         yield future, job
             except BaseException:  # a second Ctrl-C, or the caller wants no more: nobody waits for the members
-                for process in set(multiprocessing.active_children()) - before:
+                for process in set(multiprocessing.active_children()) - earlier:
                     process.terminate()
                 raise
             finally:
@@ -135,10 +137,10 @@ class _Process(SpawnProcess):
     @staticmethod
     def _Popen(process_obj: Any) -> Any:  # noqa: N802
         with SETTINGS:
-            whole, thread = spawn.get_preparation_data, threading.get_ident()
+            original, thread = spawn.get_preparation_data, threading.get_ident()
 
             def without_script(name: str) -> dict[str, Any]:
-                data = whole(name)
+                data = original(name)
                 return {
                     k: v for k, v in data.items() if not k.startswith("init_main") or threading.get_ident() != thread
                 }
@@ -147,7 +149,7 @@ class _Process(SpawnProcess):
             try:
                 return SpawnProcess._Popen(process_obj)
             finally:
-                spawn.get_preparation_data = whole
+                spawn.get_preparation_data = original
 
 
 class _Apart(SpawnContext):
@@ -160,7 +162,7 @@ def _script_needed(function: Callable[[Any], Any], waiting: Line) -> str:
         return ""
     first = waiting.next()
     waiting.again.append(first)
-    if b"__main__" not in _packed(function, first) or sys.modules.get("cloudpickle") is not None:
+    if b"__main__" not in _pack_call(function, first) or sys.modules.get("cloudpickle") is not None:
         return ""
     main = sys.modules["__main__"]
     script = getattr(main, "__file__", None)
@@ -187,10 +189,10 @@ class Line:
         return self.again.pop() if self else None
 
 
-def _through(
+def _submit_all(
     executor: ProcessPoolExecutor, function: Callable[[Any], Any], waiting: Line, workers: int, hold: Hold
 ) -> Iterator[tuple[Any, Any]]:
-    """Send jobs through an executor and give what has ended, until none is left or the executor is broken."""
+    """Send jobs through an executor and give the futures that have ended, until none is left or the executor is broken."""
     flying: dict[Any, Any] = {}
     ended: list[tuple[Any, Any]] = []
     broken = False
@@ -198,19 +200,19 @@ def _through(
         while len(flying) < workers and not (broken or hold.requested) and waiting:
             job = waiting.next()
             try:
-                flying[executor.submit(_called, _packed(function, job))] = job
+                flying[executor.submit(_run_packed, _pack_call(function, job))] = job
             except BrokenProcessPool:
                 waiting.again.append(job)
                 broken = True
         yield from ended  # while the next ones are on their way: no process waits for what is done with these
         # Looked at now and then, so that a signal is not missed.
-        done = wait(flying, timeout=WAIT_SECONDS, return_when=FIRST_COMPLETED).done
-        ended = [(future, flying.pop(future)) for future in done]
+        completed = wait(flying, timeout=WAIT_SECONDS, return_when=FIRST_COMPLETED).done
+        ended = [(future, flying.pop(future)) for future in completed]
         broken = broken or any(isinstance(future.exception(), BrokenProcessPool) for future, _ in ended)
 
 
-def _packed(function: Callable[[Any], Any], job: Any) -> bytes:
-    """Return a call as bytes; functions of a notebook travel too where cloudpickle is installed, as it is beside dask."""
+def _pack_call(function: Callable[[Any], Any], job: Any) -> bytes:
+    """Return a call as bytes; functions of a notebook travel too where cloudpickle is installed (dask needs it)."""
     try:
         import cloudpickle as pickler
     except ImportError:
@@ -224,23 +226,23 @@ def _packed(function: Callable[[Any], Any], job: Any) -> bytes:
         ) from error  # fmt: skip
 
 
-def _called(packed: bytes) -> Any:
+def _run_packed(packed: bytes) -> Any:
     function, job = pickle.loads(packed)
     return function(job)
 
 
-def _begin_worker(begun: Any) -> None:
-    """Leave Ctrl-C and hang-ups to the process that started the sweep, which asks the members to stop; end with it."""
-    begun.set()
+def _begin_worker(started: Any) -> None:
+    """Ignore Ctrl-C and hang-ups (the parent asks the members to stop), and exit when the parent does."""
+    started.set()
     for number in SIGNALS:
         if number != signal.SIGTERM:  # by which the members are ended
             signal.signal(number, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+        threading.Thread(target=_exit_after_parent, args=(parent,), daemon=True).start()
 
 
-def _end_with(parent: Any) -> None:
+def _exit_after_parent(parent: Any) -> None:
     parent.join()
     os._exit(1)
 
@@ -248,19 +250,19 @@ def _end_with(parent: Any) -> None:
 @contextmanager
 def _environment(values: Mapping[str, str]) -> Iterator[None]:
     """Set variables of the environment, which processes that are started meanwhile inherit."""
-    before = {name: os.environ.get(name) for name in values}
+    previous = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:
         yield
     finally:
-        for name, value in before.items():
+        for name, value in previous.items():
             if value is None:
                 del os.environ[name]
             else:
                 os.environ[name] = value
 
 
-def _distributed(jobs: Iterable[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
+def _run_distributed(jobs: Iterable[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
     import time
 
     from distributed import as_completed
@@ -284,27 +286,27 @@ def _distributed(jobs: Iterable[Job], client: Any, hold: Hold) -> Iterator[Outco
             yield _outcome(future, job)
             future.release()
         if hold.requested:
-            yield from _ended(futures, client)
+            yield from _drain_members(futures, client)
             return
         time.sleep(WAIT_SECONDS)
 
 
-def _ended(futures: dict[Any, Job], client: Any) -> Iterator[Outcome]:
+def _drain_members(futures: dict[Any, Job], client: Any) -> Iterator[Outcome]:
     """Drop the members that have not begun, and wait for the others, which save their states."""
     import distributed
 
     running = {key for keys in client.processing().values() for key in keys}
-    begun = [future for future in futures if future.key in running]
+    unfinished = [future for future in futures if future.key in running]
     client.cancel([future for future in futures if future.key not in running])
     with suppress(TimeoutError), client.as_current():
-        distributed.wait(begun, timeout=60)
-    for future in begun:
+        distributed.wait(unfinished, timeout=60)
+    for future in unfinished:
         if future.done() and not future.cancelled():
             yield _outcome(future, futures[future])
 
 
 def _outcome(future: Any, job: Job) -> Outcome:
-    """Return what a member came to, also where its workers were lost again and again."""
+    """Return the outcome of a member, also where its workers were lost repeatedly."""
     error = future.exception()
     if error is None:
         outcome: Outcome = future.result()

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
 
 from riftberg.config.values import check_names, number
 from riftberg.ensembles.distributions import PLANS, POINTS
-from riftberg.ensembles.sweep import MEMBER, Plan, SweepOptions, common_options, draws_of, planned, run_plan
-from riftberg.ensembles.vary import Draws, Varied, varied_of, vary_with_file
+from riftberg.ensembles.sweep import MEMBER, Plan, SweepOptions, common_options, make_plan, read_draws, run_plan
+from riftberg.ensembles.vary import Draws, Varied, read_varied, vary_with_file
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import EXPERIMENTS, Options
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 
 class DefaultError(NamedTuple):
-    """One line of the table of errors that a forecast has by itself."""
+    """One line of the table of a forecast's default errors."""
 
-    what: str
+    text: str
     vary: tuple[str, ...]
     source: str
 
@@ -79,8 +79,8 @@ def default_errors(experiment: object, data: Path | None = None) -> tuple[Defaul
     A product with members of its own shows its error by them, so no random error is put on top.
     """
     name = str(experiment)
-    own = isinstance(experiment, str | Path) and name.endswith((".yaml", ".yml"))
-    count = product_members(experiment, data) if own else {}
+    from_yaml = isinstance(experiment, str | Path) and name.endswith((".yaml", ".yml"))
+    count = product_members(experiment, data) if from_yaml else {}
     random = [error for error, quantities in zip(DEFAULTS, (("uo",), ("ua", "taux")), strict=False)
               if any(quantity in count for quantity in quantities)]  # fmt: skip
     products: tuple[DefaultError, ...] = ()
@@ -92,22 +92,22 @@ def default_errors(experiment: object, data: Path | None = None) -> tuple[Defaul
         ),)  # fmt: skip
     entry = next((entry for entry in EXPERIMENTS if entry.name == name), None)
     floor = (FLOOR,) if entry is None or entry.fetches else ()
-    kept = (error for error in DEFAULTS if error not in random)
-    return (*products, *kept, *floor, *((LATTICE,) if own or (entry is not None and entry.lattice) else ()))
+    fixed = (error for error in DEFAULTS if error not in random)
+    return (*products, *fixed, *floor, *((LATTICE,) if from_yaml or (entry is not None and entry.lattice) else ()))
 
 
 def errors_line(varied: Sequence[Varied]) -> str:
-    """Return in one line which of them a forecast has, and what else is varied in it."""
-    own = {v.name: v.plain() for v in varied}
-    parts = [f"{len(v.distribution.choices if v.distribution else v.values)} members of the products in turn"
+    """Return in one line the default errors of a forecast, and its other varied inputs."""
+    inputs = {v.name: v.plain() for v in varied}
+    descriptions = [f"{len(v.distribution.choices if v.distribution else v.values)} members of the products in turn"
              for v in varied if v.name == MEMBER]  # fmt: skip
-    own.pop(MEMBER, None)
+    inputs.pop(MEMBER, None)
     for error in (*DEFAULTS, FLOOR, LATTICE):
-        names = {v.name: v.plain() for v in varied_of(error.vary)}
-        if names.items() <= own.items():
-            parts.append(error.what)
-            own = {name: value for name, value in own.items() if name not in names}
-    return "Errors: " + "; ".join([*parts, *own])
+        names = {v.name: v.plain() for v in read_varied(error.vary)}
+        if names.items() <= inputs.items():
+            descriptions.append(error.text)
+            inputs = {name: value for name, value in inputs.items() if name not in names}
+    return "Errors: " + "; ".join([*descriptions, *inputs])
 
 
 def forecast_plan(
@@ -122,20 +122,20 @@ def forecast_plan(
         )  # fmt: skip
     merged = forecast_errors(experiment, vary, defaults=defaults, data=options.data)
     drawn = Draws(draws.number or MEMBERS, draws.plan, draws.seed)
-    return planned(experiment, merged, options, every_hours, cells, drawn, forecast=True)
+    return make_plan(experiment, merged, options, every_hours, cells, drawn, forecast=True)
 
 
 def forecast_errors(
     experiment: object, vary: Mapping[str, Any] | Iterable[str], *, defaults: bool = True, data: Path | None = None
 ) -> dict[str, Any]:
-    """Return what a forecast varies: what the user gives, then the file, then the errors that it has by itself."""
+    """Return the varied inputs of a forecast: the user's first, then those of the file, then the default errors."""
     given = vary_with_file(experiment, vary, data)
-    own = {
+    standard = {
         v.name: v.plain()
         for error in (default_errors(experiment, data) if defaults else ())
-        for v in varied_of(error.vary)
+        for v in read_varied(error.vary)
     }
-    return {**own, **given}
+    return {**standard, **given}
 
 
 def forecast(
@@ -157,11 +157,11 @@ def forecast(
     experiment : str, path or callable
         As for `riftberg.sweep`.
     vary : mapping, or iterable of str, optional
-        What is varied beside, or instead of, the errors that a forecast has by itself (`riftberg.ensembles.forecast.DEFAULTS`).
+        Inputs to vary beside, or instead of, the default errors of a forecast (`riftberg.ensembles.forecast.DEFAULTS`).
     days, every_hours, output, resume, progress
         As for `riftberg.sweep`.
     default_errors : bool, optional
-        Take the errors that a forecast has by itself.
+        Add the default errors of a forecast.
     **options
         As for `riftberg.sweep`; ``members`` is 200 by default.
 
@@ -173,12 +173,12 @@ def forecast(
     Raises
     ------
     InputError
-        If what is varied is not possible; before the first run.
+        If an input cannot be varied; before the first run.
     """
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
     plan = forecast_plan(
-        experiment, vary, common_options(days, options), every, draws_of(options), defaults=default_errors,
+        experiment, vary, common_options(days, options), every, read_draws(options), defaults=default_errors,
         cells=options.get("cells"),
     )  # fmt: skip
     return run_plan(plan, output, resume, progress, options)

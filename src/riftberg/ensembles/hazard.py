@@ -1,4 +1,4 @@
-"""What a forecast means for others at sea: limits of ice, positions with error, and how likely ice comes near.
+"""Hazards of a forecast to others at sea: limits of ice, positions with error, and the probability that ice comes near.
 
 The p % limit of ice is the smallest line such that in p % of the members all ice lies inside of it: not a contour of
 presence, which with members far apart would hold all of them at 50 %. The line is a convex hull. It is sought around several
@@ -24,11 +24,11 @@ from shapely.geometry.polygon import orient
 from riftberg.config.units import minute_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.probability import (
-    axes_of,
+    beyond_last_position,
     counted,
     effective,
+    ellipse_axes,
     enough,
-    out_of_sight,
     quantiles,
     share_until,
     with_interval,
@@ -50,7 +50,7 @@ HOURS: Final = 1.0
 
 @dataclass(frozen=True)
 class IceLimit:
-    """A line, and what lies inside of it."""
+    """A line, and the weight of the members inside of it."""
 
     percent: int | None  # None for the range of the members: too few count for a limit
     date: np.datetime64 | None  # None for the whole time
@@ -60,35 +60,35 @@ class IceLimit:
 
 def ice_limits(ds: xr.Dataset) -> list[IceLimit]:
     """Return the limits of ice of each day and of the whole time."""
-    done, weight = counted(ds, "unfinished")
-    time, beyond = done["time"].values, out_of_sight(done)
+    members, weight = counted(ds, "unfinished")
+    time, beyond = members["time"].values, beyond_last_position(members)
     days = [k for k, t in enumerate(time) if (t - time[0]) % np.timedelta64(1, "D") == np.timedelta64(0, "D")]
     if days[-1] != len(time) - 1:
         days.append(len(time) - 1)
-    corners, area = _corners(done)
-    found = []
+    corners, area = _corners(members)
+    limits = []
     for where in [*([k] for k in days), list(range(len(time)))]:
         # Of the members that are known until then.
-        known = np.flatnonzero(~beyond[:, where[-1]])
-        known = known[weight[known] > 0.0]
-        points = [corners[m][:, where][np.isfinite(area[m][:, where])].reshape(-1, 2) for m in known]
-        whole = len(where) > 1 or len(time) == 1
-        share_of = weight[known] / weight[known].sum()
+        visible = np.flatnonzero(~beyond[:, where[-1]])
+        visible = visible[weight[visible] > 0.0]
+        points = [corners[m][:, where][np.isfinite(area[m][:, where])].reshape(-1, 2) for m in visible]
+        is_whole_time = len(where) > 1 or len(time) == 1
+        share_of = weight[visible] / weight[visible].sum()
         if not enough(share_of):  # all of them, however little each weighs
             line, inside = smallest_line(points, np.full(len(points), 1.0 / max(len(points), 1)), 1.0)
-            found.append(IceLimit(None, None if whole else time[where[0]], line, inside))
+            limits.append(IceLimit(None, None if is_whole_time else time[where[0]], line, inside))
             continue
         for percent in LIMITS:
             line, inside = smallest_line(points, share_of, percent / 100.0)
-            found.append(IceLimit(percent, None if whole else time[where[0]], line, inside))
-    return found
+            limits.append(IceLimit(percent, None if is_whole_time else time[where[0]], line, inside))
+    return limits
 
 
-def _corners(done: xr.Dataset) -> tuple[list[Floats], list[Floats]]:
+def _corners(members: xr.Dataset) -> tuple[list[Floats], list[Floats]]:
     """Return the corners of each fragment of each member at each time, shape (fragment, time, corners, 2), and the areas."""
-    lon, lat, area = (done[name].values for name in ("lon", "lat", "area"))
+    lon, lat, area = (members[name].values for name in ("lon", "lat", "area"))
     lon = near(lon, float(lon[np.isfinite(lon)][0]))
-    east, north = _around(*axes_of(done))
+    east, north = _around(*ellipse_axes(members))
     x = lon[..., None] + east / (DEGREE * EARTH_RADIUS_A68 * np.cos(lat * DEGREE))[..., None]
     y = lat[..., None] + north / (DEGREE * EARTH_RADIUS_A68)
     return list(np.stack([x, y], axis=-1)), list(np.where(np.isfinite(lon), area, np.nan))
@@ -107,7 +107,7 @@ def _around(major: Floats, minor: Floats, azimuth: Floats) -> tuple[Floats, Floa
 
 
 def smallest_line(points: list[Floats], weight: Floats, share: float) -> tuple[Floats, float]:
-    """Return the convex line around members that weigh ``share`` or more, as small as it is found, and what they weigh.
+    """Return the convex line around members that weigh ``share`` or more, the smallest found, and their weight.
 
     ``points``: corners of the ice of each member, degrees; ``weight``: adds up to 1. A member without ice has all of it inside.
     """
@@ -120,12 +120,14 @@ def smallest_line(points: list[Floats], weight: Floats, share: float) -> tuple[F
     corners = np.concatenate(hulls)
     flat = corners * [math.cos(float(corners[:, 1].mean()) * DEGREE), 1.0]
     reach = np.maximum.reduceat(flat @ _WAYS.T, np.cumsum([0, *map(len, hulls)])[:-1], axis=0)
-    starts = [_nearest(reach, w, needed, k) for k in np.unique(np.linspace(0, len(w) - 1, STARTS).round().astype(int))]
+    starts = [
+        _gather_nearest(reach, w, needed, k) for k in np.unique(np.linspace(0, len(w) - 1, STARTS).round().astype(int))
+    ]
     if (np.cumsum(np.sort(w)) <= w.sum() - needed).sum() <= MOST_LEFT_OUT:
         starts.append((list(range(len(w))), []))  # few are left out: one after another, from all
-    _, kept = min((_exchanged(reach, w, needed, *start) for start in starts), key=lambda found: found[0])
-    line = _hull(np.concatenate([hulls[k] for k in kept]))
-    return np.concatenate([line, line[:1]]), none + float(w[kept].sum())
+    _, chosen = min((_swap_members(reach, w, needed, *start) for start in starts), key=lambda result: result[0])
+    line = _hull(np.concatenate([hulls[k] for k in chosen]))
+    return np.concatenate([line, line[:1]]), none + float(w[chosen].sum())
 
 
 _ANGLE: Final = 2.0 * np.pi / 72
@@ -142,55 +144,57 @@ MOST_LEFT_OUT: Final = 20
 """Members that are left out one after another, of all; more take too long."""
 
 
-def _spanned(reach: Floats) -> Floats:
+def _hull_area(reach: Floats) -> Floats:
     """Return the area inside of lines that reach so far along each direction (last axis)."""
     beside = np.roll(reach, 1, axis=-1) + np.roll(reach, -1, axis=-1) - 2.0 * math.cos(_ANGLE) * reach
     return np.asarray(0.5 * (reach * beside).sum(axis=-1) / math.sin(_ANGLE))
 
 
-def _nearest(reach: Floats, w: Floats, needed: float, start: int) -> tuple[list[int], list[int]]:
+def _gather_nearest(reach: Floats, w: Floats, needed: float, start: int) -> tuple[list[int], list[int]]:
     """Return members around one of them that weigh enough, and those that come next.
 
     First by their distance, then by how much the line around those that are kept would have to grow, until it shrinks no more
     (as in the concentration steps of Rousseeuw and Van Driessen 1999).
     """
-    found: tuple[list[int], list[int]] = [], []
+    selection: tuple[list[int], list[int]] = [], []
     centre, shape, least = 2.0 / len(_WAYS) * reach[start] @ _WAYS, np.ones(len(_WAYS)), np.inf
     while True:
         order = np.argsort(((reach - _WAYS @ centre) / shape).max(axis=1), kind="stable").tolist()
         enough = 1 + int(np.searchsorted(np.cumsum(w[order]), needed))
         line = reach[order[:enough]].max(axis=0)
-        if not _spanned(line) < least * (1.0 - 1e-9):
-            return found
-        least, found = float(_spanned(line)), (order[:enough], order[enough : enough + NEXT])
+        if not _hull_area(line) < least * (1.0 - 1e-9):
+            return selection
+        least, selection = float(_hull_area(line)), (order[:enough], order[enough : enough + NEXT])
         centre = 2.0 / len(_WAYS) * line @ _WAYS  # inside of any convex line (its Steiner point)
         shape = line - _WAYS @ centre
 
 
-def _exchanged(reach: Floats, w: Floats, needed: float, kept: list[int], rest: list[int]) -> tuple[float, list[int]]:
+def _swap_members(
+    reach: Floats, w: Floats, needed: float, chosen: list[int], rest: list[int]
+) -> tuple[float, list[int]]:
     """Leave members out, or exchange them for others, as long as the area shrinks; return the area and who is inside."""
-    now = float(_spanned(reach[kept].max(axis=0)))
-    while len(kept) > 1:
-        inside = reach[kept]
+    current = float(_hull_area(reach[chosen].max(axis=0)))
+    while len(chosen) > 1:
+        inside = reach[chosen]
         second, largest = np.partition(inside, -2, axis=0)[-2:]
         outermost = inside.argmax(axis=0)
         gained = np.append(0.0, w[rest])  # nobody, or one of the others, comes in
-        least, change = now * (1.0 - 1e-6), None
+        least, change = current * (1.0 - 1e-6), None
         for k in np.unique(outermost).tolist():
             without = np.where(outermost == k, second, largest)
-            area = _spanned(np.vstack([without, np.maximum(without, reach[rest])]))
-            area[w[kept].sum() - w[kept[k]] + gained < needed] = np.inf
+            area = _hull_area(np.vstack([without, np.maximum(without, reach[rest])]))
+            area[w[chosen].sum() - w[chosen[k]] + gained < needed] = np.inf
             j = int(area.argmin())
             if area[j] < least:
                 least, change = float(area[j]), (k, j - 1)
         if change is None:
             break
-        now, (k, j) = least, change
-        gone = kept.pop(k)
+        current, (k, j) = least, change
+        gone = chosen.pop(k)
         if j >= 0:
-            kept.append(rest.pop(j))
+            chosen.append(rest.pop(j))
         rest.append(gone)
-    return now, kept
+    return current, chosen
 
 
 def _hull(points: Floats) -> Floats:
@@ -214,25 +218,25 @@ def positions(ds: xr.Dataset) -> list[dict[str, Any]]:
 
     No radii where too few count.
     """
-    done, weight = counted(ds)
+    members, weight = counted(ds)
     rows = []
     for k, time in enumerate(ds["time"].values):
         lon, lat = float(ds["cone_lon"].values[k]), float(ds["cone_lat"].values[k])
         if not math.isfinite(lon):
             continue
-        x = (near(done["lon"].values[:, 0, k], lon) - lon) * math.cos(lat * DEGREE)
-        distance = np.hypot(x, done["lat"].values[:, 0, k] - lat) * DEGREE * EARTH_RADIUS_A68 / 1e3
+        x = (near(members["lon"].values[:, 0, k], lon) - lon) * math.cos(lat * DEGREE)
+        distance = np.hypot(x, members["lat"].values[:, 0, k] - lat) * DEGREE * EARTH_RADIUS_A68 / 1e3
         row = {
             "date": f"{str(time)[:16]}Z",
             "lead_h": float(ds["lead"].values[k]),
             "lon": round((lon + 180) % 360 - 180, 5),
             "lat": round(lat, 5),
         }
-        known = np.isfinite(distance) & (weight > 0.0)
-        lons, lats = near(done["lon"].values[known, 0, k], lon), done["lat"].values[known, 0, k]
+        valid = np.isfinite(distance) & (weight > 0.0)
+        lons, lats = near(members["lon"].values[valid, 0, k], lon), members["lat"].values[valid, 0, k]
         ends = {"west": lons.min(), "east": lons.max(), "south": lats.min(), "north": lats.max()}
         row |= {f"members_{side}": round((float(end) + 180) % 360 - 180, 5) for side, end in ends.items()}
-        radii = quantiles(distance, weight, (0.5, 0.9)) if enough(weight[known]) else (None, None)
+        radii = quantiles(distance, weight, (0.5, 0.9)) if enough(weight[valid]) else (None, None)
         row |= {f"radius_{p}_km": r if r is None else round(float(r), 2) for p, r in zip((50, 90), radii, strict=True)}
         for name in ("p_broken", "p_aground"):
             row |= {f"{name}{end}": round(float(ds[f"{name}{end}"].values[k]), 4) for end in ("", "_low", "_high")}
@@ -286,7 +290,7 @@ class Approach:
         ]  # fmt: skip
 
 
-def _the_short_way(p: Floats) -> Floats:
+def _unwrap_shape(p: Floats) -> Floats:
     """Return positions in a row whose longitudes do not jump at the date line; once around the Earth is no jump."""
     jump = np.diff(p[:, 0], prepend=p[0, 0])
     turns = np.where(np.abs(jump) < 360.0, np.round(jump / 360.0), 0.0)
@@ -296,14 +300,14 @@ def _the_short_way(p: Floats) -> Floats:
 def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     """Return how likely ice comes within a distance (m) of a shape in degrees.
 
-    What an unfinished member did counts; what it would have done after its last position is not known.
+    An unfinished member counts up to its last position; its later path is unknown.
     """
-    done, weight = counted(ds, "unfinished")
+    members, weight = counted(ds, "unfinished")
     # After sightings some members count in nothing.
-    done, weight = done.isel(member=weight > 0.0), weight[weight > 0.0]
+    members, weight = members.isel(member=weight > 0.0), weight[weight > 0.0]
     if shape.is_empty:
         raise InputError("an empty shape", where=name, remedy="Give a point, a line or an area")
-    shape = shapely.transform(shape, _the_short_way)
+    shape = shapely.transform(shape, _unwrap_shape)
     x0, y0 = (float(c) for c in shape.representative_point().coords[0])
     metres = DEGREE * EARTH_RADIUS_A68
 
@@ -316,34 +320,34 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     shapely.prepare(flat)
     lead = ds["lead"].values
     fine = np.union1d(np.arange(lead[0], lead[-1], HOURS), lead)  # and at the positions themselves
-    ellipses = axes_of(done)
-    arrived, closest = np.full(done.sizes["member"], np.inf), np.full(done.sizes["member"], np.inf)
-    for m in range(done.sizes["member"]):
-        for p in range(done.sizes["fragment"]):
-            known = np.isfinite(done["lon"].values[m, p])
-            if not known.any():
+    ellipses = ellipse_axes(members)
+    arrived, closest = np.full(members.sizes["member"], np.inf), np.full(members.sizes["member"], np.inf)
+    for m in range(members.sizes["member"]):
+        for p in range(members.sizes["fragment"]):
+            valid = np.isfinite(members["lon"].values[m, p])
+            if not valid.any():
                 continue
-            hours = fine[(fine >= lead[known][0]) & (fine <= lead[known][-1])]
-            track = near(done["lon"].values[m, p][known], float(done["lon"].values[m, p][known][0]))
-            lon = np.interp(hours, lead[known], track)
-            lat = np.interp(hours, lead[known], done["lat"].values[m, p][known])
-            axes = (np.interp(hours, lead[known], row[m, p][known], period=period)
+            hours = fine[(fine >= lead[valid][0]) & (fine <= lead[valid][-1])]
+            track = near(members["lon"].values[m, p][valid], float(members["lon"].values[m, p][valid][0]))
+            lon = np.interp(hours, lead[valid], track)
+            lat = np.interp(hours, lead[valid], members["lat"].values[m, p][valid])
+            axes = (np.interp(hours, lead[valid], row[m, p][valid], period=period)
                     for row, period in zip(ellipses, (None, None, 180.0), strict=True))  # fmt: skip
             middle = laid_flat(np.column_stack([lon, lat]))
             ice = middle[:, None] + np.stack(_around(*axes), axis=-1)
-            away = shapely.distance(flat, shapely.polygons(ice))
-            closest[m] = min(closest[m], float(away.min()))
-            close = np.flatnonzero(away <= within)
+            distance = shapely.distance(flat, shapely.polygons(ice))
+            closest[m] = min(closest[m], float(distance.min()))
+            close = np.flatnonzero(distance <= within)
             if close.size:
                 arrived[m] = min(arrived[m], float(hours[close[0]]))
-    share, unknown = share_until(done, weight, arrived[:, None] <= lead[None, :] + 1e-9)
+    share, unknown = share_until(members, weight, arrived[:, None] <= lead[None, :] + 1e-9)
     share, low, high = with_interval(share, effective(weight), unknown)
     came = np.isfinite(arrived)
     start = ds["time"].values[0]
-    parts = (0.1, 0.5, 0.9) if enough(weight) else (0.0, 1.0)
-    dates = np.full(len(parts), np.datetime64("NaT", "s"))
+    levels = (0.1, 0.5, 0.9) if enough(weight) else (0.0, 1.0)
+    dates = np.full(len(levels), np.datetime64("NaT", "s"))
     if came.any():
-        seconds = np.rint(3600.0 * quantiles(arrived, weight, parts))
+        seconds = np.rint(3600.0 * quantiles(arrived, weight, levels))
         dates = start.astype("datetime64[s]") + seconds.astype("timedelta64[s]")
     return Approach(name, within, ds["time"].values, share, low, high, dates, closest, weight)
 
@@ -370,16 +374,16 @@ def geojson(ds: xr.Dataset, limits: list[IceLimit]) -> dict[str, Any]:
     rows = positions(ds)
     for row in rows:
         add("position", {"type": "Point", "coordinates": [row["lon"], row["lat"]]}, **row)
-    areas = {part: ellipses(ds, part) for part in ds["cone"].values.tolist()}
+    areas = {share: ellipses(ds, share) for share in ds["cone"].values.tolist()}
     daily = [k for k in range(ds.sizes["time"]) if float(ds["lead"].values[k]) % 24.0 == 0.0 and k > 0]
     for k in daily:
-        for part, lines in areas.items():
+        for share, lines in areas.items():
             if np.isfinite(lines[k]).all():
                 date = f"{str(ds['time'].values[k])[:16]}Z"
                 add(
                     "ellipse of the position",
                     _polygon(lines[k]),
-                    percent=round(100 * part),
+                    percent=round(100 * share),
                     date=date,
                 )
     return {"type": "FeatureCollection", "features": features}
@@ -390,9 +394,9 @@ def _polygon(line: Floats) -> dict[str, Any]:
     # Longitudes on one branch may pass 180 degrees; each part then stands on its own side.
     turned = [shapely.Polygon(line + np.array([turn, 0.0])) for turn in (-360.0, 0.0, 360.0)]
     pieces = shapely.get_parts(shapely.intersection(turned, shapely.box(-180.0, -90.0, 180.0, 90.0)))
-    parts = [orient(piece) for piece in pieces if piece.geom_type == "Polygon" and not piece.is_empty]
-    whole = parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
-    return dict(mapping(shapely.transform(whole, lambda places: np.round(places, 5))))
+    polygons = [orient(piece) for piece in pieces if piece.geom_type == "Polygon" and not piece.is_empty]
+    geometry = polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
+    return dict(mapping(shapely.transform(geometry, lambda points: np.round(points, 5))))
 
 
 def kml(features: dict[str, Any]) -> str:
@@ -421,11 +425,11 @@ def _kml_shape(geometry: dict[str, Any]) -> str:
         return f"<Point><coordinates>{geometry['coordinates'][0]},{geometry['coordinates'][1]}</coordinates></Point>"
     polygons = [geometry["coordinates"]] if geometry["type"] == "Polygon" else geometry["coordinates"]
     rings = [" ".join(f"{x},{y}" for x, y in rings[0]) for rings in polygons]
-    parts = "".join(
+    elements = "".join(
         f"<Polygon><outerBoundaryIs><LinearRing><coordinates>{ring}</coordinates></LinearRing></outerBoundaryIs></Polygon>"
         for ring in rings
     )
-    return parts if len(rings) == 1 else f"<MultiGeometry>{parts}</MultiGeometry>"
+    return elements if len(rings) == 1 else f"<MultiGeometry>{elements}</MultiGeometry>"
 
 
 def gridded(ds: xr.Dataset) -> xr.Dataset:

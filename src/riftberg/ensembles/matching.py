@@ -1,4 +1,4 @@
-"""Which inputs agree with what was observed: history matching wave by wave, the likeliest ones, and their distribution.
+"""Inputs that agree with observations: history matching wave by wave, the likeliest inputs, and their distribution.
 
 All inputs are parts of the probability of their distributions, 0 to 1, so that the prior is uniform. A wave runs members at
 inputs that no wave before has ruled out, and emulates each result. Inputs are ruled out where the emulated result is so far from
@@ -60,10 +60,10 @@ REPLICATES: Final = 6000
 class Emulator:
     """One result of a model as a function of its inputs: ``x`` (members, inputs), 0 to 1; ``y`` (members,), all finite.
 
-    A straight line in all inputs, and a process with the covariance ``s2 exp(-sum (x - x')2 / 2 l2)`` about it. What members
-    scatter beside it (their lattices, their random fields) is a variance of its own, a nugget. Lengths and nugget are those of
-    the largest likelihood; the variance counts the doubt in the line, not that in lengths and nugget (Rasmussen and Williams
-    2006, equations 2.41, 2.42 and 5.9).
+    A straight line in all inputs, and a process with the covariance ``s2 exp(-sum (x - x')2 / 2 l2)`` about it. The scatter of
+    members about it (their lattices, their random fields) is a variance of its own, a nugget. Lengths and nugget maximise the
+    likelihood; the variance counts the uncertainty of the line, not of lengths and nugget (Rasmussen and Williams 2006,
+    equations 2.41, 2.42 and 5.9).
     """
 
     def __init__(self, x: Floats, y: Floats) -> None:
@@ -76,22 +76,22 @@ class Emulator:
             self._unit = 0.0
             return
         y = (np.asarray(y, float) - self._mean) / self._unit
-        apart = (self._x[:, None] - self._x[None]) ** 2
+        squares = (self._x[:, None] - self._x[None]) ** 2
         line = _line(self._x)
         count, spare = len(y), max(len(y) - line.shape[1], 1)
 
         def likelihood(logs: Floats) -> tuple[float, Floats]:
             """Return minus the logarithm of the likelihood, and its gradient."""
             length, nugget = np.exp(logs[:-1]), np.exp(logs[-1])
-            near = np.exp(-0.5 * (apart / length**2).sum(axis=-1))
-            inverse = cho_solve(whole := cho_factor(near + nugget * np.eye(count), lower=True), np.eye(count))
+            correlation = np.exp(-0.5 * (squares / length**2).sum(axis=-1))
+            inverse = cho_solve(factor := cho_factor(correlation + nugget * np.eye(count), lower=True), np.eye(count))
             rest = y - line @ np.linalg.lstsq(line.T @ inverse @ line, line.T @ inverse @ y, rcond=None)[0]
             pull = inverse @ rest
             variance = max(float(rest @ pull) / spare, 1e-12)
             # Lengths in a row beyond the data would say the same: a weak pull towards the range keeps them apart.
-            value = 0.5 * spare * np.log(variance) + np.log(np.diag(whole[0])).sum() + 0.05 * (logs[:-1] ** 2).sum()
+            value = 0.5 * spare * np.log(variance) + np.log(np.diag(factor[0])).sum() + 0.05 * (logs[:-1] ** 2).sum()
             turn = inverse - np.outer(pull, pull) / variance
-            by_length = 0.5 * np.einsum("ij,ij,ijk->k", turn, near, apart) / length**2 + 0.1 * logs[:-1]
+            by_length = 0.5 * np.einsum("ij,ij,ijk->k", turn, correlation, squares) / length**2 + 0.1 * logs[:-1]
             return value, np.append(by_length, 0.5 * nugget * np.trace(turn))
 
         limits = [np.log([SHORTEST, LONGEST])] * x.shape[1] + [np.log(NUGGET)]
@@ -101,7 +101,7 @@ class Emulator:
             for length, nugget in ((0.5, 1e-3), (2.0, 0.1))
         ]
         best = min((minimize(likelihood, start, jac=True, method="L-BFGS-B", bounds=limits) for start in starts),
-                   key=lambda found: found.fun)  # fmt: skip
+                   key=lambda result: result.fun)  # fmt: skip
         self.length, self.nugget = np.exp(best.x[:-1]), float(np.exp(best.x[-1]))
         self._factor = cho_factor(self._near(self._x) + self.nugget * np.eye(count), lower=True)
         solved = cho_solve(self._factor, line)
@@ -125,12 +125,12 @@ class Emulator:
             return np.full(len(x), self._mean), np.zeros(len(x))
         mean, variance = np.empty(len(x)), np.empty(len(x))
         for first in range(0, len(x), BATCH):
-            part = slice(first, first + BATCH)
-            near, line = self._near(x[part]), _line(x[part])
-            beside = line - near @ self._solved
-            mean[part] = line @ self._line + near @ self._pull
-            known = np.einsum("ij,ji->i", near, cho_solve(self._factor, near.T))
-            variance[part] = 1.0 + self.nugget - known + np.einsum("ij,jk,ik->i", beside, self._inner, beside)
+            rows = slice(first, first + BATCH)
+            correlation, line = self._near(x[rows]), _line(x[rows])
+            beside = line - correlation @ self._solved
+            mean[rows] = line @ self._line + correlation @ self._pull
+            explained = np.einsum("ij,ji->i", correlation, cho_solve(self._factor, correlation.T))
+            variance[rows] = 1.0 + self.nugget - explained + np.einsum("ij,jk,ik->i", beside, self._inner, beside)
         return self._mean + self._unit * mean, self._unit**2 * self._variance * np.maximum(variance, 0.0)
 
 
@@ -140,7 +140,7 @@ def _line(x: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Targets:
-    """What was observed, as numbers: a result of the model is to equal it, or to lie on one side of it."""
+    """Observations as numbers: a result of the model is to equal its number, or to lie on one side of it."""
 
     names: Sequence[str]
     values: Floats  # (targets,)
@@ -155,9 +155,9 @@ class Targets:
         return float(norm.isf(0.5 * RULED_OUT / len(self.values)))
 
     def misfit(self, mean: Floats, variance: Floats | float = 0.0) -> Floats:
-        """Return how far results (points, targets) are from what was observed, in standard deviations."""
-        away = (mean - self.values) / np.sqrt(np.diag(self.covariance) + variance)
-        return np.where(self.sides == 0.0, np.abs(away), np.maximum(-self.sides * away, 0.0))
+        """Return how far results (points, targets) are from the observations, in standard deviations."""
+        deviation = (mean - self.values) / np.sqrt(np.diag(self.covariance) + variance)
+        return np.where(self.sides == 0.0, np.abs(deviation), np.maximum(-self.sides * deviation, 0.0))
 
 
 @dataclass(frozen=True)
@@ -171,8 +171,8 @@ class Region:
 
     def emulated(self, u: Floats, wave: int = -1) -> tuple[Floats, Floats]:
         """Return means and variances of the results at points (points, targets)."""
-        both = [emulator.predict(u) for emulator in self.waves[wave]]
-        return np.stack([mean for mean, _ in both], axis=1), np.stack([variance for _, variance in both], axis=1)
+        pairs = [emulator.predict(u) for emulator in self.waves[wave]]
+        return np.stack([mean for mean, _ in pairs], axis=1), np.stack([variance for _, variance in pairs], axis=1)
 
     def inside(self, u: Floats) -> Flags:
         """Return which points are not ruled out."""
@@ -194,17 +194,17 @@ class Region:
         for _ in range(SEARCHES):
             u = box[0] + (box[1] - box[0]) * np.asarray(numbers.random(CANDIDATES))
             good = self.inside(u)
-            found, looked = u[good], CANDIDATES
-            if len(found) >= min(count, FEW):
+            points, looked = u[good], CANDIDATES
+            if len(points) >= min(count, FEW):
                 break
             # Nearly all of the box is ruled out: go on in a smaller one around the points that are nearest to what is left.
-            box = _around(found if len(found) >= FEW else u[np.argsort(self._worst(u))[: CANDIDATES // 20]])
-        if not len(found):
+            box = _around(points if len(points) >= FEW else u[np.argsort(self._worst(u))[: CANDIDATES // 20]])
+        if not len(points):
             raise RunError(self._nothing_left(u))
-        while len(found) < count and looked < MOST_CANDIDATES:
+        while len(points) < count and looked < MOST_CANDIDATES:
             u = box[0] + (box[1] - box[0]) * np.asarray(numbers.random(CANDIDATES))
-            found, looked = np.concatenate([found, u[self.inside(u)]]), looked + CANDIDATES
-        return found[:count], replace(self, box=box, volume=float(np.prod(box[1] - box[0])) * len(found) / looked)
+            points, looked = np.concatenate([points, u[self.inside(u)]]), looked + CANDIDATES
+        return points[:count], replace(self, box=box, volume=float(np.prod(box[1] - box[0])) * len(points) / looked)
 
     def _worst(self, u: Floats) -> Floats:
         """Return the largest misfit of points over all waves and targets, standard deviations."""
@@ -214,12 +214,12 @@ class Region:
     def _nothing_left(self, u: Floats) -> str:
         best = u[[np.argmin(self._worst(u))]]
         misfit = np.max([self.targets.misfit(*self.emulated(best, wave))[0] for wave in range(len(self.waves))], axis=0)
-        said = ", ".join(
+        far = ", ".join(
             f"{self.targets.names[k]} ({misfit[k]:.1f} standard deviations)" for k in np.argsort(-misfit)[:3]
         )
         return (
             "no inputs within their distributions agree with what was observed. The best ones are farthest away in "
-            f"{said}; {self.targets.cutoff:.1f} are allowed. Widen the distributions, or allow the model a larger error"
+            f"{far}; {self.targets.cutoff:.1f} are allowed. Widen the distributions, or allow the model a larger error"
         )
 
 
@@ -238,7 +238,7 @@ class Wave(NamedTuple):
 
 @dataclass
 class Matched:
-    """All members of the waves, and what they leave."""
+    """All members of the waves, and the region that they leave."""
 
     region: Region
     inputs: Floats  # (members, inputs), 0 to 1
@@ -258,30 +258,30 @@ def match(
     ``run``: takes the number of a wave and inputs (members, inputs), and returns the results (members, targets).
     """
     region = Region(targets)
-    found = Matched(region, np.empty((0, inputs)), np.empty((0, len(targets.values))), np.empty(0, int))
+    matched = Matched(region, np.empty((0, inputs)), np.empty((0, len(targets.values))), np.empty(0, int))
     regions = []
     for number in range(waves):
         u, region = region.draw(members, inputs, seed + 1000 * number)
         regions.append(region)
-        found.inputs = np.concatenate([found.inputs, u])
-        found.results = np.concatenate([found.results, run(number, u)])
-        found.wave = np.append(found.wave, np.full(len(u), number))
+        matched.inputs = np.concatenate([matched.inputs, u])
+        matched.results = np.concatenate([matched.results, run(number, u)])
+        matched.wave = np.append(matched.wave, np.full(len(u), number))
         # Emulators need to be right where something is left; members of earlier waves that lie there help.
-        good = np.isfinite(found.results).all(axis=1) & region.inside(found.inputs)
+        good = np.isfinite(matched.results).all(axis=1) & region.inside(matched.inputs)
         if good.sum() < inputs + 4:
             raise RunError(
                 f"{int(good.sum())} members of {len(u)} came to their end with all results; {inputs + 4} are needed"
             )
-        made = tuple(Emulator(found.inputs[good], column) for column in found.results[good].T)
-        region = Region(targets, (*region.waves, made), region.box)
+        emulators = tuple(Emulator(matched.inputs[good], column) for column in matched.results[good].T)
+        region = Region(targets, (*region.waves, emulators), region.box)
         _, region = region.draw(200, inputs, seed + 1000 * number + 1)
-        found.waves.append(Wave(len(u), region.volume))
-    found.region = region
+        matched.waves.append(Wave(len(u), region.volume))
+    matched.region = region
     # Prior density 1 over that of the mixture of all waves (deterministic mixture: Owen and Zhou 2000).
-    density = sum(wave.members / len(found.inputs) * one.inside(found.inputs) / one.volume
-                  for wave, one in zip(found.waves, regions, strict=True))  # fmt: skip
-    found.weight = 1.0 / np.asarray(density)
-    return found
+    density = sum(wave.members / len(matched.inputs) * earlier.inside(matched.inputs) / earlier.volume
+                  for wave, earlier in zip(matched.waves, regions, strict=True))  # fmt: skip
+    matched.weight = 1.0 / np.asarray(density)
+    return matched
 
 
 def likeliest(region: Region, inputs: int, *, seed: int = 1) -> Floats:
@@ -292,11 +292,11 @@ def likeliest(region: Region, inputs: int, *, seed: int = 1) -> Floats:
         return -_log_likelihood(region.targets, *region.emulated(np.atleast_2d(u.T)))
 
     low, high = (np.zeros(inputs), np.ones(inputs)) if region.box is None else region.box
-    found = differential_evolution(
+    result = differential_evolution(
         misfit, list(zip(low, high, strict=True)), rng=np.random.default_rng(seed), vectorized=True, updating="deferred",
         maxiter=100, polish=False,
     )  # fmt: skip
-    return np.asarray(found.x)
+    return np.asarray(result.x)
 
 
 def _log_likelihood(targets: Targets, mean: Floats, variance: Floats) -> Floats:
@@ -304,19 +304,19 @@ def _log_likelihood(targets: Targets, mean: Floats, variance: Floats) -> Floats:
     from scipy.stats import norm
 
     exact = targets.sides == 0.0
-    away = mean - targets.values
+    deviation = mean - targets.values
     spread = np.sqrt(np.diag(targets.covariance) + variance)
-    found = np.asarray(norm.logcdf(targets.sides * away / spread)[:, ~exact].sum(axis=1))
+    total = np.asarray(norm.logcdf(targets.sides * deviation / spread)[:, ~exact].sum(axis=1))
     if exact.any():
-        whole = targets.covariance[np.ix_(exact, exact)] + variance[:, exact, None] * np.eye(int(exact.sum()))
-        factor = np.linalg.cholesky(whole)
-        white = np.linalg.solve(factor, away[:, exact, None])[..., 0]
-        found -= 0.5 * (white**2).sum(axis=1) + np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-    return found
+        covariance = targets.covariance[np.ix_(exact, exact)] + variance[:, exact, None] * np.eye(int(exact.sum()))
+        factor = np.linalg.cholesky(covariance)
+        white = np.linalg.solve(factor, deviation[:, exact, None])[..., 0]
+        total -= 0.5 * (white**2).sum(axis=1) + np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+    return total
 
 
 class Posterior(NamedTuple):
-    """Inputs by what was observed."""
+    """Distribution of the inputs given the observations."""
 
     samples: Floats  # (samples, inputs), 0 to 1
     weight: Floats  # (samples,), sum 1
@@ -324,22 +324,22 @@ class Posterior(NamedTuple):
     effective: float  # Number of members that count
 
 
-def posterior(found: Matched, *, seed: int = 1) -> Posterior:
+def posterior(matched: Matched, *, seed: int = 1) -> Posterior:
     """Return the distribution of the inputs from the members of the waves.
 
-    Members that are not ruled out get errors of observation and model added. What the inputs depend on in the results is
-    summed up in as many numbers as there are inputs, the linear expectation of each input (Fearnhead and Prangle 2012). Members
-    whose numbers are near those of the observations are kept (rejection, Epanechnikov kernel), and their inputs are corrected
-    for what is left of the difference by local regression (Beaumont and others 2002). Inputs are normal scores there, which
+    Members that are not ruled out get errors of observation and model added. The results are
+    summarised in as many numbers as there are inputs, the linear expectation of each input (Fearnhead and Prangle 2012). Members
+    whose numbers are near the observed ones are kept (rejection, Epanechnikov kernel), and their inputs are corrected
+    for the remaining difference by local regression (Beaumont and others 2002). Inputs are normal scores there, which
     keeps them within their distributions.
     """
     from scipy.stats import norm
 
-    targets, random = found.region.targets, np.random.default_rng(seed)
-    rows = np.flatnonzero(np.isfinite(found.results).all(axis=1) & found.region.inside(found.inputs))
+    targets, random = matched.region.targets, np.random.default_rng(seed)
+    rows = np.flatnonzero(np.isfinite(matched.results).all(axis=1) & matched.region.inside(matched.inputs))
     if not rows.size:  # the emulator leaves something between the members, but none of them
-        rows = np.flatnonzero(np.isfinite(found.results).all(axis=1))
-    u, f, weight = found.inputs[rows], found.results[rows], found.weight[rows]
+        rows = np.flatnonzero(np.isfinite(matched.results).all(axis=1))
+    u, f, weight = matched.inputs[rows], matched.results[rows], matched.weight[rows]
     exact = targets.sides == 0.0
     beyond = targets.sides * (f - targets.values) / np.sqrt(np.diag(targets.covariance))
     weight = weight * np.exp(norm.logcdf(beyond[:, ~exact]).sum(axis=1))
@@ -347,27 +347,27 @@ def posterior(found: Matched, *, seed: int = 1) -> Posterior:
     z = norm.ppf(np.clip(u, 1e-6, 1.0 - 1e-6))
     parent = np.repeat(np.arange(len(rows)), max(1, REPLICATES // len(rows)))
     middle = weight @ z
-    kept, corrected, spread = np.ones(len(parent)), z[parent], (weight[:, None] * (z - middle)).T @ (z - middle)
+    kernel, corrected, spread = np.ones(len(parent)), z[parent], (weight[:, None] * (z - middle)).T @ (z - middle)
     if exact.any():
         factor = np.linalg.cholesky(targets.covariance[np.ix_(exact, exact)])
         white = np.linalg.solve(factor, (f - targets.values)[:, exact].T).T
-        kept, corrected, spread = _regressed(z, white, weight, parent, random)
-    total = weight[parent] * kept
+        kernel, corrected, spread = _regress_inputs(z, white, weight, parent, random)
+    total = weight[parent] * kernel
     total /= total.sum()
-    by_member = np.zeros(len(found.inputs))
+    by_member = np.zeros(len(matched.inputs))
     np.add.at(by_member, rows[parent], total)
-    some = total > 0.0
-    corrected, total, number = corrected[some], total[some], effective(by_member)
+    used = total > 0.0
+    corrected, total, number = corrected[used], total[used], effective(by_member)
     # Few members lie close together by chance. Their place is kept and their spread drawn towards that of all members that are
     # left, by linear regression; exact where all is linear and normal, however few they are.
-    part, middle = FEW_MEMBERS / (FEW_MEMBERS + number), total @ corrected
+    shrinkage, middle = FEW_MEMBERS / (FEW_MEMBERS + number), total @ corrected
     values, vectors = np.linalg.eigh(spread)
     noise = random.standard_normal(corrected.shape) @ np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))).T
-    corrected = middle + np.sqrt(1.0 - part) * (corrected - middle) + np.sqrt(part) * noise
+    corrected = middle + np.sqrt(1.0 - shrinkage) * (corrected - middle) + np.sqrt(shrinkage) * noise
     return Posterior(norm.cdf(corrected), total, by_member, number)
 
 
-def _regressed(
+def _regress_inputs(
     z: Floats, white: Floats, weight: Floats, parent: Ints, random: np.random.Generator
 ) -> tuple[Floats, Floats, Floats]:
     """Return kernel weights and corrected inputs of members with errors added, and the covariance by linear regression alone.
@@ -377,26 +377,26 @@ def _regressed(
     middle, centre = weight @ z, weight @ white
     dz, dw = z - middle, white - centre
     spread = (weight[:, None] * dz).T @ dz
-    both = (weight[:, None] * dz).T @ dw
+    cross = (weight[:, None] * dz).T @ dw
     errors = (weight[:, None] * dw).T @ dw + np.eye(white.shape[1])
-    gain = np.linalg.solve(errors, both.T).T
-    left = spread - gain @ both.T
+    gain = np.linalg.solve(errors, cross.T).T
+    left = spread - gain @ cross.T
     # In units in which the inputs are independent with variance 1, the variance that the results explain is 0 to 1.
     values, vectors = np.linalg.eigh(spread)
     root = vectors / np.sqrt(np.maximum(values, 1e-12))
-    share, turn = np.linalg.eigh(root.T @ gain @ both.T @ root)
-    told = share > TELLS
-    if not told.any():
+    share, turn = np.linalg.eigh(root.T @ gain @ cross.T @ root)
+    informative = share > TELLS
+    if not informative.any():
         return np.ones(len(parent)), z[parent], left
-    project = (root @ turn[:, told]).T @ gain / np.sqrt(share[told])[:, None]
+    project = (root @ turn[:, informative]).T @ gain / np.sqrt(share[informative])[:, None]
     noisy = white[parent] + random.standard_normal((len(parent), white.shape[1]))
-    away = noisy @ project.T  # from the observations, which are 0 there
-    distance = np.linalg.norm(away, axis=1)
+    deviation = noisy @ project.T  # from the observations, which are 0 there
+    distance = np.linalg.norm(deviation, axis=1)
     order = np.argsort(distance)
     until = int(np.searchsorted(np.cumsum(weight[parent][order]) / weight[parent].sum(), KEPT))
     width = distance[order[min(until, len(order) - 1)]]
-    kept = np.maximum(1.0 - (distance / width) ** 2, 0.0)
-    root_weight = np.sqrt(weight[parent] * kept)[:, None]
-    sides = np.column_stack([np.ones(len(parent)), away])
+    kernel = np.maximum(1.0 - (distance / width) ** 2, 0.0)
+    root_weight = np.sqrt(weight[parent] * kernel)[:, None]
+    sides = np.column_stack([np.ones(len(parent)), deviation])
     slope = np.linalg.lstsq(sides * root_weight, z[parent] * root_weight, rcond=None)[0]
-    return kept, z[parent] - away @ slope[1:], left
+    return kernel, z[parent] - deviation @ slope[1:], left

@@ -32,7 +32,7 @@ from riftberg.ocean.files_forcing import sharing_forcings
 from riftberg.plane import EqualAreaPlane, near
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import SMALL
-from riftberg.runs.tracks import Shapes, is_channel, lon_of_track
+from riftberg.runs.tracks import Shapes, is_channel, track_longitudes
 from riftberg.state.population import find_rows
 from riftberg.system.input_files import allow_large, value_shown
 
@@ -66,7 +66,7 @@ _TOLERANCE: Final = 1e-6  # s
 
 @dataclass(frozen=True)
 class Job:
-    """What a worker must know of a member."""
+    """Input of a worker for one member."""
 
     number: int  # From 0
     values: Mapping[str, Any]  # Values by name of what is varied
@@ -106,7 +106,7 @@ class Job:
 
 @dataclass
 class Outcome:
-    """What a member came to, in numbers and texts alone."""
+    """Result of a member, in numbers and texts alone."""
 
     number: int  # Of the member
     status: str  # "done", "failed", "unfinished" if it took too long, or "stopped" if it was asked to stop
@@ -133,7 +133,7 @@ class TooLongError(RiftbergError):
     """A member took longer than a member may."""
 
 
-def digest_of(experiment: str | Maker) -> str:
+def compute_digest(experiment: str | Maker) -> str:
     """Return the checksum of an experiment file; empty for other experiments."""
     if not isinstance(experiment, str) or not experiment.endswith((".yaml", ".yml")) or not Path(experiment).is_file():
         return ""
@@ -153,7 +153,7 @@ def build_member(job: Job) -> Model:
         return with_errors(model, job.values)
     from riftberg.experiments import build
 
-    if job.digest and digest_of(job.experiment) not in ("", job.digest):
+    if job.digest and compute_digest(job.experiment) not in ("", job.digest):
         raise InputError("this file has changed since the sweep began", where=job.experiment, remedy=UNDO)
     return with_errors(build(job.experiment, with_values(job.options, job.values))[0], job.values)
 
@@ -174,7 +174,7 @@ def run_member(job: Job) -> Outcome:
         with allow_large(job.large), sharing_forcings():
             if (job.folder / STOP).exists():
                 raise StoppedError("the sweep was asked to stop")
-            model, fresh = _begun(job)
+            model, fresh = _prepare_member(job)
             left = job.days - model.time / SECONDS_PER_DAY
             status, message = "done", ""
             if left * SECONDS_PER_DAY > 0.5 * model.parameters.stepping.time_step:
@@ -187,7 +187,7 @@ def run_member(job: Job) -> Outcome:
                 track.start(model)
             if status == "done":
                 job.state_file.unlink(missing_ok=True)
-            outcome = outcome_of(job.number, model, track)
+            outcome = make_outcome(job.number, model, track)
             outcome.status, outcome.message = status, message
             outcome.cracks = _cracks(model, fresh, job.values)
             outcome.shapes = _shapes(model, fresh)
@@ -206,15 +206,15 @@ def _sentence(error: Exception) -> str:
     return text if isinstance(error, RiftbergError) else f"{type(error).__name__}: {text}"
 
 
-def _begun(job: Job) -> tuple[Model, tuple[Any, Any, Any]]:
+def _prepare_member(job: Job) -> tuple[Model, tuple[Any, Any, Any]]:
     """Return the model at the state that was saved last, or at its start, and ids and positions of the elements at the start."""
     fresh = build_member(job)
     e = fresh.elements
     start = e.id.copy(), e.lon.copy(), e.lat.copy()
-    return _gone_on(job, fresh), start
+    return _resume_member(job, fresh), start
 
 
-def _gone_on(job: Job, fresh: Model) -> Model:
+def _resume_member(job: Job, fresh: Model) -> Model:
     if not job.state_file.exists():
         return fresh
     try:
@@ -239,7 +239,7 @@ def _advance(model: Model, days: float, track: MemberTracks, job: Job) -> None:
 
 
 def _files(job: Job) -> list[Recorder]:
-    """Return the recorders of the files of a member: of the control its run, and what is asked for on cells."""
+    """Return the recorders of the files of a member: the run of the control, and gridded output where requested."""
     recorders: list[Recorder] = []
     if job.run_file is not None:
         name = job.experiment if isinstance(job.experiment, str) else ""
@@ -277,8 +277,8 @@ class MemberTracks:
 
     def start(self, model: BareModel) -> None:
         """Take the rows of the part that was run before, and the first position."""
-        known = model.remembered.get(_REMEMBERED)
-        rows = [] if known is None else np.asarray(known).tolist()
+        saved = model.remembered.get(_REMEMBERED)
+        rows = [] if saved is None else np.asarray(saved).tolist()
         # The last row holds what is known of the whole run.
         self.rows = rows[:-1]
         if rows:
@@ -288,7 +288,7 @@ class MemberTracks:
         self.record(model)
 
     def record(self, model: BareModel) -> None:
-        """Note where the fragments are when an interval is over, and in each step what may happen between."""
+        """Note the positions of the fragments at each interval, and events between them in each step."""
         touching = _aground(model)
         if np.isnan(self.first_aground) and touching.any():
             self.first_aground, e = model.time, model.elements
@@ -296,17 +296,17 @@ class MemberTracks:
         rows = model.fragments.rows if model.fragments.breakups else []
         over = len(broken_off((row.number, row.parent, row.area, row.birth_time) for row in rows))
         # The step of a break-up ends with the stress of what is left; the ice that broke had reached its strength.
-        now = [1.0] * min(over, 2) + ([_stress_ratio(model)] if over < 2 else [])
-        self.stress_ratios[: len(now)] = map(max, self.stress_ratios, now)
+        ratios = [1.0] * min(over, 2) + ([_stress_ratio(model)] if over < 2 else [])
+        self.stress_ratios[: len(ratios)] = map(max, self.stress_ratios, ratios)
         # Steps need not divide the interval: the step nearest to the time that is due is recorded.
         due = self.lag + self.every * round((model.time - self.lag) / self.every)
         last = self.rows[-1][0] if self.rows else -np.inf
         if due <= last + _TOLERANCE or abs(model.time - due) > 0.5 * model.parameters.stepping.time_step + _TOLERANCE:
             return
         e, earth = model.elements, model.parameters.earth
-        numbers, place = np.unique(e.berg, return_inverse=True)
+        numbers, group = np.unique(e.berg, return_inverse=True)
         here = Shapes(
-            lon_of_track(model), e.lat, e.length * e.width, place, numbers.size, latlon=earth.latlon, radius=earth.radius,
+            track_longitudes(model), e.lat, e.length * e.width, group, numbers.size, latlon=earth.latlon, radius=earth.radius,
             period=model.constants.period,
         )  # fmt: skip
         length, width = here.sides(e.length, e.width, (e.length**2 + e.width**2) / 12.0)
@@ -319,12 +319,12 @@ class MemberTracks:
 
     def kept(self) -> Any:
         """Return all rows as one array of finite numbers, for a saved state; -1 for a berg that has not been aground."""
-        whole = [float(np.nan_to_num(self.first_aground, nan=-1.0)), *self.stress_ratios]
-        whole += [*np.nan_to_num(self.aground_at).tolist(), *[0.0] * 5]
-        return np.array([*self.rows, whole], dtype=np.float64)
+        summary = [float(np.nan_to_num(self.first_aground, nan=-1.0)), *self.stress_ratios]
+        summary += [*np.nan_to_num(self.aground_at).tolist(), *[0.0] * 5]
+        return np.array([*self.rows, summary], dtype=np.float64)
 
     def finish(self, model: BareModel) -> None:
-        """Leave the rows as they are."""
+        """Leave the rows unchanged."""
 
 
 def broken_off(rows: Iterable[Sequence[float]]) -> list[int]:
@@ -350,13 +350,13 @@ def _aground(model: BareModel) -> Any:
 def _stress_ratio(model: BareModel) -> float:
     """Return the largest stress over strength of an intact bond in the last step."""
     bonds, f = model.bonds, model.parameters.fracture
-    whole = (bonds.status == 0) & (bonds.strength > 0.0)
-    if not whole.any():
+    intact = (bonds.status == 0) & (bonds.strength > 0.0)
+    if not intact.any():
         return 0.0
-    strength = bond_strengths(model.elements.thickness, bonds.first[whole], bonds.second[whole], model.constants)
-    tension = np.fmax(bonds.peak_stress[whole], bonds.normal_stress[whole]) / strength
-    left = bonds.strength[whole] * (1.0 - bonds.damage[whole])
-    ratio = np.fmax(tension, np.abs(bonds.shear_stress[whole]) / f.shear_strength) / left
+    strength = bond_strengths(model.elements.thickness, bonds.first[intact], bonds.second[intact], model.constants)
+    tension = np.fmax(bonds.peak_stress[intact], bonds.normal_stress[intact]) / strength
+    left = bonds.strength[intact] * (1.0 - bonds.damage[intact])
+    ratio = np.fmax(tension, np.abs(bonds.shear_stress[intact]) / f.shear_strength) / left
     return float(np.nanmax(ratio, initial=0.0))
 
 
@@ -371,15 +371,15 @@ def _cracks(model: BareModel, start: tuple[Any, Any, Any], values: Mapping[str, 
     size = float(values.get("start.size", 1.0))
     # Elements that came during the run were nowhere at the start.
     (i, i_known), (j, j_known) = (find_rows(ids, e.id[end[broken]]) for end in (bonds.first, bonds.second))
-    known = i_known & j_known
-    i, j = i[known], j[known]
+    present = i_known & j_known
+    i, j = i[present], j[present]
     # The side of a square is the root of its area, that of a hexagon 0.62 of it.
-    of = bonds.first[broken][known]
+    of = bonds.first[broken][present]
     across = np.sqrt((e.length * e.width)[of]) * np.where(e.sides[of] == 6, 0.6204, 1.0)
     middles = 0.5 * (x[i] + x[j]) / size, 0.5 * (y[i] + y[j]) / size
-    rows = np.column_stack([bonds.break_time[broken][known], *middles, across / size])
-    found: list[list[float]] = rows[np.argsort(rows[:, 0], kind="stable")].tolist()
-    return found
+    rows = np.column_stack([bonds.break_time[broken][present], *middles, across / size])
+    listed: list[list[float]] = rows[np.argsort(rows[:, 0], kind="stable")].tolist()
+    return listed
 
 
 def _about_middle(model: BareModel, lon: Any, lat: Any) -> tuple[Any, Any]:
@@ -395,19 +395,21 @@ def _shapes(model: BareModel, start: tuple[Any, Any, Any]) -> list[list[Any]]:
     ids, lon, lat = start
     e, (x, y) = model.elements, _about_middle(model, lon, lat)
     area = e.length * e.width
-    side, (rows, known) = float(np.sqrt(area.mean())), find_rows(ids, e.id)
-    found = []
-    for number in np.unique(e.berg[known]).tolist():
-        own = (e.berg == number) & known
-        if area[own].sum() < SMALL * area.sum():  # crumbs, as for scenarios
+    side, (rows, present) = float(np.sqrt(area.mean())), find_rows(ids, e.id)
+    outlines = []
+    for number in np.unique(e.berg[present]).tolist():
+        inside = (e.berg == number) & present
+        if area[inside].sum() < SMALL * area.sum():  # crumbs, as for scenarios
             continue
         # Discs that overlap, and what they reach too far taken off again: as good for squares as for hexagons, however turned.
         # The edge of such discs side by side lies 0.74 of their distance from their middles, on average.
-        ice = shapely.union_all(shapely.buffer(shapely.points(x[rows[own]], y[rows[own]]), 0.8 * side, quad_segs=4))
-        shape = max(shapely.get_parts(shapely.buffer(ice, -0.24 * side)), key=lambda part: part.area)
+        ice = shapely.union_all(
+            shapely.buffer(shapely.points(x[rows[inside]], y[rows[inside]]), 0.8 * side, quad_segs=4)
+        )
+        shape = max(shapely.get_parts(shapely.buffer(ice, -0.24 * side)), key=lambda piece: piece.area)
         corners = shapely.get_coordinates(shapely.simplify(shape, 0.1 * side).exterior)
-        found.append([int(number), np.round(corners).tolist()])
-    return found
+        outlines.append([int(number), np.round(corners).tolist()])
+    return outlines
 
 
 class Keeper:
@@ -429,8 +431,8 @@ class Keeper:
                 raise StoppedError("the sweep was asked to stop")
         last = model.time >= self.job.days * SECONDS_PER_DAY - _TOLERANCE
         if now - self._began > self.job.most_seconds and self.job.number != CONTROL and not last:
-            said, day = duration_text(self.job.most_seconds / SECONDS_PER_DAY), model.time / SECONDS_PER_DAY
-            raise TooLongError(f"unfinished after {said}, at day {day:.3g} of {self.job.days:g}")
+            limit, day = duration_text(self.job.most_seconds / SECONDS_PER_DAY), model.time / SECONDS_PER_DAY
+            raise TooLongError(f"unfinished after {limit}, at day {day:.3g} of {self.job.days:g}")
         if now - self._saved >= self.job.save_seconds:
             self.save(model)
 
@@ -461,8 +463,8 @@ FRAGMENT: Final = (
 """What is kept of a berg or fragment."""
 
 
-def outcome_of(number: int, model: BareModel, track: MemberTracks) -> Outcome:
-    """Return what a finished member came to."""
+def make_outcome(number: int, model: BareModel, track: MemberTracks) -> Outcome:
+    """Return the outcome of a finished member."""
     rows = model.fragments.rows
     e = model.elements
     numbers = np.unique(e.berg)

@@ -1,4 +1,4 @@
-"""What an ensemble says: probabilities with intervals, where a berg breaks, scenarios, and what makes the spread."""
+"""Statistics of an ensemble: probabilities with intervals, places of break-up, scenarios, and sources of the spread."""
 
 from __future__ import annotations
 
@@ -58,32 +58,32 @@ def wilson(share: Any, number: float) -> tuple[Any, Any]:
 
 def quantiles(values: Floats, weight: Floats, levels: Any) -> Floats:
     """Return quantiles of weighted numbers; missing ones count in none."""
-    known = np.isfinite(values)
-    order = np.argsort(values[known], kind="stable")
-    below = np.cumsum(weight[known][order])
+    finite = np.isfinite(values)
+    order = np.argsort(values[finite], kind="stable")
+    below = np.cumsum(weight[finite][order])
     rank = np.searchsorted(below, np.asarray(levels) * below[-1] * (1.0 - 1e-12))
-    return np.asarray(values[known][order][np.minimum(rank, len(order) - 1)])
+    return np.asarray(values[finite][order][np.minimum(rank, len(order) - 1)])
 
 
 def counted(ds: xr.Dataset, *also: str) -> tuple[xr.Dataset, Floats]:
     """Return the members that came to their end, or have another status too, and their weights, which add up to 1."""
-    kept = np.flatnonzero(np.isin(ds["status"].values, [STATUS[name] for name in ("done", *also)]))
-    done = ds if kept.size == ds.sizes["member"] else ds.isel(member=kept)
-    weight = np.asarray(done["weight"].values if "weight" in done.coords else np.ones(done.sizes["member"]), float)
+    rows = np.flatnonzero(np.isin(ds["status"].values, [STATUS[name] for name in ("done", *also)]))
+    ended = ds if rows.size == ds.sizes["member"] else ds.isel(member=rows)
+    weight = np.asarray(ended["weight"].values if "weight" in ended.coords else np.ones(ended.sizes["member"]), float)
     total = weight.sum()
-    return done, weight / total if total > 0.0 else weight
+    return ended, weight / total if total > 0.0 else weight
 
 
-def parts_of(done: xr.Dataset, weight: Floats) -> Iterator[tuple[Floats, xr.Dataset]]:
+def iterate_blocks(members: xr.Dataset, weight: Floats) -> Iterator[tuple[Floats, xr.Dataset]]:
     """Give some members at a time, with their weights."""
-    for first in range(0, done.sizes["member"], 100):
-        yield weight[first : first + 100], done.isel(member=slice(first, first + 100))
+    for first in range(0, members.sizes["member"], 100):
+        yield weight[first : first + 100], members.isel(member=slice(first, first + 100))
 
 
-def axes_of(part: xr.Dataset) -> tuple[Floats, Floats, Floats]:
+def ellipse_axes(ds: xr.Dataset) -> tuple[Floats, Floats, Floats]:
     """Return semi-axes (m) and azimuth (degrees) of ellipses with the areas and lengths of the fragments."""
-    area, ratio = part["area"].values, np.nan_to_num(part["elongation"].values, nan=1.0)
-    return np.sqrt(area * ratio / np.pi), np.sqrt(area / ratio / np.pi), np.nan_to_num(part["azimuth"].values)
+    area, ratio = ds["area"].values, np.nan_to_num(ds["elongation"].values, nan=1.0)
+    return np.sqrt(area * ratio / np.pi), np.sqrt(area / ratio / np.pi), np.nan_to_num(ds["azimuth"].values)
 
 
 def effective(weight: Floats) -> float:
@@ -99,14 +99,14 @@ def enough(weight: Floats) -> bool:
 def with_probabilities(
     ds: xr.Dataset, breaks: Breaks, weight: Sequence[float] | None = None
 ) -> xr.Dataset:  # fmt: skip
-    """Return the result of a forecast with what follows from all members.
+    """Add to the result of a forecast the statistics of all members.
 
-    ``breaks``: what the members add up to, of the same ``weight``: that of each member, by default 1.
+    ``breaks``: sums over the members, of the same ``weight`` (of each member, by default 1).
     """
     ds = ds.copy()
     time = ds["time"].values
-    given = np.ones(ds.sizes["member"]) if weight is None else np.asarray(weight, float)
-    ds.coords["weight"] = ("member", given, {"units": "1", "long_name": "weight of the member"})
+    weights = np.ones(ds.sizes["member"]) if weight is None else np.asarray(weight, float)
+    ds.coords["weight"] = ("member", weights, {"units": "1", "long_name": "weight of the member"})
     ds.coords["init"] = time[0]
     ds["init"].attrs = {"long_name": "start of the forecast", "standard_name": "forecast_reference_time"}
     hours = (time - time[0]) / np.timedelta64(1, "h")
@@ -115,8 +115,8 @@ def with_probabilities(
         hours.astype(float),
         {"units": "hours", "standard_name": "forecast_period", "long_name": "lead time"},
     )
-    done, share_of = counted(ds)
-    if not done.sizes["member"]:
+    members, share_of = counted(ds)
+    if not members.sizes["member"]:
         return ds
     number = effective(share_of)
     ds.attrs["effective_members"] = number
@@ -125,9 +125,9 @@ def with_probabilities(
     unfinished = int((ds["status"].values == STATUS["unfinished"]).sum())
     if unfinished:
         ds.attrs["not_covered"] += f"; {count_text(unfinished, 'unfinished member')}"
-    begun = counted(ds, "unfinished")[0]
-    listed = (begun["fragment_parent"].values > 0).sum(axis=1)
-    cut = int((begun["breakups"].values > listed).sum())
+    started = counted(ds, "unfinished")[0]
+    listed = (started["fragment_parent"].values > 0).sum(axis=1)
+    cut = int((started["breakups"].values > listed).sum())
     if cut:
         ds.attrs["not_covered"] += f"; pieces beyond the {MOST_LISTED} largest in {count_text(cut, 'member')}"
     _add_dated(ds)
@@ -135,20 +135,20 @@ def with_probabilities(
     ds["area_class_lower"] = ("area_class", bounds[:-1], {"units": "m2", "long_name": "least area of the class"})
     ds["area_class_upper"] = ("area_class", bounds[1:], {"units": "m2", "long_name": "largest area of the class"})
     share = np.zeros((bounds.size - 1, time.size))
-    for w, part in parts_of(done, share_of):
-        area = part["area"].values
+    for w, block in iterate_blocks(members, share_of):
+        area = block["area"].values
         share += [w @ ((area >= low) & (area < high)).any(axis=1) for low, high in pairwise(bounds)]
     _add(ds, "p_area", ("area_class", "time"), share, number, _unfinished_share(ds))
-    if "lat" in done:
+    if "lat" in members:
         _add_presence(ds, *counted(ds, "unfinished"))
-        _add_cones(ds, done, share_of)
-    return breaks.added_to(ds)
+        _add_cones(ds, members, share_of)
+    return breaks.extend_forecast(ds)
 
 
 def _add_dated(ds: xr.Dataset) -> None:
-    """Add the probabilities of what has a date; a member that never breaks has none and stays in the denominator.
+    """Add the probabilities of events with a date; a member that never breaks has none and stays in the denominator.
 
-    What an unfinished member did counts; what it would have done after its last position is not known.
+    An unfinished member counts up to its last position; its later path is unknown.
     """
     of, weight = counted(ds, "unfinished")
     for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
@@ -156,22 +156,22 @@ def _add_dated(ds: xr.Dataset) -> None:
         _add(ds, name, ("time",), share, effective(weight), unknown)
 
 
-def share_until(of: xr.Dataset, weight: Floats, yes: Any) -> tuple[Floats, Floats]:
-    """Return by date the share of what has happened until then, and the weight of the members of which it is not known.
+def share_until(members: xr.Dataset, weight: Floats, yes: Any) -> tuple[Floats, Floats]:
+    """Return by date the share of members to which it has happened by then, and the weight of those of which it is unknown.
 
     ``yes``: whether it has happened to each member (members, times). Of an unfinished one that it has not happened to, nothing
     is known after its last position.
     """
-    unknown = weight @ (out_of_sight(of) & ~yes)
+    unknown = weight @ (beyond_last_position(members) & ~yes)
     return weight @ yes / np.maximum(1.0 - unknown, 1e-300), unknown
 
 
-def out_of_sight(of: xr.Dataset) -> Any:
+def beyond_last_position(members: xr.Dataset) -> Any:
     """Return which members are unfinished and beyond their last position, by date (members, times)."""
-    beyond = np.zeros((of.sizes["member"], of.sizes["time"]), bool)
-    for k in np.flatnonzero(of["status"].values == STATUS["unfinished"]):
-        there = np.isfinite(of["area"].isel(member=k).values).any(axis=0)
-        beyond[k] = np.cumsum(there[::-1])[::-1] == 0
+    beyond = np.zeros((members.sizes["member"], members.sizes["time"]), bool)
+    for k in np.flatnonzero(members["status"].values == STATUS["unfinished"]):
+        has_area = np.isfinite(members["area"].isel(member=k).values).any(axis=0)
+        beyond[k] = np.cumsum(has_area[::-1])[::-1] == 0
     return beyond
 
 
@@ -182,7 +182,7 @@ def _unfinished_share(ds: xr.Dataset) -> float:
 
 
 def with_interval(share: Floats, number: float, unknown: float | Floats) -> tuple[Floats, Floats, Floats]:
-    """Return a probability and the ends of its interval, which take what is not known of members as no and as yes.
+    """Return a probability and the ends of its interval, which count members of which it is unknown as no and as yes.
 
     ``unknown``: weight of the members of which it is not known; ``share``: of the others.
     """
@@ -204,20 +204,20 @@ def _add(
 
 @kernel
 def add_ellipses(
-    place: tuple[Any, Any], axes: tuple[Any, Any, Any], weight: Floats, cells: tuple[Floats, Floats], cosine: float,
+    position: tuple[Any, Any], axes: tuple[Any, Any, Any], weight: Floats, cells: tuple[Floats, Floats], cosine: float,
     presence: Any, passes: Floats,
 ) -> None:  # fmt: skip
     """Add the weight of each member to the cells on which it has ice, by time and ever; fragments are ellipses.
 
-    ``place``: longitudes and latitudes; ``axes``: semi-axes (degrees of latitude) and azimuth of the longer one (rad), each
+    ``position``: longitudes and latitudes; ``axes``: semi-axes (degrees of latitude) and azimuth of the longer one (rad), each
     (members, fragments, times); ``cells``: their middles; ``presence``: (times, y, x); ``passes``: (y, x). A cell counts where
     its middle lies in an ellipse, and where the middle of the ellipse lies in the cell.
     """
-    (lon, lat), (major, minor, azimuth), (x, y) = place, axes, cells
+    (lon, lat), (major, minor, azimuth), (x, y) = position, axes, cells
     members, fragments, times = lon.shape
     dx, dy = x[1] - x[0] if x.size > 1 else 1.0, y[1] - y[0] if y.size > 1 else 1.0
     # Which member and time had ice on the cell last: the fragments of one member hold a cell once.
-    now, ever = np.full(passes.shape, -1), np.full(passes.shape, -1)
+    latest, ever = np.full(passes.shape, -1), np.full(passes.shape, -1)
     for m in range(members):
         for k in range(times):
             for p in range(fragments):
@@ -235,47 +235,47 @@ def add_ellipses(
                         inside = (along / r) ** 2 + (across / minor[m, p, k]) ** 2 <= 1.0
                         if not inside and not (i == own_i and j == own_j):
                             continue
-                        if now[j, i] != m * times + k:
-                            now[j, i] = m * times + k
+                        if latest[j, i] != m * times + k:
+                            latest[j, i] = m * times + k
                             presence[k, j, i] += weight[m]
                         if ever[j, i] != m:
                             ever[j, i] = m
                             passes[j, i] += weight[m]
 
 
-def _add_presence(ds: xr.Dataset, of: xr.Dataset, weight: Floats) -> None:
+def _add_presence(ds: xr.Dataset, members: xr.Dataset, weight: Floats) -> None:
     """Add the probability that any ice lies over a cell: fragments as ellipses.
 
     Unfinished members count as in `share_until`: as far as they came, and where they had ice by then.
     """
     degree = DEGREE * EARTH_RADIUS_A68
-    done = of["status"].values == STATUS["done"]
-    first = float(of["lon"].isel(member=int(done.argmax()), fragment=0, time=0))
+    finished = members["status"].values == STATUS["done"]
+    first = float(members["lon"].isel(member=int(finished.argmax()), fragment=0, time=0))
     west, south, east, north, reach = np.inf, np.inf, -np.inf, -np.inf, 0.0
-    for _, part in parts_of(of, weight):
-        lon, lat = near(part["lon"].values, first), part["lat"].values
+    for _, block in iterate_blocks(members, weight):
+        lon, lat = near(block["lon"].values, first), block["lat"].values
         west, east = min(west, np.nanmin(lon)), max(east, np.nanmax(lon))
         south, north = min(south, np.nanmin(lat)), max(north, np.nanmax(lat))
-        reach = max(reach, np.nanmax(axes_of(part)[0]))
+        reach = max(reach, np.nanmax(ellipse_axes(block)[0]))
     reach /= degree
     cosine = float(np.cos(0.5 * (south + north) * DEGREE))
     west, east, south, north = west - reach / cosine, east + reach / cosine, south - reach, north + reach
     step = max((east - west) * cosine, north - south) / MOST_CELLS
     x = np.arange(west + 0.5 * step / cosine, east, step / cosine)
     y = np.arange(south + 0.5 * step, north, step)
-    presence, passed = np.zeros((of.sizes["time"], y.size, x.size)), np.zeros((2, y.size, x.size))
-    for w, both in parts_of(of, weight):
+    presence, passed = np.zeros((members.sizes["time"], y.size, x.size)), np.zeros((2, y.size, x.size))
+    for w, block in iterate_blocks(members, weight):
         for passes, status in zip(passed, ("done", "unfinished"), strict=True):
-            rows = np.flatnonzero(both["status"].values == STATUS[status])
-            part = both.isel(member=rows)
-            major, minor, azimuth = axes_of(part)
-            axes, place = (
+            rows = np.flatnonzero(block["status"].values == STATUS[status])
+            subset = block.isel(member=rows)
+            major, minor, azimuth = ellipse_axes(subset)
+            axes, position = (
                 (major / degree, minor / degree, np.radians(azimuth)),
-                (near(part["lon"].values, first), part["lat"].values),
+                (near(subset["lon"].values, first), subset["lat"].values),
             )
-            add_ellipses(place, axes, w[rows], (x, y), cosine, presence, passes)
-    presence /= np.maximum(1.0 - weight @ out_of_sight(of), 1e-300)[:, None, None]
-    passes = passed.sum(axis=0) / (1.0 - (weight[~done].sum() - passed[1]))
+            add_ellipses(position, axes, w[rows], (x, y), cosine, presence, passes)
+    presence /= np.maximum(1.0 - weight @ beyond_last_position(members), 1e-300)[:, None, None]
+    passes = passed.sum(axis=0) / (1.0 - (weight[~finished].sum() - passed[1]))
     ds.coords["cell_lon"] = ("cell_lon", x, {"units": "degrees_east", "standard_name": "longitude"})
     ds.coords["cell_lat"] = ("cell_lat", y, {"units": "degrees_north", "standard_name": "latitude"})
     about = {
@@ -288,39 +288,39 @@ def _add_presence(ds: xr.Dataset, of: xr.Dataset, weight: Floats) -> None:
     ds["passes"] = (("cell_lat", "cell_lon"), np.clip(passes, 0.0, 1.0), about)
 
 
-def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
+def _add_cones(ds: xr.Dataset, members: xr.Dataset, weight: Floats) -> None:
     """Add mean and range of the position of the first berg, and its ellipses where enough members count.
 
     Of a normal distribution with the members' mean and covariance.
     """
-    times, metres = done.sizes["time"], DEGREE * EARTH_RADIUS_A68
-    first = float(done["lon"].isel(member=0, fragment=0, time=0))
+    times, metres = members.sizes["time"], DEGREE * EARTH_RADIUS_A68
+    first = float(members["lon"].isel(member=0, fragment=0, time=0))
     total, middle, squares = np.zeros((2, times)), np.zeros((2, times)), np.zeros((times, 2, 2))
     least, most = np.full((2, times), np.inf), np.full((2, times), -np.inf)
 
-    def places() -> Iterator[tuple[Floats, Floats]]:
-        for w, part in parts_of(done, weight):
-            lon, lat = (part[name].isel(fragment=0).values for name in ("lon", "lat"))
-            known = np.isfinite(lon)
-            place = np.stack([near(lon, first), lat])
-            yield w[:, None] * known, np.where(known, place, middle[:, None])  # nothing where nobody is
+    def positions() -> Iterator[tuple[Floats, Floats]]:
+        for w, block in iterate_blocks(members, weight):
+            lon, lat = (block[name].isel(fragment=0).values for name in ("lon", "lat"))
+            valid = np.isfinite(lon)
+            position = np.stack([near(lon, first), lat])
+            yield w[:, None] * valid, np.where(valid, position, middle[:, None])  # nothing where nobody is
 
-    for w, place in places():
+    for w, position in positions():
         total += [w.sum(axis=0), (w**2).sum(axis=0)]
-        middle = middle + (w * place).sum(axis=1)
-        least = np.minimum(least, np.where(w > 0.0, place, np.inf).min(axis=1))
-        most = np.maximum(most, np.where(w > 0.0, place, -np.inf).max(axis=1))
+        middle = middle + (w * position).sum(axis=1)
+        least = np.minimum(least, np.where(w > 0.0, position, np.inf).min(axis=1))
+        most = np.maximum(most, np.where(w > 0.0, position, -np.inf).max(axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
         middle = np.where(total[0] > 0.0, middle / total[0], np.nan)
-        several = total[0] ** 2 / total[1] >= ENOUGH - 1e-6
-    for w, place in places():
-        away = metres * (place - middle[:, None])
-        away[0] *= np.cos(middle[1] * DEGREE)
-        squares += np.einsum("mt,imt,jmt->tij", w, np.nan_to_num(away), np.nan_to_num(away))
+        reliable = total[0] ** 2 / total[1] >= ENOUGH - 1e-6
+    for w, position in positions():
+        offset = metres * (position - middle[:, None])
+        offset[0] *= np.cos(middle[1] * DEGREE)
+        squares += np.einsum("mt,imt,jmt->tij", w, np.nan_to_num(offset), np.nan_to_num(offset))
     axes = np.full((3, times), np.nan)
-    values, vectors = np.linalg.eigh(squares[several] / total[0, several, None, None])
-    axes[:2, several] = np.sqrt(np.maximum(values[:, ::-1].T, 0.0))
-    axes[2, several] = np.rad2deg(np.arctan2(vectors[:, 0, 1], vectors[:, 1, 1])) % 180.0
+    values, vectors = np.linalg.eigh(squares[reliable] / total[0, reliable, None, None])
+    axes[:2, reliable] = np.sqrt(np.maximum(values[:, ::-1].T, 0.0))
+    axes[2, reliable] = np.rad2deg(np.arctan2(vectors[:, 0, 1], vectors[:, 1, 1])) % 180.0
     # Within r standard deviations of a normal distribution in two dimensions lies 1 - exp(-r2 / 2).
     factor = np.sqrt(-2.0 * np.log(1.0 - np.array(CONES)))
     ds.coords["cone"] = (
@@ -362,8 +362,8 @@ class Breaks:
         # Finer than the lattice, a crack would miss cells that it crosses.
         self.cell = max(max(np.ptp(x), np.ptp(y), self.side) / 40.0, 1.5 * self.side)
         self.edges = [np.arange(a.min() - self.side, a.max() + self.side + self.cell, self.cell) for a in (x, y)]
-        self.there = np.histogram2d(y, x, bins=self.edges[::-1])[0] > 0
-        self.density, self.share = np.zeros(self.there.shape), np.zeros(self.there.shape)
+        self.has_ice = np.histogram2d(y, x, bins=self.edges[::-1])[0] > 0
+        self.density, self.share = np.zeros(self.has_ice.shape), np.zeros(self.has_ice.shape)
         self.weight, self.total = weight, 0.0
         self.leaders: list[list[Floats]] = []  # Of each scenario the pieces of its first member
         self.numbers: list[Any] = []  # Scenario of each member, in order of the first; of each block an array
@@ -395,24 +395,24 @@ class Breaks:
             self.leaders.append(sign)
         return len(self.leaders) - 1 if alike is None else alike
 
-    def added_to(self, ds: xr.Dataset) -> xr.Dataset:
+    def extend_forecast(self, ds: xr.Dataset) -> xr.Dataset:
         """Return a forecast with length of crack per area, probability of a crack, and the scenarios, the likeliest first."""
         for name, edge, word in (("own_x", self.edges[0], "east"), ("own_y", self.edges[1], "north")):
             about = {"units": "m", "long_name": f"{word} of the berg's middle at the start"}
             ds.coords[name] = (name, 0.5 * (edge[:-1] + edge[1:]), about)
         total = self.total or 1.0
         for name, values, unit, meaning in (
-            ("ice", self.there.astype("i1"), "1", "1 where the control has ice at the start"),
+            ("ice", self.has_ice.astype("i1"), "1", "1 where the control has ice at the start"),
             ("crack_density", self.density / total, "m-1", "mean length of crack per area"),
             ("crack_probability", np.clip(self.share / total, 0.0, 1.0), "1", "probability of a crack in the cell"),
         ):
             ds[name] = (("own_y", "own_x"), values, {"units": unit, "long_name": meaning})
         number = np.concatenate(self.numbers)
-        known = number >= 0
+        has_scenario = number >= 0
         weight = np.ones(number.size) if self.weight is None else np.asarray(self.weight, float)
-        weighs = np.bincount(number[known], weight[known], minlength=len(self.leaders))
+        weighs = np.bincount(number[has_scenario], weight[has_scenario], minlength=len(self.leaders))
         rank = np.argsort(np.argsort(-weighs, kind="stable"))
-        number[known] = rank[number[known]]
+        number[has_scenario] = rank[number[has_scenario]]
         about = {"long_name": "scenario of the member, 0 the likeliest; -1 for none"}
         ds["scenario"] = ("member", number.astype("i4"), about)
         return ds
@@ -421,20 +421,20 @@ class Breaks:
 # ---- scenarios --------------------------------------------------------------------------------------------------------
 
 
-def _sign(rows: Floats, birth: float, area: float, whole: float) -> Floats:
+def _sign(rows: Floats, birth: float, area: float, berg_area: float) -> Floats:
     """Return where the crack that freed a piece lay in the berg, in lengths of the berg, and how large the piece was.
 
     ``rows``: cracks of the member; ``birth``: of the piece, s after the start.
     """
     crack = rows[np.abs(rows[:, 0] - birth) < 43200.0]
     middle = crack[:, 1:3].mean(axis=0) if crack.size else np.zeros(2)
-    return np.array([*(middle / np.sqrt(whole)), area / whole])
+    return np.array([*(middle / np.sqrt(berg_area)), area / berg_area])
 
 
-def _alike(one: list[Floats], other: list[Floats]) -> bool:
+def _alike(first: list[Floats], other: list[Floats]) -> bool:
     """Whether two members lost the same pieces in the same order: cracks near each other, areas within a factor of two."""
-    return len(one) == len(other) and all(
-        np.hypot(*(a[:2] - b[:2])) < 0.3 and 0.5 <= a[2] / b[2] <= 2.0 for a, b in zip(one, other, strict=True)
+    return len(first) == len(other) and all(
+        np.hypot(*(a[:2] - b[:2])) < 0.3 and 0.5 <= a[2] / b[2] <= 2.0 for a, b in zip(first, other, strict=True)
     )
 
 
@@ -446,44 +446,44 @@ class Scenario:
     probability: float
     representative: int  # The member whose track is nearest to the mean of the scenario
     pieces: tuple[float, ...]  # Areas that broke off in it, m2
-    apart: str  # Input that sets it apart most, or nothing
+    cause: str  # Input that sets it apart most, or nothing
 
     def told(self) -> str:
         """Return it in a line."""
-        what = (
+        course = (
             "no piece breaks off"
             if not self.pieces
             else "breaks off " + ", then ".join(f"{a / 1e6:.0f} km2" for a in self.pieces)
         )
-        return f"{100 * self.probability:.0f} %: {what} (member {self.representative}{self.apart})"
+        return f"{100 * self.probability:.0f} %: {course} (member {self.representative}{self.cause})"
 
 
 def scenarios(ds: xr.Dataset) -> list[Scenario]:
     """Return the scenarios of a forecast, the likeliest first."""
-    done, weight = counted(ds)
-    found = []
-    inputs = inputs_of(done)
+    ended, weight = counted(ds)
+    result = []
+    inputs = differing_inputs(ended)
     ends = np.column_stack(
-        [done[name].isel(fragment=0, time=-1).values for name in (("lon", "lat") if "lat" in done else ("x", "y"))]
+        [ended[name].isel(fragment=0, time=-1).values for name in (("lon", "lat") if "lat" in ended else ("x", "y"))]
     )
-    if "lat" in done and np.isfinite(ends).any():
+    if "lat" in ended and np.isfinite(ends).any():
         ends[:, 0] = near(ends[:, 0], float(ends[np.isfinite(ends[:, 0]), 0][0])) * np.cos(
             np.nanmean(ends[:, 1]) * DEGREE
         )
-    for number in np.unique(done["scenario"].values):
-        rows = np.flatnonzero(done["scenario"].values == number)
+    for number in np.unique(ended["scenario"].values):
+        rows = np.flatnonzero(ended["scenario"].values == number)
         end = ends[rows]
-        place = int(np.nanargmin(np.hypot(*(end - np.nanmean(end, axis=0)).T))) if np.isfinite(end).any() else 0
-        member = int(rows[place])
+        index = int(np.nanargmin(np.hypot(*(end - np.nanmean(end, axis=0)).T))) if np.isfinite(end).any() else 0
+        member = int(rows[index])
         columns = [
-            done[f"fragment_{name}"].isel(member=member).values for name in ("number", "parent", "area", "birth_time")
+            ended[f"fragment_{name}"].isel(member=member).values for name in ("number", "parent", "area", "birth_time")
         ]
         sizes = columns[2][broken_off(zip(*columns, strict=True))[:3]]
-        apart = _apart(inputs, rows)
-        found.append(Scenario(
-            int(number), float(weight[rows].sum()), int(done["member"].values[member]), tuple(map(float, sizes)), apart
+        cause = _apart(inputs, rows)
+        result.append(Scenario(
+            int(number), float(weight[rows].sum()), int(ended["member"].values[member]), tuple(map(float, sizes)), cause
         ))  # fmt: skip
-    return sorted(found, key=lambda s: -s.probability)
+    return sorted(result, key=lambda s: -s.probability)
 
 
 def _apart(inputs: Mapping[str, Floats], rows: Any) -> str:
@@ -513,18 +513,18 @@ GROUPS: Final = {
 }  # fmt: skip
 
 
-def inputs_of(done: xr.Dataset) -> dict[str, Floats]:
+def differing_inputs(ended: xr.Dataset) -> dict[str, Floats]:
     """Return all inputs of the members that are numbers and differ, drawn ones and means of random fields."""
-    names = [str(name) for name in done.coords if "parameter" in done[name].attrs] + [
-        name for name in MEANS if name in done
+    names = [str(name) for name in ended.coords if "parameter" in ended[name].attrs] + [
+        name for name in MEANS if name in ended
     ]
-    found = {
-        name: np.asarray(done[name].values, float) for name in names
-        if done[name].dtype.kind in "fi" and np.ptp(done[name].values) > 0.0 and np.isfinite(done[name].values).all()
+    inputs = {
+        name: np.asarray(ended[name].values, float) for name in names
+        if ended[name].dtype.kind in "fi" and np.ptp(ended[name].values) > 0.0 and np.isfinite(ended[name].values).all()
     }  # fmt: skip
-    factor = found.pop("start_error", 1.0)  # of starts with errors of their own
+    factor = inputs.pop("start_error", 1.0)  # of starts with errors of their own
     return {
-        name: values * factor if name in ("start_east", "start_north") else values for name, values in found.items()
+        name: values * factor if name in ("start_east", "start_north") else values for name, values in inputs.items()
     }
 
 
@@ -532,37 +532,37 @@ def sources(ds: xr.Dataset) -> dict[str, float]:
     """Return the part of the spread of the last position that each source of error explains alone, by linear regression.
 
     The means of current and wind along the track stand for their fields. Adjusted for the number of inputs, so that sources
-    of no effect come out near 0; the rest is what is not linear.
+    of no effect come out near 0; the rest is not linear.
     """
-    done, weight = counted(ds)
-    if "lat" not in done:
+    members, weight = counted(ds)
+    if "lat" not in members:
         return {}
-    inputs = inputs_of(done)
-    lon, lat = (done[name].isel(fragment=0, time=-1).values for name in ("lon", "lat"))
-    known = np.isfinite(lon) & (weight > 0.0)
-    number = effective(weight[known])
-    if not enough(weight[known]):  # of fewer anything explains the spread
+    inputs = differing_inputs(members)
+    lon, lat = (members[name].isel(fragment=0, time=-1).values for name in ("lon", "lat"))
+    valid = np.isfinite(lon) & (weight > 0.0)
+    number = effective(weight[valid])
+    if not enough(weight[valid]):  # of fewer anything explains the spread
         return {}
-    lon, root = near(lon[known], float(lon[known][0])), np.sqrt(weight[known] / weight[known].sum())
-    target = np.column_stack([lon * np.cos(np.mean(lat[known]) * DEGREE), lat[known]])
+    lon, root = near(lon[valid], float(lon[valid][0])), np.sqrt(weight[valid] / weight[valid].sum())
+    target = np.column_stack([lon * np.cos(np.mean(lat[valid]) * DEGREE), lat[valid]])
     grouped = {name: [n for n in names if n in inputs] for name, names in GROUPS.items()}
     others = set(inputs) - {n for names in grouped.values() for n in names}
     grouped |= {name.replace("_", " "): [name] for name in sorted(others)}
-    found = {}
-    for name, members in grouped.items():
-        if members:
-            given = np.column_stack([inputs[n][known] for n in members])
-            found[name] = _explained(given, target, root, number)
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+    shares = {}
+    for name, group in grouped.items():
+        if group:
+            columns = np.column_stack([inputs[n][valid] for n in group])
+            shares[name] = _explained(columns, target, root, number)
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
-def _explained(given: Floats, target: Floats, root: Floats, n: float) -> float:
+def _explained(columns: Floats, target: Floats, root: Floats, n: float) -> float:
     """Return the coefficient of determination of a weighted linear regression, adjusted for ``n`` members that count."""
 
     def centred(a: Floats) -> Floats:
         return np.asarray((a - (root**2) @ a) * root[:, None])
 
-    x, y = centred(given / np.maximum(given.std(axis=0), 1e-300)), centred(target)
+    x, y = centred(columns / np.maximum(columns.std(axis=0), 1e-300)), centred(target)
     rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
     total, p = float((y**2).sum()), x.shape[1]
     if total == 0.0 or n <= p + 1:
@@ -571,7 +571,7 @@ def _explained(given: Floats, target: Floats, root: Floats, n: float) -> float:
 
 
 def notes(ds: xr.Dataset) -> list[str]:
-    """Return the likeliest scenarios, and what makes most of the spread, in a few short lines."""
+    """Return the likeliest scenarios, and the main source of the spread, in a few short lines."""
     lines = [scenario.told().split(" (")[0] for scenario in scenarios(ds)[:3]]
     return lines + [
         f"spread of the position: {name} {100 * share:.0f} %" for name, share in list(sources(ds).items())[:1]
@@ -599,11 +599,11 @@ def reasons(ds: xr.Dataset) -> list[str]:
     """Return why members failed or are unfinished: the commonest reason of each in a line, whatever numbers it holds."""
     lines = []
     for status in ("failed", "unfinished"):
-        said = [str(text) for text in ds["message"].values[ds["status"].values == STATUS[status]]]
-        kinds = [re.sub(r"[\d.]+", "#", text) for text in said]
-        if said:
+        messages = [str(text) for text in ds["message"].values[ds["status"].values == STATUS[status]]]
+        kinds = [re.sub(r"[\d.]+", "#", text) for text in messages]
+        if messages:
             kind, number = Counter(kinds).most_common(1)[0]
-            lines.append(f"  {number} of {len(said)} {status}: {said[kinds.index(kind)]}")
+            lines.append(f"  {number} of {len(messages)} {status}: {messages[kinds.index(kind)]}")
     return lines
 
 
@@ -618,12 +618,15 @@ def _first_touch(done: xr.Dataset) -> list[str]:
     lon, lat = lon[touched], lat[touched]
     east = (lon - lon[0] + 180.0) % 360.0 - 180.0
     middle = float(lon[0] + np.median(east)), float(np.median(lat))
-    away = np.hypot((east - np.median(east)) * math.cos(math.radians(middle[1])), lat - middle[1])
-    km, dates = float(np.median(away)) * DEGREE * EARTH_RADIUS_A68 / 1e3, np.sort(done["first_aground"].values[touched])
-    place = place_text(*middle, latlon=True, digits=2)
+    offset = np.hypot((east - np.median(east)) * math.cos(math.radians(middle[1])), lat - middle[1])
+    km, dates = (
+        float(np.median(offset)) * DEGREE * EARTH_RADIUS_A68 / 1e3,
+        np.sort(done["first_aground"].values[touched]),
+    )
+    position = place_text(*middle, latlon=True, digits=2)
     return [
         f"  of {count_text(int(touched.sum()), 'member')} that ran aground half did by {minute_text(dates[dates.size // 2])}, "
-        f"about {place}, half of them within {km:.0f} km of it"
+        f"about {position}, half of them within {km:.0f} km of it"
     ]
 
 
@@ -650,8 +653,8 @@ def told(ds: xr.Dataset) -> list[str]:
     if at_start > 5.0:
         doubt = "is that so, or are errors of floor and thickness too large?"
         lines.append(f"  {at_start:.0f} % of the members are aground at the start: {doubt}")
-    begun, share_of = counted(ds, "unfinished")
-    dates = begun["first_breakup"].values
+    started, share_of = counted(ds, "unfinished")
+    dates = started["first_breakup"].values
     order = np.argsort(dates)
     half = np.flatnonzero((np.cumsum(share_of[order]) >= 0.5) & ~np.isnat(dates[order]))
     broke = dates[~np.isnat(dates) & (share_of > 0.0)]
@@ -684,10 +687,10 @@ def told(ds: xr.Dataset) -> list[str]:
             f"  likeliest place of a crack: {x:+.0f} km east, {y:+.0f} km north of the middle at the start ({100 * share:.0f} %)"
         )
     lines += [f"  scenario {s.number + 1}, {s.told()}" for s in scenarios(ds)[:4]]
-    parts = sources(ds)
-    if parts:
-        name, share = next(iter(parts.items()))
-        rest = ", ".join(f"{other} {100 * part:.0f} %" for other, part in list(parts.items())[1:4])
-        said = f"{100 * share:.0f} %" + (f"; {rest}" if rest else "")
-        lines.append(f"  most of the spread of the position comes from the {name} ({said})")
+    shares = sources(ds)
+    if shares:
+        name, share = next(iter(shares.items()))
+        rest = ", ".join(f"{other} {100 * value:.0f} %" for other, value in list(shares.items())[1:4])
+        text = f"{100 * share:.0f} %" + (f"; {rest}" if rest else "")
+        lines.append(f"  most of the spread of the position comes from the {name} ({text})")
     return lines + reasons(ds)

@@ -1,4 +1,4 @@
-"""The result of a sweep as one dataset: a member dimension, what was varied, break-ups, fragments, tracks."""
+"""The result of a sweep as one dataset: a member dimension, varied inputs, break-ups, fragments, tracks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome, broken_off
 from riftberg.ensembles.uncertain import SEED
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
-from riftberg.runs.layout import counted_from
+from riftberg.runs.layout import time_units
 from riftberg.runs.scene import SMALL
 from riftberg.runs.tracks import GOES_ON
 from riftberg.state import Floats
@@ -69,7 +69,7 @@ _ABOUT: Final = {
 }
 
 
-def dataset_of(
+def build_dataset(
     varied: Sequence[Varied], members: Sequence[Mapping[str, Any]], outcomes: Mapping[int, Outcome], *,
     start: datetime, days: float, every: float, latlon: bool, attributes: Mapping[str, str],
     room: tuple[int, Sequence[str]] = (0, ()), lagged: bool = False,
@@ -99,7 +99,7 @@ def dataset_of(
     for v in varied:
         values = [member[v.name] for member in members]
         numeric = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
-        kept = (
+        column = (
             np.array(values, dtype=np.float64)
             if numeric
             else np.array([_text(value) for value in values], dtype=object)
@@ -109,7 +109,7 @@ def dataset_of(
             about["units"] = v.unit or "1"
         if v.distribution is not None:
             about["distribution"] = v.distribution.text
-        ds.coords[variable_name(v.name)] = ("member", kept, about)
+        ds.coords[variable_name(v.name)] = ("member", column, about)
     if members and SEED in members[0] and variable_name(SEED) not in ds.coords:
         seeds = np.array([member[SEED] for member in members], dtype=np.int64)
         ds.coords[variable_name(SEED)] = ("member", seeds, {"long_name": "seed of the random fields of the member"})
@@ -142,8 +142,8 @@ def _listed(outcome: Outcome) -> list[int]:
     return sorted(by_size[:MOST_LISTED])
 
 
-def values_of(member: xr.Dataset) -> dict[str, Any]:
-    """Return what is varied of one member of a result, by ``group.name``."""
+def varied_values(member: xr.Dataset) -> dict[str, Any]:
+    """Return the varied inputs of one member of a result, by ``group.name``."""
     names = {str(coord.attrs["parameter"]): coord for coord in member.coords.values() if "parameter" in coord.attrs}
     if variable_name(SEED) in member.coords:
         names.setdefault(SEED, member[variable_name(SEED)])
@@ -156,13 +156,13 @@ def variable_name(name: str) -> str:
 
 
 def _add_ends(
-    ds: xr.Dataset, outcomes: Mapping[int, Outcome], later: Floats, start: datetime, wanted: Sequence[str]
+    ds: xr.Dataset, outcomes: Mapping[int, Outcome], later: Floats, start: datetime, needed: Sequence[str]
 ) -> None:
     """Add how the members ended; ``later``: how much later than the first each begins, s."""
     count = later.size
     status = np.full(count, STATUS["waiting"], dtype="i4")
     message = np.full(count, "", dtype=object)
-    means = [name for name in MEANS if name in wanted or any(name in o.totals for o in outcomes.values())]
+    means = [name for name in MEANS if name in needed or any(name in o.totals for o in outcomes.values())]
     values = {name: np.full(count, np.nan) for name in ("wall_time", "first_aground", *TOTALS, *means)}
     births = np.full((2, count), np.nan)
     for number, outcome in outcomes.items():
@@ -181,20 +181,20 @@ def _add_ends(
     ds["message"] = ("member", message, {"long_name": "why the member failed or is unfinished"})
     for name, (unit, meaning) in {**TOTALS, **{name: MEANS[name] for name in means}}.items():
         ds[name] = ("member", values[name], {"units": unit, "long_name": meaning})
-    for name, seconds, what in (
+    for name, seconds, description in (
         ("first_breakup", births[0], f"time of the first break-up{large}, missing where none"),
         ("second_breakup", births[1], f"time of the second break-up{large}, missing where none"),
         ("first_aground", values["first_aground"], "time at which the sea floor first acted, missing where never"),
     ):
-        ds[name] = ("member", _dates(seconds, start), {"long_name": what})
+        ds[name] = ("member", _dates(seconds, start), {"long_name": description})
     ds["wall_time"] = ("member", values["wall_time"], {"units": "s", "long_name": "wall time of the last attempt"})
 
 
 def _dates(seconds: Floats, start: datetime) -> np.ndarray[Any, Any]:
     """Return times as dates; NaN as no date."""
-    known = np.isfinite(seconds)
+    finite = np.isfinite(seconds)
     moments = np.full(seconds.shape, np.datetime64("NaT", "ns"))
-    moments[known] = np.datetime64(start, "ns") + (seconds[known] * 1e9).astype("timedelta64[ns]")
+    moments[finite] = np.datetime64(start, "ns") + (seconds[finite] * 1e9).astype("timedelta64[ns]")
     return moments
 
 
@@ -218,9 +218,9 @@ def _add_fragments(
     shape = ds.sizes["member"], ds.sizes["fragment"]
     table = {name: np.full(shape, np.nan) for name in FRAGMENT}
     for number, outcome in outcomes.items():
-        for place, row in enumerate(listed[number]):
+        for index, row in enumerate(listed[number]):
             for name in FRAGMENT:
-                table[name][number, place] = outcome.fragments[name][row]
+                table[name][number, index] = outcome.fragments[name][row]
     dims = ("member", "fragment")
     at = {"coordinates": " ".join(f"fragment_{shown}" for shown, _ in reversed(_place(latlon).values()))}
     about: dict[str, str] = {"units": "1", "long_name": "number of the fragment in its member", **at}
@@ -251,26 +251,26 @@ def _add_tracks(
     ds: xr.Dataset, outcomes: Mapping[int, Outcome], listed: Mapping[int, list[int]], times: Floats, later: Floats,
     latlon: bool,
 ) -> None:  # fmt: skip
-    places = list(_place(latlon).values())
-    about = {**dict(places), **{name: {"units": unit, "long_name": meaning} for name, (unit, meaning) in TRACK.items()}}
+    axes = list(_place(latlon).values())
+    about = {**dict(axes), **{name: {"units": unit, "long_name": meaning} for name, (unit, meaning) in TRACK.items()}}
     if not latlon:
         about["x"]["comment"] = GOES_ON
     for name in set(TRACK) - set(OF_MEMBER):
-        about[name]["coordinates"] = f"{places[1][0]} {places[0][0]}"
+        about[name]["coordinates"] = f"{axes[1][0]} {axes[0][0]}"
     dims = {name: ("member", "time") if name in OF_MEMBER else ("member", "fragment", "time") for name in about}
-    found = {name: np.full([ds.sizes[dim] for dim in dims[name]], np.nan) for name in about}
+    tracks = {name: np.full([ds.sizes[dim] for dim in dims[name]], np.nan) for name in about}
     interval = times[1] if len(times) > 1 else 1.0
     for number, outcome in outcomes.items():
         if not outcome.track:
             continue
         rows = np.array(outcome.track)
-        place_of = {outcome.fragments["number"][row]: place for place, row in enumerate(listed[number])}
+        place_of = {outcome.fragments["number"][row]: index for index, row in enumerate(listed[number])}
         at = np.array([place_of.get(fragment, -1) for fragment in rows[:, 1].tolist()])
         k = np.rint((rows[:, 0] + later[number]) / interval).astype(int)
-        known = (at >= 0) & (k >= 0) & (k < len(times))
-        for name, column in zip(about, rows[known, 2:].T, strict=True):
-            found[name][(number, k[known]) if name in OF_MEMBER else (number, at[known], k[known])] = column
-    for name, values in found.items():
+        valid = (at >= 0) & (k >= 0) & (k < len(times))
+        for name, column in zip(about, rows[valid, 2:].T, strict=True):
+            tracks[name][(number, k[valid]) if name in OF_MEMBER else (number, at[valid], k[valid])] = column
+    for name, values in tracks.items():
         ds[name] = (dims[name], values, about[name])
 
 
@@ -327,9 +327,9 @@ def _in_chunks(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
     for name, variable in ds.variables.items():
         if "member" in variable.dims:
             shape = [variable.sizes[dim] for dim in variable.dims if dim != "member"]
-            together = max(1, CHUNK_BYTES // (8 * max(int(np.prod(shape)), 1)))
+            per_chunk = max(1, CHUNK_BYTES // (8 * max(int(np.prod(shape)), 1)))
             sizes = tuple(
-                min(together, 250) if dim == "member" else max(variable.sizes[dim], 1) for dim in variable.dims
+                min(per_chunk, 250) if dim == "member" else max(variable.sizes[dim], 1) for dim in variable.dims
             )
             if variable.dtype.kind == "S":
                 sizes = (*sizes, variable.dtype.itemsize)
@@ -340,7 +340,7 @@ def _in_chunks(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
 
 def _encoding(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
     start = ds["time"].values[0] if "time" in ds else ds["init"].values
-    about = {**counted_from(start), "dtype": "float64"}
+    about = {**time_units(start), "dtype": "float64"}
     encoding: dict[str, dict[str, Any]] = {
         str(name): dict(about) for name, variable in ds.variables.items() if variable.dtype.kind == "M"
     }
@@ -392,7 +392,7 @@ def open_sweep(path: str | Path, *, tracks: bool = True) -> xr.Dataset:
 
 
 def open_cells(path: str | Path, kind: str = "monthly") -> xr.Dataset:
-    """Open what the members of a sweep wrote on cells (``cells``).
+    """Open the gridded output of the members of a sweep (``cells``).
 
     Parameters
     ----------
@@ -428,8 +428,8 @@ def open_cells(path: str | Path, kind: str = "monthly") -> xr.Dataset:
         join="outer", compat="no_conflicts",
     )  # fmt: skip
     fields = xr.align(*(ds.drop_vars(["areacello", "time_bnds"]) for ds in members), join="outer", fill_value=0.0)
-    whole: xr.Dataset = xr.concat(fields, dim="member")
-    return whole.assign_coords(member=numbers, areacello=shared["areacello"], time_bnds=shared["time_bnds"])
+    combined: xr.Dataset = xr.concat(fields, dim="member")
+    return combined.assign_coords(member=numbers, areacello=shared["areacello"], time_bnds=shared["time_bnds"])
 
 
 def _on_axes(file: Path) -> xr.Dataset:
@@ -450,7 +450,7 @@ def _loaded(file: Path, remedy: str) -> xr.Dataset:
 
 def _without_tracks(file: Path, remedy: str) -> xr.Dataset:
     """Return a result in memory but for its tracks and tables of fragments."""
-    with reading(file, "not readable as NetCDF", remedy), _little_kept():
+    with reading(file, "not readable as NetCDF", remedy), _small_chunk_cache():
         ds: xr.Dataset = open_lazily(file)
         for name, variable in ds.variables.items():
             if "member" not in variable.dims or variable.ndim == 1:
@@ -459,11 +459,11 @@ def _without_tracks(file: Path, remedy: str) -> xr.Dataset:
 
 
 @contextmanager
-def _little_kept() -> Iterator[None]:
-    """Let files that are opened meanwhile keep one chunk of each variable; by itself netCDF keeps 16 MB of each."""
-    before = netCDF4.get_chunk_cache()
-    netCDF4.set_chunk_cache(2 * CHUNK_BYTES, *before[1:])
+def _small_chunk_cache() -> Iterator[None]:
+    """Let files that are opened meanwhile cache one chunk of each variable; the default of netCDF is 16 MB of each."""
+    previous_cache = netCDF4.get_chunk_cache()
+    netCDF4.set_chunk_cache(2 * CHUNK_BYTES, *previous_cache[1:])
     try:
         yield
     finally:
-        netCDF4.set_chunk_cache(*before)
+        netCDF4.set_chunk_cache(*previous_cache)

@@ -1,4 +1,4 @@
-"""Which input matters: Morris effects and Sobol' indices of what every member has, rank correlations of what only some have."""
+"""Which input matters: Morris effects and Sobol' indices of results that every member has, rank correlations of the others."""
 
 from __future__ import annotations
 
@@ -40,36 +40,36 @@ class Result(NamedTuple):
 
     values: Floats  # NaN where a member has none
     unit: str
-    some: bool = False  # Not all members that come to their end have one
+    partial: bool = False  # Not all members that come to their end have one
 
 
-def results_of(ds: xr.Dataset, at_days: Iterable[float] = ()) -> dict[str, Result]:
-    """Return what is asked of the members of a sweep, by name; by default by the middle and the end of the runs."""
+def select_results(ds: xr.Dataset, at_days: Iterable[float] = ()) -> dict[str, Result]:
+    """Return the results of the members of a sweep by name; by default by the middle and the end of the runs."""
     first, length = ds["time"].values[0], float((ds["time"].values[-1] - ds["time"].values[0]) / DAY)
     # Days count from the own start of each member.
     after = ds["start_after"].values / 86400.0 if "start_after" in ds.coords else np.zeros(ds.sizes["member"])
-    done = ds["status"].values == 0
+    finished = ds["status"].values == 0
 
     def days(dates: Any) -> Floats:
         return np.asarray(((dates - first) / DAY).T - after, float).T
 
-    found = {"largest stress over strength": Result(ds["stress_ratio"].values, "1")}
+    results = {"largest stress over strength": Result(ds["stress_ratio"].values, "1")}
     if late := [day for day in at_days if not 0.0 < day <= length + 1e-6]:
         raise InputError(f"day {late[0]:g} of runs of {length:g} days", where="at_days", remedy="Give days of the runs")
     for day in sorted(at_days) or (0.5 * length, length):
         for word, name in (("broken", "first_breakup"), ("aground", "first_aground")):
             # No date is later than any: a member that never breaks counts as whole.
-            found[f"{word} by day {day:g}"] = Result(np.where(done, days(ds[name].values) <= day, np.nan), "1")
-    found["largest area at the end"] = Result(ds["largest_area"].values / 1e6, "km2")
-    found["date of the first break-up"] = Result(days(ds["first_breakup"].values), "day", some=True)
+            results[f"{word} by day {day:g}"] = Result(np.where(finished, days(ds[name].values) <= day, np.nan), "1")
+    results["largest area at the end"] = Result(ds["largest_area"].values / 1e6, "km2")
+    results["date of the first break-up"] = Result(days(ds["first_breakup"].values), "day", partial=True)
     born = np.where(ds["fragment_parent"].values > 0, days(ds["fragment_birth_time"].values), np.inf)
     if born.size:
         earliest = born.argmin(axis=1)
         for name in ("lon", "lat") if "lat" in ds else ("x", "y"):
-            place = ds[f"fragment_{name}"].values[np.arange(earliest.size), earliest]
-            broke = np.where(np.isfinite(born.min(axis=1)), place, np.nan)
-            found[f"{name} of the first break-up"] = Result(broke, "degree" if "lat" in ds else "m", some=True)
-    return found
+            position = ds[f"fragment_{name}"].values[np.arange(earliest.size), earliest]
+            broke = np.where(np.isfinite(born.min(axis=1)), position, np.nan)
+            results[f"{name} of the first break-up"] = Result(broke, "degree" if "lat" in ds else "m", partial=True)
+    return results
 
 
 def indices(ds: xr.Dataset, results: Mapping[str, Result], *, seed: int = 1) -> xr.Dataset:
@@ -84,25 +84,25 @@ def indices(ds: xr.Dataset, results: Mapping[str, Result], *, seed: int = 1) -> 
     fields = variable_name(SEED)
     names += [fields] if fields in ds.coords and fields not in names else []
     size = len(names) + POINTS[plan]
-    whole = ds.sizes["member"] // size * size
+    used = ds.sizes["member"] // size * size
     inputs = {name: _numbers(ds[name].values) for name in names}
-    x = np.stack([values[:whole].reshape(-1, size) for values in inputs.values()])
+    x = np.stack([values[:used].reshape(-1, size) for values in inputs.values()])
     random = np.random.default_rng(seed)
-    out = xr.Dataset(attrs={"plan": plan, "interval": f"bootstrap, {100 * LEVEL:.0f} %", "draws": whole // size})
+    out = xr.Dataset(attrs={"plan": plan, "interval": f"bootstrap, {100 * LEVEL:.0f} %", "draws": used // size})
     out.coords["result"] = ("result", list(results))
     out.coords["unit"] = ("result", [result.unit for result in results.values()])
     out.coords["input"] = ("input", [str(ds[name].attrs.get("parameter", "random fields")) for name in names])
     tables: dict[str, Floats] = {}
     for k, result in enumerate(results.values()):
-        f = result.values[:whole].reshape(-1, size)
+        f = result.values[:used].reshape(-1, size)
         draws = np.flatnonzero(np.isfinite(f).all(axis=1))
-        known = np.isfinite(result.values)
+        finite = np.isfinite(result.values)
         row: dict[str, Any] = {
-            "share": known.sum() / max((ds["status"].values == 0).sum(), 1),
-            "spread": result.values[known].std() if known.any() else np.nan,
-            "number": known.sum() if result.some else draws.size,
+            "share": finite.sum() / max((ds["status"].values == 0).sum(), 1),
+            "spread": result.values[finite].std() if finite.any() else np.nan,
+            "number": finite.sum() if result.partial else draws.size,
         }  # fmt: skip
-        if result.some:
+        if result.partial:
             row |= _correlations(inputs, result.values, size, random)
         elif draws.size > 1:
             row |= _effects(f[draws], x[:, draws], random) if plan == "morris" else _sobol(f[draws], random)
@@ -153,16 +153,16 @@ def _effects(f: Floats, x: Floats, random: np.random.Generator) -> dict[str, Any
 def _sobol(f: Floats, random: np.random.Generator) -> dict[str, Any]:
     """Return first-order (Saltelli and others 2010) and total indices (Jansen 1999) of results (draws, inputs + 2)."""
 
-    def both(g: Floats) -> tuple[Floats, Floats]:  # g: (..., draws, inputs + 2)
+    def estimates(g: Floats) -> tuple[Floats, Floats]:  # g: (..., draws, inputs + 2)
         g = g - g[..., [0, -1]].mean(axis=(-2, -1), keepdims=True)  # a mean far from 0 would be noise in the products
         # A result that is the same for all members has no variance to divide: all indices are 0.
         variance = np.maximum(g[..., [0, -1]].var(axis=(-2, -1)), 1e-300)[..., None]
         first, turned, second = g[..., :1], g[..., 1:-1], g[..., -1:]
-        one = (second * (turned - first)).mean(axis=-2) / variance
-        return one, 0.5 * ((turned - first) ** 2).mean(axis=-2) / variance
+        first_order = (second * (turned - first)).mean(axis=-2) / variance
+        return first_order, 0.5 * ((turned - first) ** 2).mean(axis=-2) / variance
 
-    first, total = both(f)
-    drawn = both(f[random.integers(0, len(f), (BOOTSTRAPS, len(f)))])
+    first, total = estimates(f)
+    drawn = estimates(f[random.integers(0, len(f), (BOOTSTRAPS, len(f)))])
     return {"first": first, **_bounds("first", drawn[0]), "total": total, **_bounds("total", drawn[1])}
 
 
@@ -170,8 +170,8 @@ def _correlations(x: Mapping[str, Floats], y: Floats, size: int, random: np.rand
     """Return rank correlations of inputs with a result that some members have; ``size``: members of a draw."""
     from scipy.stats import rankdata
 
-    known = np.isfinite(y)
-    draws = np.unique(np.flatnonzero(known) // size)
+    finite = np.isfinite(y)
+    draws = np.unique(np.flatnonzero(finite) // size)
     if draws.size < 4:
         return {}
 
@@ -182,10 +182,10 @@ def _correlations(x: Mapping[str, Floats], y: Floats, size: int, random: np.rand
         return np.asarray((ranks[:-1] @ ranks[-1]) / (length[:-1] * length[-1]))
 
     # Members of one draw differ in one input, so that whole draws are drawn anew.
-    members = [np.flatnonzero(known[k * size : (k + 1) * size]) + k * size for k in draws]
+    members = [np.flatnonzero(finite[k * size : (k + 1) * size]) + k * size for k in draws]
     again = random.integers(0, draws.size, (BOOTSTRAPS // 5, draws.size))
     drawn = np.stack([rho(np.concatenate([members[k] for k in row])) for row in again])
-    return {"correlation": rho(np.flatnonzero(known)), **_bounds("correlation", drawn)}
+    return {"correlation": rho(np.flatnonzero(finite)), **_bounds("correlation", drawn)}
 
 
 def sensitivity(
@@ -213,7 +213,7 @@ def sensitivity(
     results : mapping, optional
         Further results by name: functions that take the result of the sweep and return one number for each member.
     default_errors : bool, optional
-        Vary what a forecast has errors of by itself.
+        Vary the default errors of a forecast too.
     **options
         As for `riftberg.sweep`. ``members`` is the number of draws: with d inputs, d + 1 runs each for ``morris`` (16 draws by
         default), d + 2 for ``sobol`` (64).
@@ -228,7 +228,7 @@ def sensitivity(
     Raises
     ------
     InputError
-        If what is varied is not possible; before the first run.
+        If an input cannot be varied; before the first run.
     """
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="method", remedy=f"Use {' or '.join(METHODS)}")
@@ -236,7 +236,7 @@ def sensitivity(
     merged = forecast_errors(experiment, vary, defaults=default_errors)
     options = {"members": USUAL_DRAWS[method], **options, "plan": METHODS[method]}
     ds = sweep(experiment, merged, **options)
-    found = results_of(ds, at_days)
+    all_results = select_results(ds, at_days)
     for name, function in (results or {}).items():
         values = np.asarray(function(ds))
         if values.shape != (ds.sizes["member"],) or values.dtype.kind not in "fiub":
@@ -244,5 +244,5 @@ def sensitivity(
                 f"the function of {name!r} returns {value_shown(function(ds))}", where="results",
                 remedy=f"Return one number for each of the {ds.sizes['member']} members, in their order",
             )  # fmt: skip
-        found[name] = Result(values.astype(float), "1")
-    return indices(ds, found)
+        all_results[name] = Result(values.astype(float), "1")
+    return indices(ds, all_results)

@@ -1,4 +1,4 @@
-"""A sweep: every combination of what is varied is run, wherever there is room, and the runs become one result."""
+"""A sweep: a run for every combination of the varied inputs, on all cores or machines, and one result of all runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ import xarray as xr
 from riftberg.config.units import count_text, duration_text
 from riftberg.config.values import check_names, native, number
 from riftberg.constants import SECONDS_PER_DAY
-from riftberg.ensembles.cluster import computed, connected, cores
+from riftberg.ensembles.cluster import compute_members, connect_client, cores
 from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import (
     CELLS,
@@ -34,23 +34,23 @@ from riftberg.ensembles.member import (
     Maker,
     Outcome,
     build_member,
-    digest_of,
+    compute_digest,
     with_values,
 )
 from riftberg.ensembles.probability import Breaks, with_probabilities
 from riftberg.ensembles.result import (
     MEANS,
     MOST_LISTED,
-    dataset_of,
+    build_dataset,
     longest_text,
     open_sweep,
     write_blocks,
     write_sweep,
 )
 from riftberg.ensembles.uncertain import check_sizes, with_errors
-from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of, vary_with_file
+from riftberg.ensembles.vary import Draws, Varied, grouped, list_members, plan_from_design, read_varied, vary_with_file
 from riftberg.errors import InputError, without_secrets
-from riftberg.experiments.changes import changed, origin, settings_of
+from riftberg.experiments.changes import changed, format_settings, origin
 from riftberg.experiments.registry import Options
 from riftberg.ocean.files_forcing import forget_forcings
 from riftberg.parameters import GROUPS
@@ -107,7 +107,7 @@ class WorkerOptions(TypedDict, total=False):
 
 
 class SweepOptions(WorkerOptions, total=False):
-    """What `sweep` takes beside its own arguments: where the members run, and what is the same for all of them."""
+    """Options of `sweep` beside its own arguments: where the members run, and settings that all of them share."""
 
     # Write fresh water, heat and mass of each member on cells this wide (degrees), as ``riftberg run --cells``, into
     # the folder ``cells`` of ``output``. A member that is stopped or lost begins anew then
@@ -137,9 +137,9 @@ def sweep(
     Parameters
     ----------
     experiment : str, path or callable
-        Built-in experiment or YAML file; or a function that takes what is varied by name and returns a `riftberg.Model`.
+        Built-in experiment or YAML file; or a function that takes the varied inputs by name and returns a `riftberg.Model`.
     vary : mapping, or iterable of str, optional
-        What is varied, beside or instead of the section ``vary`` of an experiment file. Values by ``group.name``: a list, an
+        Inputs to vary, beside or instead of the section ``vary`` of an experiment file. Values by ``group.name``: a list, an
         array, or a text such as ``"14..24kPa:11"`` (eleven values) or ``"14, 18, 24 kPa"``.
         The last one changes fastest. Or texts such as ``"fracture.normal_strength=14..24kPa:11"``.
         A distribution needs ``members``: ``"lognormal(18 kPa, 20 %)"``. Beside parameters, ``start``,
@@ -149,14 +149,14 @@ def sweep(
     every_hours : float or str, optional
         Interval of the tracks; by default 6 h, or the length of the runs where they are shorter.
     output : path, optional
-        Folder for ``sweep.nc`` and for what is done so far; without it nothing is kept on disk. Workers on other machines
+        Folder for ``sweep.nc`` and the outcomes so far; without it nothing is kept on disk. Workers on other machines
         must reach it to save states there.
     resume : bool
         Go on with the sweep in ``output``: members that are done stay, those that failed are tried again.
     progress : bool, optional
         Show how many members are done.
     **options
-        What is the same for all members (changes, without, data, numerics, cells), how they are drawn (members, plan, seed),
+        Settings that all members share (changes, without, data, numerics, cells), how they are drawn (members, plan, seed),
         and where they run, and how long (scheduler, workers, save_seconds, member_time): `SweepOptions`.
 
     Returns
@@ -168,7 +168,7 @@ def sweep(
     Raises
     ------
     InputError
-        If what is varied is not possible; before the first run.
+        If an input cannot be varied; before the first run.
     KeyboardInterrupt
         After Ctrl-C, when the members under way have saved their states; `resume` goes on.
 
@@ -184,7 +184,7 @@ def sweep(
     """
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
-    plan = planned(experiment, vary, common_options(days, options), every, options.get("cells"), draws_of(options))
+    plan = make_plan(experiment, vary, common_options(days, options), every, options.get("cells"), read_draws(options))
     return run_plan(plan, output, resume, progress, options)
 
 
@@ -201,7 +201,7 @@ def run_plan(
         return run_sweep(store, bar=bar, **where).load()
 
 
-def draws_of(options: Mapping[str, Any]) -> Draws:
+def read_draws(options: Mapping[str, Any]) -> Draws:
     """Return how members are drawn, checked."""
     count, seed, plan = (native(options.get(name)) for name in ("members", "seed", "plan"))
     seed, plan = 1 if seed is None else seed, plan or "sobol"
@@ -216,7 +216,7 @@ def draws_of(options: Mapping[str, Any]) -> Draws:
 
 
 def common_options(days: float | str | None, options: SweepOptions) -> Options:
-    """Return what is the same for all members."""
+    """Return the options that all members share."""
     data = options.get("data")
     return Options(
         changes=dict(options.get("changes") or {}), days=None if days is None else number(days, "day", where="days"),
@@ -227,7 +227,7 @@ def common_options(days: float | str | None, options: SweepOptions) -> Options:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a sweep is, checked."""
+    """A checked plan of a sweep."""
 
     experiment: str | Maker
     options: Options  # Common to all members
@@ -245,8 +245,8 @@ class Plan:
 
     def lag(self, number: int) -> float:
         """Return how much earlier than the forecast a member starts, s."""
-        begun = None if number == CONTROL or not self.forecast else self.members[number].get("start")
-        return 0.0 if begun is None else (self.start - datetime.fromisoformat(str(begun))).total_seconds()
+        start = None if number == CONTROL or not self.forecast else self.members[number].get("start")
+        return 0.0 if start is None else (self.start - datetime.fromisoformat(str(start))).total_seconds()
 
     @property
     def named(self) -> str:
@@ -261,7 +261,7 @@ class Plan:
         return {MEMBER: 0} if any(v.name == MEMBER for v in self.varied) else {}
 
     def described(self) -> dict[str, Any]:
-        """Return what a sweep that goes on must have in common with the one before, as JSON holds it."""
+        """Return the settings that a resumed sweep must share with the earlier one, as plain data."""
         o = self.options
         return {
             "experiment": self.named,
@@ -280,7 +280,7 @@ class Plan:
         }
 
     def job(self, number: int, folder: Path, save_seconds: float, most_seconds: float = math.inf) -> Job:
-        """Return what a worker must know of a member."""
+        """Return the input of a worker for a member."""
         values = self.control if number == CONTROL else self.members[number]
         lag = self.lag(number)
         return Job(
@@ -289,32 +289,32 @@ class Plan:
         )  # fmt: skip
 
 
-def planned(
+def make_plan(
     experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float | None, cells: float | None = None,
     draws: Draws | None = None, *, forecast: bool = False, design: bool = False,
 ) -> Plan:  # fmt: skip
     """Check all of a sweep that can be checked before its first run; without an interval the usual one is taken."""
-    named: Any = experiment if callable(experiment) else str(experiment)
-    if isinstance(named, str) and named.endswith((".yaml", ".yml")):
-        named = str(Path(named).absolute())
+    source: Any = experiment if callable(experiment) else str(experiment)
+    if isinstance(source, str) and source.endswith((".yaml", ".yml")):
+        source = str(Path(source).absolute())
     draws = draws or Draws()
     if design:
-        varied, members = designed(vary, free=callable(experiment))
+        varied, members = plan_from_design(vary, free=callable(experiment))
         check_sizes([v.name for v in varied])
     else:
-        varied = varied_of(vary_with_file(experiment, vary, options.data), free=callable(experiment))
+        varied = read_varied(vary_with_file(experiment, vary, options.data), free=callable(experiment))
         check_sizes([v.name for v in varied])
-        members = members_of(varied, draws)
+        members = list_members(varied, draws)
     length = options.days
-    if isinstance(named, str):
+    if isinstance(source, str):
         from riftberg.experiments import build
 
-        first, info = build(named, with_values(options, members[0]))
+        first, info = build(source, with_values(options, members[0]))
         length = info.days if length is None else length
         # All combinations by their parameters alone, which is quick; only the first and the last are built.
         _check_members(first, members, varied)
         try:
-            last, _ = build(named, with_values(options, members[-1]))
+            last, _ = build(source, with_values(options, members[-1]))
         except InputError as error:  # the first could be built, so it is what is varied
             raise InputError(error.what, where=_member_text(members[-1]), remedy=error.remedy) from error
         for model, values in ((first, members[0]), (last, members[-1])):
@@ -323,17 +323,17 @@ def planned(
         for model, values in ((first, members[0]), (last, members[-1])):
             for group, inner in grouped(values).items():
                 for key, value in inner.items() if group in GROUPS else ():
-                    taken = getattr(getattr(model.parameters, group, None), key, None)
-                    if taken != value and value:  # 0 and none mean: find it
+                    actual = getattr(getattr(model.parameters, group, None), key, None)
+                    if actual != value and value:  # 0 and none mean: find it
                         raise InputError(
-                            f"{named} keeps {group}.{key} = {value_shown(taken)} whatever is given",
+                            f"{source} keeps {group}.{key} = {value_shown(actual)} whatever is given",
                             where=f"--vary {group}.{key}",
                             remedy="Vary another parameter, or give a function that makes the models",
                         )  # fmt: skip
     elif length is None:
         raise InputError("the length of the runs is missing", where="days", remedy="Give days")
     else:
-        first = build_member(Job(0, members[0], named, options, length, 1.0, Path()))
+        first = build_member(Job(0, members[0], source, options, length, 1.0, Path()))
     if not 0.0 < length < 1e6:
         raise InputError(f"{length:g} days", where="days", remedy="Give a finite number above 0")
     if every_hours is None:
@@ -344,7 +344,7 @@ def planned(
             remedy="Give a number above 0, at most the length of the runs",
         )  # fmt: skip
     return Plan(
-        named,
+        source,
         options,
         varied,
         members,
@@ -355,15 +355,15 @@ def planned(
         draws,
         forecast,
         design,
-        digest_of(named),
-        _start_of(named, options, members, first, length) if forecast else first.start,
+        compute_digest(source),
+        _find_start(source, options, members, first, length) if forecast else first.start,
     )
 
 
-def _start_of(
+def _find_start(
     experiment: Any, options: Options, members: Sequence[dict[str, Any]], first: Model, days: float
 ) -> datetime:
-    """Return the start of a forecast, that of its file or its control; members that start at other dates do so before it."""
+    """Return the start of a forecast: of its file or its control. Members that start at other dates start before it."""
     if "start" not in members[0]:
         return first.start
     if isinstance(experiment, str):
@@ -400,44 +400,46 @@ def _cells(width: float | None, first: Model) -> float | None:
 def _check_members(first: Model, members: Sequence[dict[str, Any]], varied: Sequence[Varied]) -> None:
     """Refuse combinations of values that no run can have.
 
-    All combinations of listed values; of what is drawn, each value of which was checked by itself, the members with the
-    smallest and the largest. To check every one of 10,000 draws took half a minute.
+    All combinations of listed values are checked. Drawn values were checked one by one, so only the members with the smallest
+    and the largest are checked: every one of 10,000 draws took half a minute.
     """
-    own = [v for v in varied if v.name.partition(".")[0] in GROUPS]
-    drawn = [v.name for v in own if v.distribution is not None and not v.distribution.choices]
-    orders = [np.argsort([values[v.name] for values in members]) for v in own if v.name in drawn and v.parts == 1]
+    inputs = [v for v in varied if v.name.partition(".")[0] in GROUPS]
+    drawn = [v.name for v in inputs if v.distribution is not None and not v.distribution.choices]
+    orders = [
+        np.argsort([values[v.name] for values in members]) for v in inputs if v.name in drawn and v.components == 1
+    ]
     ends = {int(order[end]) for order in orders for end in (0, -1)}
     seen: set[tuple[str, ...]] = set()
-    for k, values in enumerate(members if own else ()):
-        combination = tuple(str(values[v.name]) for v in own if v.name not in drawn)
+    for k, values in enumerate(members if inputs else ()):
+        combination = tuple(str(values[v.name]) for v in inputs if v.name not in drawn)
         if combination not in seen or k in ends:
             seen.add(combination)
             changed(first.parameters, grouped(values), where=_member_text(values))
 
 
 def _member_text(values: Mapping[str, Any]) -> str:
-    said = ", ".join(f"{name} = {value_shown(value)}" for name, value in values.items())
-    return f"--vary, member with {said}"
+    settings = ", ".join(f"{name} = {value_shown(value)}" for name, value in values.items())
+    return f"--vary, member with {settings}"
 
 
-def _digest(kept: Mapping[str, Any]) -> int:
-    """Return a checksum over what is kept of a member, by which a bit that has flipped is noticed."""
-    return zlib.crc32(json.dumps(kept, sort_keys=True).encode())
+def _digest(record: Mapping[str, Any]) -> int:
+    """Return a checksum of the record of a member, which reveals a flipped bit."""
+    return zlib.crc32(json.dumps(record, sort_keys=True).encode())
 
 
 class Store:
-    """The folder of a sweep: its plan, and what is done."""
+    """The folder of a sweep: its plan and the outcomes so far."""
 
     def __init__(self, folder: Path, plan: Plan, *, resume: bool, part: tuple[int, int] | None = None) -> None:
-        if part is None and resume and (named := PART.fullmatch(folder.name)):
-            part = int(named[1]), int(named[2])  # a part that goes on stays one
+        if part is None and resume and (match := PART.fullmatch(folder.name)):
+            part = int(match[1]), int(match[2])  # a part that goes on stays one
         elif part is not None:
             folder = folder / f"part-{part[0]}-of-{part[1]}"
         self.folder, self.plan = folder, plan
         self.members = folder / MEMBERS
         self.numbers = range(CONTROL if plan.forecast else 0, len(plan.members))
         # Each part takes every n-th member, so that parts take equally long where the time depends on what is varied.
-        self.own = [k for k in self.numbers if part is None or k % part[1] == part[0] - 1]
+        self.assigned = [k for k in self.numbers if part is None or k % part[1] == part[0] - 1]
         self.file = folder / ("forecast.nc" if plan.forecast else "sweep.nc")
         self.look: Callable[[xr.Dataset], None] | None = None  # What is done with the result of the first members
         self.done: dict[int, str] = {}  # Status of the members that were run; what they came to is in their files
@@ -446,28 +448,28 @@ class Store:
         described = json.loads(without_secrets(json.dumps(plan.described(), default=str)))
         where = str(folder)
         if (folder / PLAN).exists():
-            known = read_plan(folder)
+            saved = read_plan(folder)
             if not resume:
                 raise InputError(
                     "holds a sweep already", where=where, remedy="Go on with it by --resume, or name another"
                 )
-            different = sorted(key for key in described if known.get(key) != described[key])
+            different = sorted(key for key in described if saved.get(key) != described[key])
             if different == ["members"]:
                 if plan.draws.plan == "latin-hypercube":
                     raise InputError(
                         "members cannot be added to a Latin hypercube, which divides the range by their number", where=where,
                         remedy="Begin anew, or use --plan sobol, which takes more",
                     )  # fmt: skip
-                if known["members"] > described["members"]:
+                if saved["members"] > described["members"]:
                     raise InputError(
-                        f"holds {known['members']} members", where=where, remedy="Give that number, or a larger one"
+                        f"holds {saved['members']} members", where=where, remedy="Give that number, or a larger one"
                     )
                 different = []
             if "digest" in different:
                 raise InputError(f"{plan.named} has changed since the sweep began", where=where, remedy=UNDO)
             if different:
                 raise InputError(
-                    f"holds another sweep: {different[0]} is {value_shown(known.get(different[0]))}", where=where,
+                    f"holds another sweep: {different[0]} is {value_shown(saved.get(different[0]))}", where=where,
                     remedy=f"Here it is {value_shown(described[different[0]])}; name another folder",
                 )  # fmt: skip
             for number in self.numbers:
@@ -493,18 +495,18 @@ class Store:
         write_text(self.folder / PLAN, json.dumps(self._described, indent=1) + "\n")
 
     def outcome(self, number: int) -> Outcome | None:
-        """Return what a member came to; what cannot be read is done again."""
+        """Return the outcome of a member; None where it cannot be read, so that the member runs again."""
         try:
-            kept = dict(json.loads((self.members / f"{number:05d}.json").read_text("utf-8")))
-            digest = kept.pop("digest", None)
-            return Outcome(**kept) if digest == _digest(kept) else None
+            record = dict(json.loads((self.members / f"{number:05d}.json").read_text("utf-8")))
+            digest = record.pop("digest", None)
+            return Outcome(**record) if digest == _digest(record) else None
         except (ValueError, TypeError, OSError):
             return None
 
     def keep(self, outcome: Outcome) -> None:
-        """Keep what a member came to."""
-        kept = vars(outcome)
-        write_text(self.members / f"{outcome.number:05d}.json", json.dumps({**kept, "digest": _digest(kept)}))
+        """Save the outcome of a member."""
+        record = vars(outcome)
+        write_text(self.members / f"{outcome.number:05d}.json", json.dumps({**record, "digest": _digest(record)}))
         self._count(outcome)
 
     def _count(self, outcome: Outcome) -> None:
@@ -515,7 +517,7 @@ class Store:
 
     def waiting(self) -> list[int]:
         """Return the members that are still to be run; those that failed are tried again, unfinished ones go on."""
-        return [k for k in self.own if self.done.get(k) != "done"]
+        return [k for k in self.assigned if self.done.get(k) != "done"]
 
     def stop(self) -> None:
         """Ask the members under way to save their states and stop."""
@@ -543,19 +545,21 @@ class Store:
                 members = plan.members[first : first + BLOCK]
                 read = {k: self.outcome(first + k) for k in range(len(members)) if first + k in self.done}
                 outcomes = {k: outcome for k, outcome in read.items() if outcome is not None}
-                ds = dataset_of(plan.varied, members, outcomes, room=(self._fragments, sorted(self._means)), **common)
+                ds = build_dataset(
+                    plan.varied, members, outcomes, room=(self._fragments, sorted(self._means)), **common
+                )
                 ds = ds.assign_coords(member=("member", first + ds["member"].values, ds["member"].attrs))
                 if breaks is not None:
                     breaks.add(ds, {first + k: _since(o.cracks, plan.lag(first + k)) for k, o in outcomes.items()})
                 yield ds
 
-        with replacing(self.file) as part:
-            write_blocks(blocks(), part, max(self._message, longest_text(plan.members)))
+        with replacing(self.file) as temporary:
+            write_blocks(blocks(), temporary, max(self._message, longest_text(plan.members)))
             if breaks is not None:
-                known = open_sweep(part, tracks=False)
-                ds = with_probabilities(known, breaks, weight).assign(self._control(common))
-                known.close()
-                write_sweep(ds.drop_vars(list(known.variables)), part, more=True)
+                written = open_sweep(temporary, tracks=False)
+                ds = with_probabilities(written, breaks, weight).assign(self._control(common))
+                written.close()
+                write_sweep(ds.drop_vars(list(written.variables)), temporary, more=True)
 
     def _ice(self) -> tuple[Floats, Floats, float]:
         """Return the places (m) of the elements of the first member about their middle, and their side (m)."""
@@ -564,20 +568,20 @@ class Store:
         return *plane.forward(e.lon, e.lat), float(np.sqrt(np.mean(e.length * e.width)))
 
     def _origin(self) -> dict[str, str]:
-        """Return what the result keeps for ``riftberg rerun``, which makes one of its members again."""
+        """Return the attributes by which ``riftberg rerun`` repeats one of the members."""
         o = self.plan.options
         if not isinstance(self.plan.experiment, str):
             return {}
-        words = ["--days", repr(self.plan.days), *(part for name in sorted(o.without) for part in ("--without", name))]
+        words = ["--days", repr(self.plan.days), *(word for name in sorted(o.without) for word in ("--without", name))]
         words += [] if o.numerics is None else ["--numerics", o.numerics]
-        return origin(self.plan.experiment, words, settings_of(o.changes), o.data, self.folder)
+        return origin(self.plan.experiment, words, format_settings(o.changes), o.data, self.folder)
 
     def weights(self) -> dict[str, Any]:
-        """Return what new sightings made of the members, empty where there were none."""
+        """Return the weights of the members by new sightings; empty where there were none."""
         file = self.folder / WEIGHTS
-        found: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
+        weights: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
         # Members that were added since have not been weighted yet.
-        return found if len(found.get("base", self.plan.members)) == len(self.plan.members) else {}
+        return weights if len(weights.get("base", self.plan.members)) == len(self.plan.members) else {}
 
     def set_base(self, base: Sequence[float]) -> None:
         """Note the logarithms of the probabilities by which members were chosen around others."""
@@ -588,14 +592,14 @@ class Store:
         control = self.outcome(CONTROL)
         if control is None or control.status != "done":
             return {}
-        alone = dataset_of((), [{}], {0: replace(control, number=0)}, **common).isel(member=0, drop=True)
-        found = {}
+        alone = build_dataset((), [{}], {0: replace(control, number=0)}, **common).isel(member=0, drop=True)
+        fields = {}
         for name in (n for n in ("lon", "lat", "x", "y", "area", "first_breakup", "largest_area") if n in alone):
             values = alone[name].drop_vars("fragment", errors="ignore")
             values = values.rename(fragment="control_fragment") if "fragment" in values.dims else values
-            found[f"control_{name}"] = values.assign_attrs(long_name=f"control: {values.attrs.get('long_name', name)}")
-            found[f"control_{name}"].attrs.pop("coordinates", None)  # those are of the members
-        return found
+            fields[f"control_{name}"] = values.assign_attrs(long_name=f"control: {values.attrs.get('long_name', name)}")
+            fields[f"control_{name}"].attrs.pop("coordinates", None)  # those are of the members
+        return fields
 
 
 def _since(cracks: list[list[float]], lag: float) -> np.ndarray[Any, Any]:
@@ -608,11 +612,11 @@ def _since(cracks: list[list[float]], lag: float) -> np.ndarray[Any, Any]:
 def join_parts(folder: Path) -> list[int]:
     """Bring the members of all parts below a folder together in it, as one sweep; return the numbers of missing parts."""
 
-    def refuse(what: str, remedy: str) -> None:
-        raise InputError(what, where=f"--join {folder}", remedy=remedy)
+    def refuse(fault: str, remedy: str) -> None:
+        raise InputError(fault, where=f"--join {folder}", remedy=remedy)
 
-    parts = sorted(folder.glob("part-*-of-*")) if is_folder(folder) else []
-    plans = {path.name: read_plan(path) for path in parts}
+    sources = sorted(folder.glob("part-*-of-*")) if is_folder(folder) else []
+    plans = {path.name: read_plan(path) for path in sources}
     if not plans:
         refuse("holds no parts of a sweep", "Run them by --part 1/4 and the same --output")
     first, *others = plans.items()
@@ -624,19 +628,21 @@ def join_parts(folder: Path) -> list[int]:
         refuse(f"parts of {' and '.join(sorted(counts))}", "Remove those that do not belong")
     if (folder / PLAN).exists() and read_plan(folder) != first[1]:
         refuse("holds another sweep than its parts", "Move the parts to a folder of their own")
-    for part in parts:
-        for file in sorted([*(part / MEMBERS).glob("*.json"), *(part / CELLS).glob("*.nc"), *part.glob(CONTROL_RUN)]):
-            place = folder / file.relative_to(part)
-            place.parent.mkdir(exist_ok=True)
-            with replacing(place) as copy:
+    for source in sources:
+        for file in sorted(
+            [*(source / MEMBERS).glob("*.json"), *(source / CELLS).glob("*.nc"), *source.glob(CONTROL_RUN)]
+        ):
+            target = folder / file.relative_to(source)
+            target.parent.mkdir(exist_ok=True)
+            with replacing(target) as copy:
                 shutil.copyfile(file, copy)
     write_text(folder / PLAN, json.dumps(first[1], indent=1) + "\n")
-    there = {int(name.split("-")[1]) for name in plans}
-    return sorted(set(range(1, int(counts.pop()) + 1)) - there)
+    present = {int(name.split("-")[1]) for name in plans}
+    return sorted(set(range(1, int(counts.pop()) + 1)) - present)
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
-    """Return what the sweep in a folder is."""
+    """Return the plan of the sweep in a folder."""
     file = folder / PLAN if is_folder(folder) else folder
     check_file(file, remedy="Name a folder that 'riftberg sweep' made", missing="holds no sweep")
     with reading(file, "not the plan of a sweep", "Name a folder that 'riftberg sweep' made"):
@@ -664,11 +670,11 @@ def run_sweep(
     processes = min(cores() if workers is None else workers, len(numbers))
     with (
         held() as hold,
-        connected(scheduler) if scheduler is not None and numbers else nullcontext() as client,
+        connect_client(scheduler) if scheduler is not None and numbers else nullcontext() as client,
         store.taken(),
     ):
         try:
-            _collect(store, computed(jobs, client, processes, hold), hold, bar)
+            _collect(store, compute_members(jobs, client, processes, hold), hold, bar)
         finally:  # what is done is kept, also after Ctrl-C
             forget_forcings()
             (store.members / STOP).unlink(missing_ok=True)
@@ -696,11 +702,11 @@ def _collect(store: Store, outcomes: Iterator[Outcome], hold: Hold, bar: SweepBa
             # Write the result of the members that are done, and show it; whatever goes wrong is left to the end.
             try:
                 store.write()
-                known = open_sweep(store.file, tracks=False)
+                result = open_sweep(store.file, tracks=False)
                 try:
                     assert store.look is not None
-                    store.look(known)
+                    store.look(result)
                 finally:
-                    known.close()
+                    result.close()
             except Exception as error:  # the members go on
                 _LOG.warning("no first result: %s", error)

@@ -1,9 +1,9 @@
-"""What may be uncertain beside the parameters: where the berg starts and what it is like, and the errors of its surroundings.
+"""Uncertain inputs beside the parameters: position and shape of the berg at the start, and errors of its surroundings.
 
-These are keys of `--vary` like the parameters, and hold for any experiment: they change a model at its start. How large the
-errors of a product are stands here too: what it states itself, and what two products that differ say of both. Their
-difference holds the sum of the errors of both and nothing of what they share, so what is estimated from it is a lower bound
-of the error of either, if both err alike.
+These are keys of `--vary` like the parameters, and hold for any experiment: they change a model at its start. The size of
+the errors of a product stands here too: the product states it, or it is estimated from the difference of two products. The
+difference holds the sum of both errors without the error that they share, so the estimate is a lower bound of the error of
+either, if both err alike.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from riftberg.errors import ForcingError, InputError
 from riftberg.experiments.changes import started
 from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing
 from riftberg.state import Floats
-from riftberg.system.input_files import check_file, is_seen, reading, rows_of_csv
+from riftberg.system.input_files import check_file, is_seen, read_csv_rows, reading
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class StartError(Section):
-    """The berg at the start, against what the experiment says."""
+    """The berg at the start, relative to the experiment."""
 
     east: float = key(0.0, "m", "distance by which the berg starts farther east", ge=-1e6, le=1e6)
     north: float = key(0.0, "m", "distance by which the berg starts farther north", ge=-1e6, le=1e6)
@@ -102,17 +102,17 @@ def has_fields(names: Any) -> bool:
 def check_sizes(names: Collection[str]) -> None:
     """Refuse the length or time of a random error that has no size: it would do nothing."""
     sizes = {"current_error": ("speed", "field"), "wind_error": ("speed",), "floor_error": ("spread", "share")}
-    for group, own in sizes.items():
+    for group, keys in sizes.items():
         scales = [name for name in names if name in (f"{group}.length", f"{group}.time")]
-        if scales and not any(f"{group}.{size}" in names for size in own):
+        if scales and not any(f"{group}.{size}" in names for size in keys):
             raise InputError(
                 "the scale of an error that has no size", where=f"--vary {scales[0]}",
-                remedy=f"Give {' or '.join(f'{group}.{size}' for size in own)} too, or leave it out",
+                remedy=f"Give {' or '.join(f'{group}.{size}' for size in keys)} too, or leave it out",
             )  # fmt: skip
 
 
 def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
-    """Return a model at its start with what is uncertain changed."""
+    """Apply the uncertain inputs to a model at its start."""
     keys: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         if is_uncertain(name):
@@ -121,7 +121,7 @@ def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
     if not keys:
         return model
     sections: dict[str, Any] = {group: kind(**keys.get(group, {})) for group, kind in UNCERTAIN.items()}
-    begun = _started(model, sections["start"])
+    started_model = _change_start(model, sections["start"])
     c, w, f = sections["current_error"], sections["wind_error"], sections["floor_error"]
     size = None
     if c.field is not None:
@@ -137,14 +137,14 @@ def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
     if errors != Errors(seed=errors.seed):
         earth = model.parameters.earth
         plane = earth.f_plane or not earth.latlon
-        begun.forcing = UncertainForcing(
-            begun.forcing, errors, begun.elements, latlon=earth.latlon,
+        started_model.forcing = UncertainForcing(
+            started_model.forcing, errors, started_model.elements, latlon=earth.latlon,
             latitude=earth.reference_latitude if plane else None,
         )  # fmt: skip
-    return begun
+    return started_model
 
 
-def _started(model: Model, start: StartError) -> Model:
+def _change_start(model: Model, start: StartError) -> Model:
     """Return the model anew with its berg moved, turned and changed."""
     if start == StartError():
         return model
@@ -173,7 +173,7 @@ normal distribution in two dimensions with a standard deviation of 10.6 km along
 
 
 def read_starts(path: str | Path) -> dict[str, str]:
-    """Return what a table of starts varies, row after row in turn, as `riftberg.forecast` takes it.
+    """Return the inputs that a table of starts varies, row after row in turn, as `riftberg.forecast` takes it.
 
     Parameters
     ----------
@@ -194,24 +194,24 @@ def read_starts(path: str | Path) -> dict[str, str]:
     """
     rows = [
         {str(key).strip().lower(): (value or "").strip() for key, value in row.items()}
-        for row in rows_of_csv(Path(path))[0]
+        for row in read_csv_rows(Path(path))[0]
     ]
-    held = [name for name in COLUMNS if name in rows[0]]
+    present = [name for name in COLUMNS if name in rows[0]]
     other = [name for name in rows[0] if name not in COLUMNS]
-    if not held or other or ("lon" in held) != ("lat" in held):
-        what = f"a column {other[0]!r}" if other else "no column of a start" if not held else "lon without lat"
-        raise InputError(what, where=str(path), remedy=f"Columns are {', '.join(COLUMNS)}")
-    found: dict[str, list[str]] = {}
+    if not present or other or ("lon" in present) != ("lat" in present):
+        fault = f"a column {other[0]!r}" if other else "no column of a start" if not present else "lon without lat"
+        raise InputError(fault, where=str(path), remedy=f"Columns are {', '.join(COLUMNS)}")
+    values_by_name: dict[str, list[str]] = {}
     for number, row in enumerate(rows, start=2):
-        for name, value in _of_row(row, f"{path}, line {number}").items():
-            found.setdefault(name, []).append(value)
-    varied = {name: f"~each({', '.join(values)})" for name, values in found.items()}
+        for name, value in _read_row(row, f"{path}, line {number}").items():
+            values_by_name.setdefault(name, []).append(value)
+    varied = {name: f"~each({', '.join(values)})" for name, values in values_by_name.items()}
     if "start.error" in varied:
         varied |= dict.fromkeys(("start.east", "start.north"), "~normal(0 m, 1 m)")
     return varied
 
 
-def _of_row(row: dict[str, str], where: str) -> dict[str, str]:
+def _read_row(row: dict[str, str], where: str) -> dict[str, str]:
     """Return the values of one start by the names of `--vary`."""
 
     def number(name: str, low: float, high: float) -> float:
@@ -227,10 +227,10 @@ def _of_row(row: dict[str, str], where: str) -> dict[str, str]:
     if "date" in row:
         values["start"] = parse_date(row["date"], where=where)[0].isoformat(sep=" ")
     if "lon" in row:
-        place = number("lon", -540.0, 540.0), number("lat", -90.0, 90.0)
-        if not is_seen(*place):
+        position = number("lon", -540.0, 540.0), number("lat", -90.0, 90.0)
+        if not is_seen(*position):
             raise InputError("latitude 0, longitude 0 are no position", where=where, remedy="Leave the row out")
-        values["berg.placement"] = f"[{place[0]:.10g}, {place[1]:.10g}]"
+        values["berg.placement"] = f"[{position[0]:.10g}, {position[1]:.10g}]"
     if "error_km" in row or "age_hours" in row:
         error = 1e3 * number("error_km", 0.0, 500.0) if "error_km" in row else 0.0
         age = 3600.0 * number("age_hours", 0.0, 2400.0) if "age_hours" in row else 0.0
@@ -269,7 +269,7 @@ def stated_error(path: str) -> SizeField:
     from scipy.spatial import cKDTree
 
     from riftberg.plane import unit_vectors
-    from riftberg.products.cf import role_of, units_of
+    from riftberg.products.cf import find_role, read_units
     from riftberg.system.netcdf_lock import open_lazily
 
     remedy = (
@@ -277,19 +277,21 @@ def stated_error(path: str) -> SizeField:
     )
     check_file(Path(path), remedy=remedy)
     with reading(Path(path), "cannot be read", remedy, ForcingError), open_lazily(path) as ds:
-        pair = [name for way in (_EAST, _NORTH) if (name := _error_variable(ds, way))]
+        pair = [name for pattern in (_EAST, _NORTH) if (name := _error_variable(ds, pattern))]
         if len(pair) < 2:
             raise ForcingError("states no error of its current", where=path, remedy=remedy)
         square: Any = 0.0
         for name in pair:
             field = ds[name]
-            axes = {role: dim for dim in field.dims if dim in ds.variables and (role := role_of(dim, ds[dim].variable))}
+            axes = {
+                role: dim for dim in field.dims if dim in ds.variables and (role := find_role(dim, ds[dim].variable))
+            }
             if not {"lon", "lat"} <= set(axes):
                 raise ForcingError(f"{name} is not on axes of longitude and latitude", where=path, remedy=remedy)
             field = field.isel(
                 {dim: 0 for dim in field.dims if dim not in (axes["lon"], axes["lat"], axes.get("time"))}
             )
-            factor = to_unit(f"1 {units_of(field) or 'm s-1'}", "m s-1")
+            factor = to_unit(f"1 {read_units(field) or 'm s-1'}", "m s-1")
             field = field.transpose(..., axes["lat"], axes["lon"])
             values = (factor * field.astype(float)) ** 2
             square = square + 0.5 * (values.mean([axes["time"]]) if "time" in axes and values.ndim > 2 else values)
@@ -298,18 +300,18 @@ def stated_error(path: str) -> SizeField:
     if not np.isfinite(size).any():
         raise ForcingError(f"{pair[0]} holds no value", where=path, remedy=remedy)
     if not np.isfinite(size).all():
-        places, known = unit_vectors(*np.meshgrid(lon, lat)), np.isfinite(size)
-        size[~known] = size[known][cKDTree(places[known]).query(places[~known])[1]]  # the nearest, also across the seam
+        points, valid = unit_vectors(*np.meshgrid(lon, lat)), np.isfinite(size)
+        size[~valid] = size[valid][cKDTree(points[valid]).query(points[~valid])[1]]  # the nearest, also across the seam
     size = size[np.argsort(lat)][:, np.argsort(lon)]
     return SizeField(np.sort(lon), np.sort(lat), size, Path(path).name)
 
 
-def _error_variable(ds: xr.Dataset, way: re.Pattern[str]) -> str:
+def _error_variable(ds: xr.Dataset, pattern: re.Pattern[str]) -> str:
     """Return the variable of the error of a component; empty if there is none."""
     for name in map(str, ds.data_vars):
         standard = str(ds[name].attrs.get("standard_name", ""))
         bare = _ERROR.sub("_", name.lower()).strip("_")
-        if (bare != name.lower() and way.match(bare)) or ("standard_error" in standard and way.match(standard)):
+        if (bare != name.lower() and pattern.match(bare)) or ("standard_error" in standard and pattern.match(standard)):
             return name
     return ""
 
@@ -326,11 +328,11 @@ class Estimate(NamedTuple):
     @property
     def vary(self) -> list[str]:
         """The options that give them to a forecast."""
-        found = [f"current_error.speed={self.speed:.2g} m/s", f"current_error.length={self.length / 1e3:.2g} km"]
-        return found + ([f"current_error.time={self.time / 86400.0:.2g} day"] if np.isfinite(self.time) else [])
+        options = [f"current_error.speed={self.speed:.2g} m/s", f"current_error.length={self.length / 1e3:.2g} km"]
+        return options + ([f"current_error.time={self.time / 86400.0:.2g} day"] if np.isfinite(self.time) else [])
 
 
-def estimated(
+def estimate_errors(
     first: str | Path | Sequence[str], second: str | Path | Sequence[str], *,
     longitude: tuple[float, float] | None = None, latitude: tuple[float, float] | None = None,
 ) -> Estimate:  # fmt: skip
@@ -341,13 +343,13 @@ def estimated(
     first, second : path, or sequence of them
         Files of two products of the same days and area, on axes of longitude and latitude.
     longitude, latitude : pair of float, optional
-        Box, degrees; by default what both cover.
+        Box, degrees; by default the area that both cover.
 
     Returns
     -------
     Estimate
-        The standard deviation is the difference over the root of two: that of either product if both err alike and by
-        themselves. What they share is not in it, so it is a lower bound.
+        The standard deviation is the difference over the root of two: the error of either product if both err alike and
+        independently. The error that they share is not in it, so it is a lower bound.
 
     Raises
     ------
@@ -356,32 +358,34 @@ def estimated(
     """
     from riftberg.products.mesh import longitudes_near
 
-    one, other = (_currents(path) for path in (first, second))
-    if _spacing(one) < _spacing(other):
-        one, other = other, one  # on the points of the coarser one
+    coarse, fine = (_currents(path) for path in (first, second))
+    if _spacing(coarse) < _spacing(fine):
+        coarse, fine = fine, coarse  # on the points of the coarser one
     # Both on the branch of the box, or of the narrower one, for they may stand on either side of 180.
-    west, east = longitude or min(((float(ds["lon"][0]), float(ds["lon"][-1])) for ds in (one, other)), key=np.ptp)
+    west, east = longitude or min(((float(ds["lon"][0]), float(ds["lon"][-1])) for ds in (coarse, fine)), key=np.ptp)
     east = east if east >= west else east + 360.0
-    one, other = (longitudes_near(ds, west, east) for ds in (one, other))
-    for axis, wanted in (("lon", longitude and (west, east)), ("lat", latitude)):
-        low, high = (f(float(one[axis][k]), float(other[axis][k])) for f, k in ((max, 0), (min, -1)))
-        low, high = (low, high) if wanted is None else (max(low, wanted[0]), min(high, wanted[1]))
-        one = one.sel({axis: slice(low, high)})
-    first_date, last_date = (f(one["time"].values[k], other["time"].values[k]) for f, k in ((max, 0), (min, -1)))
-    one = one.sel(time=slice(first_date, last_date))
-    if min(one.sizes[axis] for axis in ("lon", "lat")) < 4 or not one.sizes["time"]:
+    coarse, fine = (longitudes_near(ds, west, east) for ds in (coarse, fine))
+    for axis, limits in (("lon", longitude and (west, east)), ("lat", latitude)):
+        low, high = (f(float(coarse[axis][k]), float(fine[axis][k])) for f, k in ((max, 0), (min, -1)))
+        low, high = (low, high) if limits is None else (max(low, limits[0]), min(high, limits[1]))
+        coarse = coarse.sel({axis: slice(low, high)})
+    first_date, last_date = (f(coarse["time"].values[k], fine["time"].values[k]) for f, k in ((max, 0), (min, -1)))
+    coarse = coarse.sel(time=slice(first_date, last_date))
+    if min(coarse.sizes[axis] for axis in ("lon", "lat")) < 4 or not coarse.sizes["time"]:
         raise InputError(
             "the products do not share four by four points and a date", where=f"{first}, {second}",
             remedy="Give files of the same days and area, or a larger box",
         )  # fmt: skip
-    there = other.interp(lon=one["lon"], lat=one["lat"])
-    there = there.interp(time=one["time"]) if other.sizes["time"] > 1 else there.isel(time=[0])
-    apart = [np.asarray(one[name].values - there[name].values, float) / np.sqrt(2.0) for name in ("uo", "vo")]
-    speed = float(np.sqrt(np.nanmean([np.nanmean(a**2) for a in apart])))
+    sampled = fine.interp(lon=coarse["lon"], lat=coarse["lat"])
+    sampled = sampled.interp(time=coarse["time"]) if fine.sizes["time"] > 1 else sampled.isel(time=[0])
+    errors = [np.asarray(coarse[name].values - sampled[name].values, float) / np.sqrt(2.0) for name in ("uo", "vo")]
+    speed = float(np.sqrt(np.nanmean([np.nanmean(a**2) for a in errors])))
     if not speed > 1e-6:  # m s-1; what interpolation leaves is smaller
         raise InputError("the products do not differ", where=f"{first}, {second}", remedy="Give two products")
-    days = (one["time"].values - one["time"].values[0]) / np.timedelta64(1, "s")
-    return Estimate(speed, _length(apart, one), _time(apart, days), one.sizes["lon"] * one.sizes["lat"], days.size)
+    days = (coarse["time"].values - coarse["time"].values[0]) / np.timedelta64(1, "s")
+    return Estimate(
+        speed, _length(errors, coarse), _time(errors, days), coarse.sizes["lon"] * coarse.sizes["lat"], days.size
+    )
 
 
 def _currents(path: Any) -> xr.Dataset:
@@ -406,13 +410,13 @@ def _spacing(ds: xr.Dataset) -> float:
     return float(np.median(np.diff(ds["lat"].values)))
 
 
-def _length(apart: Sequence[Floats], ds: xr.Dataset) -> float:
+def _length(errors: Sequence[Floats], ds: xr.Dataset) -> float:
     """Return L from the correlation of each component along its own direction: exp(-r2 / 2 L2) of a stream function."""
     lat = np.asarray(ds["lat"].values, float)
     across = DEGREE * EARTH_RADIUS_A68 * _spacing(ds)
     along = DEGREE * EARTH_RADIUS_A68 * float(np.median(np.diff(ds["lon"].values))) * float(np.cos(lat.mean() * DEGREE))
     r, rho, pairs = [], [], []
-    for values, axis, step in ((apart[0], -1, along), (apart[1], -2, across)):
+    for values, axis, step in ((errors[0], -1, along), (errors[1], -2, across)):
         for lag, correlation, count in _correlations(values, axis):
             r.append(lag * step)
             rho.append(correlation)
@@ -420,13 +424,13 @@ def _length(apart: Sequence[Floats], ds: xr.Dataset) -> float:
     return float(_fitted(lambda x, scale: np.exp(-0.5 * (x / scale) ** 2), r, rho, pairs, start=2.0 * along))
 
 
-def _time(apart: Sequence[Floats], seconds: Floats) -> float:
+def _time(errors: Sequence[Floats], seconds: Floats) -> float:
     """Return T from the correlation in time: exp(-t / T)."""
     if seconds.size < 3:
         return float("nan")
     step = float(np.median(np.diff(seconds)))
-    found = [row for values in apart for row in _correlations(values, 0)]
-    r, rho, pairs = ([row[k] * (step if k == 0 else 1.0) for row in found] for k in range(3))
+    correlations = [row for values in errors for row in _correlations(values, 0)]
+    r, rho, pairs = ([row[k] * (step if k == 0 else 1.0) for row in correlations] for k in range(3))
     return float(_fitted(lambda x, scale: np.exp(-x / scale), r, rho, pairs, start=step))
 
 

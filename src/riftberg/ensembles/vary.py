@@ -1,4 +1,4 @@
-"""What is varied in a sweep: parameters, start and errors, their values or distributions, checked before the first run."""
+"""Inputs that a sweep varies: parameters, start and errors, their values or distributions, checked before the first run."""
 
 from __future__ import annotations
 
@@ -28,8 +28,15 @@ from riftberg.ensembles.distributions import (
 )
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain, read_starts
 from riftberg.errors import InputError
-from riftberg.experiments.changes import SETTABLE, checked_value, file_field, file_value, is_of_file, sections_with
-from riftberg.system.input_files import refuse_large, rows_of_csv, value_shown
+from riftberg.experiments.changes import (
+    SETTABLE,
+    checked_value,
+    file_field,
+    file_value,
+    is_file_key,
+    parameter_sections,
+)
+from riftberg.system.input_files import read_csv_rows, refuse_large, value_shown
 
 MOST_MEMBERS: Final = 10_000
 """Members of a sweep, unless more are allowed."""
@@ -54,14 +61,14 @@ class Varied:
     unit: str = ""  # That unit, empty where there is none
     meaning: str = ""  # What the parameter is
     distribution: Distribution | None = None  # From which its values are drawn, in place of ``values``
-    parts: int = 1  # Numbers that it consists of, each of them drawn
+    components: int = 1  # Numbers that it consists of, each of them drawn
 
     def plain(self) -> list[Any] | str:
-        """Return what is varied as a plan keeps it."""
+        """Return the values as a plan stores them."""
         return list(self.values) if self.distribution is None else "~" + self.distribution.text
 
     def told(self) -> str:
-        """Return what it is in a few words."""
+        """Describe it in a few words."""
         if self.distribution is None:
             return f"{len(self.values)} of {self.name}"
         return f"{self.name} ({self.distribution.described(self.unit)})"
@@ -74,8 +81,8 @@ def order_line(names: Sequence[str]) -> str:
     return f"Members follow the order of --vary ({', '.join(names)}): another order gives other members"
 
 
-def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) -> tuple[Varied, ...]:
-    """Read what is to be varied."""
+def read_varied(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) -> tuple[Varied, ...]:
+    """Read the inputs to vary."""
     pairs = vary.items() if isinstance(vary, Mapping) else [_split(text) for text in _texts(vary)]
     varied: list[Varied] = []
     for name, values in pairs:
@@ -87,7 +94,7 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
         if any(other.name == name for other in varied):
             raise InputError(f"{name} is varied twice", where=where, remedy="Name each parameter once")
         varied.append(
-            _free(name, values, where) if free and not is_uncertain(name) else _of_parameter(name, values, where)
+            _free(name, values, where) if free and not is_uncertain(name) else _read_parameter(name, values, where)
         )
     if not varied:
         raise InputError("nothing is varied", where="--vary", remedy=EXAMPLE)
@@ -97,11 +104,11 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
 def vary_with_file(
     experiment: object, vary: Mapping[str, Any] | Iterable[str], data: Path | None = None
 ) -> dict[str, Any]:
-    """Return what is varied by name: what the experiment file says under ``vary``, and before it what is given.
+    """Return the varied inputs by name: the user's, then those under ``vary`` in the experiment file.
 
     ``starts`` is a table of starts, which becomes the names that its columns vary.
     """
-    own = _vary_of_file(Path(str(experiment)), data) if str(experiment).endswith((".yaml", ".yml")) else {}
+    file_values = _read_vary_section(Path(str(experiment)), data) if str(experiment).endswith((".yaml", ".yml")) else {}
     if isinstance(vary, Mapping):
         given = dict(vary)
         tables = [given.pop(STARTS)] if STARTS in given and not callable(experiment) else []
@@ -109,30 +116,30 @@ def vary_with_file(
         texts = _texts(vary)
         tables = [text.partition("=")[2].strip() for text in texts if text.partition("=")[0].strip() == STARTS]
         texts = [text for text in texts if text.partition("=")[0].strip() != STARTS]
-        given = {v.name: v.plain() for v in (varied_of(texts, free=callable(experiment)) if texts else ())}
+        given = {v.name: v.plain() for v in (read_varied(texts, free=callable(experiment)) if texts else ())}
     starts = {name: value for path in tables for name, value in read_starts(path).items()}
-    return {**own, **starts, **given}
+    return {**file_values, **starts, **given}
 
 
-def _vary_of_file(path: Path, data: Path | None) -> dict[str, Any]:
+def _read_vary_section(path: Path, data: Path | None) -> dict[str, Any]:
     """Return the section ``vary`` of an experiment file; all that is wrong with it is reported with its lines."""
     from riftberg.experiments.yaml_file import read_file
 
     experiment, _, document = read_file(path, data=data)
-    found: dict[str, Any] = {}
+    values_by_name: dict[str, Any] = {}
     faults: list[tuple[Any, InputError]] = []
     for name, values in experiment.vary.items():
         try:
             if name == STARTS:
-                found |= read_starts(path.parent / str(values))
+                values_by_name |= read_starts(path.parent / str(values))
                 continue
-            (v,) = varied_of({name: [values] if isinstance(values, float) else values})
-            found[v.name] = v.plain()
+            (v,) = read_varied({name: [values] if isinstance(values, float) else values})
+            values_by_name[v.name] = v.plain()
         except InputError as error:
             faults.append((("vary", name), error))
     if faults:
         raise document.refusal(faults)
-    return found
+    return values_by_name
 
 
 def _texts(vary: Any) -> list[str]:
@@ -153,7 +160,7 @@ def _split(text: str) -> tuple[str, str]:
 
 
 def _free(name: str, values: Any, where: str) -> Varied:
-    """Take the values of an argument of a function as they are."""
+    """Take the values of an argument of a function unchanged."""
     if isinstance(values, str) and values.startswith("~"):
         return Varied(name, (), distribution=read_distribution(
             values[1:], where=where, number=lambda text: number(text, "1", where=where), value=str, limits=Limits()
@@ -167,18 +174,18 @@ SECTIONS: Final = {**SETTABLE, **{group: (kind,) for group, kind in UNCERTAIN.it
 """Sections of all groups of which something can be varied."""
 
 
-def _field_of(name: str, where: str) -> FieldInfo:
+def _find_field(name: str, where: str) -> FieldInfo:
     """Return the field of a parameter."""
     group, dot, key = name.partition(".")
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
-    section = sections_with(group, key, where=where, settable=SECTIONS)[0]
+    section = parameter_sections(group, key, where=where, settable=SECTIONS)[0]
     return section_fields(section)[key]
 
 
-def _of_parameter(name: str, values: Any, where: str) -> Varied:
+def _read_parameter(name: str, values: Any, where: str) -> Varied:
     group, _, key = name.partition(".")
-    if is_of_file(name):
+    if is_file_key(name):
         if isinstance(values, str) and values.startswith("~"):
             # Read the distribution of a key of an experiment file; one of values has them as the file would.
             field = file_field(name)
@@ -187,32 +194,32 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
                     f"an experiment file has no key {name}", where=where,
                     remedy="Name it as the file has it, such as forcing.eddy.speed",
                 )  # fmt: skip
-            return _drawn(name, values[1:], field, lambda part: file_value(part, where), where)
-        return Varied(name, _distinct(_of_file(values, where), where), meaning="key of the experiment file")
-    field = _field_of(name, where)
+            return _drawn(name, values[1:], field, lambda text: file_value(text, where), where)
+        return Varied(name, _distinct(_read_file_values(values, where), where), meaning="key of the experiment file")
+    field = _find_field(name, where)
     if isinstance(values, str) and values.startswith("~"):
 
-        def value(part: str) -> Any:  # a place in brackets, as the file has it, or a number with its unit
-            part = file_value(part, where) if part[:1] == "[" else part
-            return checked_value(part, group, key, where=where, settable=SECTIONS)
+        def value(text: str) -> Any:  # a place in brackets, as the file has it, or a number with its unit
+            text = file_value(text, where) if text[:1] == "[" else text
+            return checked_value(text, group, key, where=where, settable=SECTIONS)
 
         return _drawn(f"{group}.{key}", values[1:], field, value, where)
     if any(get_origin(kind) is tuple for kind in value_kinds(field.annotation)) and isinstance(values, str):
-        values = _of_file(values, where)  # such as [-39, -55],[-38, -55]
+        values = _read_file_values(values, where)  # such as [-39, -55],[-38, -55]
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
     plain = [checked_value(value, group, key, where=where, settable=SECTIONS) for value in several]
     return Varied(f"{group}.{key}", _distinct(plain, where), field_unit(field), field.description or "")
 
 
-def _of_file(values: Any, where: str) -> list[Any]:
+def _read_file_values(values: Any, where: str) -> list[Any]:
     """Read values of a key of the experiment file: a range, or a list with commas, in which lists stand in brackets."""
     if not isinstance(values, str):
         return _listed(values, where)
-    parts, count = _parts(values, where)
+    texts, count = _parts(values, where)
     if not count:
-        return [file_value(part, where) for part in parts]
-    unit = re.sub(r"^[-+.\deE]+\s*", "", parts[1])
-    first, last = (number(end.removesuffix(unit).strip(), "1", where=where) for end in parts)
+        return [file_value(text, where) for text in texts]
+    unit = re.sub(r"^[-+.\deE]+\s*", "", texts[1])
+    first, last = (number(end.removesuffix(unit).strip(), "1", where=where) for end in texts)
     spaced = np.linspace(first, last, count).tolist()
     return [f"{value:.12g} {unit}" if unit else value for value in spaced]
 
@@ -220,15 +227,15 @@ def _of_file(values: Any, where: str) -> list[Any]:
 def _parts(text: str, where: str) -> tuple[list[str], int]:
     """Return the values of a list with commas and 0, or the ends of a range ``LOW..HIGH:COUNT`` and its number of values.
 
-    A unit at the end is that of all; lists stand in brackets.
+    A unit at the end holds for all; lists stand in brackets.
     """
     bounds = _RANGE.match(text)
     if bounds is None:
-        return with_unit_of_last([part.strip() for part in re.split(r",(?![^\[{]*[\]}])", text)], where), 0
+        return with_unit_of_last([item.strip() for item in re.split(r",(?![^\[{]*[\]}])", text)], where), 0
     low, high, count = bounds.groups()
     if count is None or not count.strip().isdigit() or not 2 <= int(count) <= 1_000_000:
-        said = "does not say how many values" if count is None else f"{value_shown(count)} is no number of values"
-        raise InputError(said, where=where, remedy=f"Write the number, 2 or more, behind a colon: {low}..{high}:11")
+        message = "does not say how many values" if count is None else f"{value_shown(count)} is no number of values"
+        raise InputError(message, where=where, remedy=f"Write the number, 2 or more, behind a colon: {low}..{high}:11")
     refuse_large(int(count), MOST_MEMBERS, "members", where=where, remedy="Give fewer values", kind=InputError)
     return with_unit_of_last([low.strip(), high.strip()], where), int(count)
 
@@ -257,7 +264,7 @@ def _drawn(name: str, text: str, field: FieldInfo, value: Callable[[str], Any], 
         )  # fmt: skip
     distribution = read_distribution(
         text, where=where, limits=limits,
-        number=lambda part: number(part, unit, where=where), value=value,
+        number=lambda entry: number(entry, unit, where=where), value=value,
     )  # fmt: skip
     return Varied(name, (), unit, field.description or "", distribution, 1 if of_values or not several else several[0])
 
@@ -279,19 +286,19 @@ def _listed(values: Any, where: str) -> list[Any]:
 
 def _read(text: str, field: FieldInfo, where: str) -> list[Any]:
     """Read evenly spaced values of a range, or the values of a list."""
-    parts, count = _parts(text, where)
+    texts, count = _parts(text, where)
     if not count:
-        return list(parts)
-    whole = int in value_kinds(field.annotation) and float not in value_kinds(field.annotation)
-    if not whole and float not in value_kinds(field.annotation):
+        return list(texts)
+    is_integer = int in value_kinds(field.annotation) and float not in value_kinds(field.annotation)
+    if not is_integer and float not in value_kinds(field.annotation):
         raise InputError("a range of what is no number", where=where, remedy=f"{allowed(field)}. Give them with commas")
-    first, last = (number(end, field_unit(field), where=where) for end in parts)
+    first, last = (number(end, field_unit(field), where=where) for end in texts)
     if not first < last:
-        raise InputError(f"{parts[0]} is not below {parts[1]}", where=where, remedy="The smaller number stands first")
+        raise InputError(f"{texts[0]} is not below {texts[1]}", where=where, remedy="The smaller number stands first")
     values = np.linspace(first, last, count)
-    if whole and not (values == np.round(values)).all():
+    if is_integer and not (values == np.round(values)).all():
         raise InputError("a range with steps that are no whole numbers", where=where, remedy=f"{allowed(field)}")
-    return [int(value) if whole else float(value) for value in values]
+    return [int(value) if is_integer else float(value) for value in values]
 
 
 def _distinct(values: Sequence[Any], where: str) -> tuple[Any, ...]:
@@ -329,14 +336,14 @@ def check_draws(varied: Sequence[Varied], draws: Draws) -> None:
 
 
 def _rows(columns: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
-    """Return the values by name of each member from those of all members by name."""
+    """Turn columns of values by name into one mapping for each member."""
     return [dict(zip(columns, map(native, row), strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dict[str, Any]]:
+def list_members(varied: Sequence[Varied], draws: Draws | None = None) -> list[dict[str, Any]]:
     """Return every combination of the listed values, the last parameter changing fastest, for each draw in turn.
 
-    So a member stays what it is when further ones are drawn.
+    So a member does not change when further ones are drawn.
     """
     draws = draws or Draws()
     check_draws(varied, draws)
@@ -351,16 +358,16 @@ def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dic
     order = [v.name for v in varied]
     seeded = bool(draws.number) and has_fields(order) and SEED not in order
     columns, seeds = _columns(drawn, draws, seeded) if draws.number else ({}, [0])
-    found = {v.name: [row[k] for _ in seeds for row in combinations] for k, v in enumerate(listed)}
-    found |= {name: [value for value in values for _ in combinations] for name, values in columns.items()}
-    own = {SEED: [seed for seed in seeds for _ in combinations]} if seeded else {}
-    return _rows({name: found[name] for name in order} | own)
+    columns_by_name = {v.name: [row[k] for _ in seeds for row in combinations] for k, v in enumerate(listed)}
+    columns_by_name |= {name: [value for value in values for _ in combinations] for name, values in columns.items()}
+    seed_column = {SEED: [seed for seed in seeds for _ in combinations]} if seeded else {}
+    return _rows({name: columns_by_name[name] for name in order} | seed_column)
 
 
 def read_design(path: Path) -> dict[str, list[str]]:
     """Return the columns of a plan made elsewhere: a table (CSV) with a name on top of each column and a member in each row."""
     remedy = "Give names such as fracture.normal_strength in the first line, and one member in each further line"
-    rows = rows_of_csv(path)[0]
+    rows = read_csv_rows(path)[0]
     names = [name.strip() for name in rows[0] if name is not None]  # None holds values beyond the last name
     if "" in names:
         raise InputError(
@@ -376,10 +383,10 @@ def read_design(path: Path) -> dict[str, list[str]]:
     return {name.strip(): [row[name].strip() for row in rows] for name in rows[0]}
 
 
-def designed(
+def plan_from_design(
     columns: Mapping[str, Sequence[Any]], *, free: bool = False
 ) -> tuple[tuple[Varied, ...], list[dict[str, Any]]]:
-    """Return what a plan made elsewhere varies, and its members: one of each row.
+    """Return the inputs that a plan made elsewhere varies, and its members: one of each row.
 
     ``free``: a function makes the models, whose arguments take any value.
     """
@@ -389,22 +396,22 @@ def designed(
             varied.append(Varied(name, tuple(values)))
             continue
         where, key = f"--design, {name}", name.rpartition(".")[2]
-        if is_of_file(name):
-            own = [file_value(value, where) if isinstance(value, str) else value for value in values]
-            varied.append(Varied(name, tuple(own), meaning="key of the experiment file"))
+        if is_file_key(name):
+            file_values = [file_value(value, where) if isinstance(value, str) else value for value in values]
+            varied.append(Varied(name, tuple(file_values), meaning="key of the experiment file"))
             continue
-        field, (group, _, key) = _field_of(name, where), name.partition(".")
+        field, (group, _, key) = _find_field(name, where), name.partition(".")
         refuse_bare_numbers([str(value) for value in values], where)
         plain = tuple(checked_value(value, group, key, where=where, settable=SECTIONS) for value in values)
         varied.append(Varied(name, plain, field_unit(field), field.description or ""))
     names = [v.name for v in varied]
-    found: dict[str, Any] = {v.name: v.values for v in varied}
+    values_by_name: dict[str, Any] = {v.name: v.values for v in varied}
     count = len(varied[0].values)
     # Without seeds of its own a design would have one random field for all members.
     if has_fields(names) and SEED not in names:
-        found[SEED] = [member_seed(Draws().seed, k) for k in range(count)]
+        values_by_name[SEED] = [member_seed(Draws().seed, k) for k in range(count)]
     refuse_large(count, MOST_MEMBERS, "members", where="--design", remedy="Give fewer rows", kind=InputError)
-    return tuple(varied), _rows(found)
+    return tuple(varied), _rows(values_by_name)
 
 
 def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[str, list[Any]], list[int]]:
@@ -414,7 +421,7 @@ def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[
     turns = [
         v for v in drawn if v.distribution is not None and v.distribution.name == "each" and draws.plan not in POINTS
     ]
-    widths = [v.parts for v in drawn if v not in turns] + [1] * fields
+    widths = [v.components for v in drawn if v not in turns] + [1] * fields
     share = shares(draws.number, sum(widths), draws.plan, draws.seed, widths)
     seeds = [int(row[-1] * 2**52) if fields else member_seed(draws.seed, k) for k, row in enumerate(share)]
     columns: dict[str, list[Any]] = {}
@@ -424,11 +431,11 @@ def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[
         if v in turns:
             columns[v.name] = v.distribution.in_turn(len(share), draws.seed)
             continue
-        parts = [v.distribution.quantiles(share[:, first + k]) for k in range(v.parts)]
-        columns[v.name] = parts[0] if v.parts == 1 else list(zip(*parts, strict=True))
-        first += v.parts
+        components = [v.distribution.quantiles(share[:, first + k]) for k in range(v.components)]
+        columns[v.name] = components[0] if v.components == 1 else list(zip(*components, strict=True))
+        first += v.components
     for name, values in columns.items():
-        if is_of_file(name):
+        if is_file_key(name):
             columns[name] = [list(value) if isinstance(value, tuple) else value for value in values]
             continue
         group, _, key = name.partition(".")

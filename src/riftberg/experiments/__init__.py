@@ -1,4 +1,4 @@
-"""Experiments by name, and what a run may change in them.
+"""Experiments by name, and the changes that a run may make in them.
 
 A builder is a function ``build(options: Options) -> tuple[Model, Info]``.
 """
@@ -33,21 +33,21 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
         raise InputError(f"{name} has its own ocean", where="--grid", remedy="It is for experiments of YAML files")
     entry.check_parts(options.without)
     if options.lattice and not entry.lattice:
-        named = next(iter(options.lattice))
+        lattice_key = next(iter(options.lattice))
         others = ", ".join(other.name for other in EXPERIMENTS if other.lattice)
         raise InputError(
-            f"the lattice of {name} is part of the experiment", where=f"berg.{named}",
+            f"the lattice of {name} is part of the experiment", where=f"berg.{lattice_key}",
             remedy=f"Leave it out; {others} and YAML files take it",
         )  # fmt: skip
     if options.fetch and not entry.fetches:
         with_files = ", ".join(other.name for other in EXPERIMENTS if other.fetches)
         raise InputError(f"{name} needs no files", where="--fetch", remedy=f"Leave it out; {with_files} need files")
-    from riftberg.experiments.changes import BERG, is_of_file  # the list of experiments does without NumPy
+    from riftberg.experiments.changes import BERG, is_file_key  # the list of experiments does without NumPy
 
     for group, inner in options.changes.items():
         for key in inner:
             path = f"{group}.{key}" if key else group
-            if is_of_file(path):
+            if is_file_key(path):
                 raise InputError(
                     f"{name} has no experiment file with this key", where=path,
                     remedy="Its parameters can be changed, and thickness, placement, rotation, shift, velocity and spin of berg",
@@ -55,7 +55,7 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
     model, info = entry.load()(options)
     berg = {key: value for key, value in options.changes.get(BERG, {}).items() if key not in options.lattice}
     if berg:
-        from riftberg.experiments.changes import with_berg
+        from riftberg.experiments.changes import change_berg
 
-        model = with_berg(model, berg)
+        model = change_berg(model, berg)
     return model, replace(info, notices=(*options.notices, *info.notices))

@@ -1,4 +1,4 @@
-"""A68a near South Georgia, without files (``a68a``, ``a68a-melt``) and from those of its publication.
+"""A68a near South Georgia, without files (``a68a``, ``a68a-melt``) and from the files of its publication.
 
 Without files: in December 2020 in a fitted ocean, and for three months of melt along its track.
 
@@ -8,7 +8,7 @@ Without the shoal the tip stays on, without the shear the finger stays on.
 
 Shape and observations
 ----------------------
-The rows are those of the 472 elements of the published run: Huth, Adcroft, Sergienko and Khan (2022), Science
+The rows hold the 472 elements of the published run: Huth, Adcroft, Sergienko and Khan (2022), Science
 Advances 8, eabq6974, whose `icebergs.res.nc` (github.com/alex-huth/iKID_iceberg_A68a, b0bfa83) follows from the outline
 of 9 December by the rules of equations 10.5. They stand 0.1 degree south of the observed berg there.
 
@@ -18,7 +18,7 @@ rectangle, degrees clockwise from north. Until 23 December the outlines include 
 
 From files
 ----------
-The files are those of the publication (Huth et al. 2022).
+The files belong to the publication (Huth et al. 2022).
 
 ``a68a-paper``: hourly OSCAR currents, DUACS sea level and NCEP wind of December 2020 on the 1/8 degree grid, the 472 elements
 of the published initial state, and the artificial shoal: all water north-east of one corner. 432 hours from 9 December
@@ -44,7 +44,7 @@ import shapely
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds, turn_rigidly
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.lattice import cells_of_rows, cells_region
+from riftberg.bergs.lattice import cells_region, expand_rows
 from riftberg.bergs.regions import ReferencePlane
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.errors import ForcingError, InputError
@@ -74,7 +74,7 @@ from riftberg.plane import EqualAreaPlane
 from riftberg.runs.model import Model
 from riftberg.state import Elements, Floats, Ints
 
-# ---- the berg on 9 December, and what was seen of it by day -------------------------------------------------------------
+# ---- the berg on 9 December, and its observations by day ----------------------------------------------------------------
 
 A68A_RADIUS = 1500.0
 """Radius of the elements of the table, m."""
@@ -104,7 +104,7 @@ def a68a_berg(
     """Return A68a as it was on 9 December 2020, 13:00.
 
     ``radius``: radius of the elements, m; ``thickness``, ``velocity``, ``density``: of the ice (m, m s-1, kg m-3), by default
-    those of the paper.
+    as in the paper.
 
     Examples
     --------
@@ -112,25 +112,25 @@ def a68a_berg(
     472
 
     """
-    column, row = cells_of_rows(A68A_ROWS)
+    column, row = expand_rows(A68A_ROWS)
     region = cells_region(column, row, 2.0 * A68A_RADIUS)
     lon, lat = (float(a.mean()) for a in table_positions())
     x, y = _cell_centres(column, row)
     x, y = x - x.mean(), y - y.mean()
     # Rows are great circles now, whose ends lie nearer to the equator than the parallel at their middle: the tangent plane
-    # touches where its elements get the mean position of those of the table.
+    # touches where its elements get the mean position of the elements of the table.
     placed = [float(a.mean()) for a in EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)]
     berg = Iceberg.from_table(
         A68A_ROWS, placement=(2 * lon - placed[0] - 360.0, 2 * lat - placed[1]), table_radius=A68A_RADIUS, radius=radius,
         lattice_angle=lattice_angle, offset=offset, thickness=thickness, packing=packing, velocity=velocity,
         density=density,
     )  # fmt: skip
-    made = {
+    report = {
         "source": "A68a, 9 December 2020 (Huth et al. 2022)",
         "outline_area": region.area,
         "area_error": berg.area / region.area - 1.0,
     }
-    return replace(berg, report=made)
+    return replace(berg, report=report)
 
 
 def _cell_centres(column: Ints, row: Ints) -> tuple[Floats, Floats]:
@@ -140,9 +140,9 @@ def _cell_centres(column: Ints, row: Ints) -> tuple[Floats, Floats]:
 def table_positions(northward: float = _NORTHWARD) -> tuple[Floats, Floats]:
     """Return longitude (0 to 360) and latitude of the elements of the table by the rules of the published run.
 
-    ``northward``: degrees by which the berg is moved north as it is; 0 gives the published positions.
+    ``northward``: degrees by which the berg is moved north undeformed; 0 gives the published positions.
     """
-    x, y = _cell_centres(*cells_of_rows(A68A_ROWS))
+    x, y = _cell_centres(*expand_rows(A68A_ROWS))
     plane, side = ReferencePlane(_WEST, _SOUTH, 0.0, EARTH_RADIUS_A68), 2.0 * A68A_RADIUS
     lon, lat = plane.inverse(x + _FIRST_COLUMN * side, y + _FIRST_ROW * side)
     if northward == 0.0:
@@ -181,7 +181,7 @@ A68A_OBSERVED = (
     ObservedDay(25, -56.8691, -36.2917, 9.0, 3080.0),
     ObservedDay(26, -57.0181, -36.0184, 177.0, 2776.0),
 )
-"""The observed days; those of 10 and 24 December saw only a part of the berg."""
+"""The observed days; images of 10 and 24 December show only a part of the berg."""
 
 REGION = (-41.5, -34.0), (-58.5, -54.0)
 """Longitudes and latitudes (degrees) that the berg and its pieces crossed until 27 December, with a margin."""
@@ -194,7 +194,7 @@ PUBLISHED = {
     "break-up 2": "around 20 Dec, afloat: the finger",
     "wall time a day": "about 10 s (Xeon E5-2697 v4)",
 }
-"""What Huth et al. (2022) say of their run (text, Fig. 2, "Computational efficiency")."""
+"""The run by Huth et al. (2022) as they report it (text, Fig. 2, "Computational efficiency")."""
 
 SEEN = {
     "break-up 1": "17 Dec, aground: 134 to 157 km² (A68D)",
@@ -202,7 +202,7 @@ SEEN = {
     "break-up 3": "seen 23 Dec: 222 to 226 km²",
     "largest piece at the end": "2596 to 2641 km² (23 to 25 Dec)",
 }
-"""What happened: Huth et al. (2022), and areas of the outlines in its repository."""
+"""Observed break-ups: Huth et al. (2022), and areas of the outlines in its repository."""
 
 
 # ---- the experiment -----------------------------------------------------------------------------------------------------
@@ -220,20 +220,20 @@ def story_model(
     """Return the model of the story for a radius of the elements (m) and a packing, unless the options name others."""
     from riftberg.runs.model import Model
 
-    own = options.own
+    own_numerics = options.own
     ocean_here = ocean or StoryOcean(
-        OWN if own else REFERENCE, shoal="shoal" not in options.without, shear="shear" not in options.without
+        OWN if own_numerics else REFERENCE, shoal="shoal" not in options.without, shear="shear" not in options.without
     )
     lattice = {"radius": radius, "packing": packing, **options.lattice}
-    parameters = A68A_2022 if own else A68A_2022_KID
+    parameters = A68A_2022 if own_numerics else A68A_2022_KID
     berg = a68a_berg(**lattice, density=options.apply(parameters).ice.density)
-    if own:
+    if own_numerics:
         turn_rigidly(berg.elements, math.radians(TURN) / SECONDS_PER_DAY, Metric(True, berg.earth_radius))
-    made, asked = options.apply(parameters), options.changes.get("stepping", {})
+    adjusted, stepping_changes = options.apply(parameters), options.changes.get("stepping", {})
     other_lattice = lattice != {"radius": 1500.0, "packing": "square"}
-    if isinstance(made, ExplicitParameters) and other_lattice and "substeps" not in asked:
-        made = made.changed(stepping={"substeps": None})  # the published number belongs to its lattice
-    return Model(berg, ocean_here, made)
+    if isinstance(adjusted, ExplicitParameters) and other_lattice and "substeps" not in stepping_changes:
+        adjusted = adjusted.changed(stepping={"substeps": None})  # the published number belongs to its lattice
+    return Model(berg, ocean_here, adjusted)
 
 
 def build_a68a(options: Options) -> tuple[Model, Info]:
@@ -243,7 +243,7 @@ def build_a68a(options: Options) -> tuple[Model, Info]:
         notices.append("this ocean is fitted to the drift until 26 December 13:00; beyond that it says nothing of A68a")
     if not options.own:
         notices.append("this ocean is another one than by default: it is fitted with the reference's numerics")
-    left_out = "".join(f", without {part}" for part in sorted(options.without))
+    left_out = "".join(f", without {name}" for name in sorted(options.without))
     title = f"A68a{left_out}"
     return story_model(options), Info("a68a", title, days=DAYS, output_every_hours=1.0, notices=tuple(notices))
 
@@ -251,7 +251,7 @@ def build_a68a(options: Options) -> tuple[Model, Info]:
 # ---- three months of melt along the observed track ----------------------------------------------------------------------
 
 # The berg is carried along the track that scatterometers saw; temperature, salinity and wind are formulas within published
-# ranges, not measurements. What it loses is compared with altimetry: 152 +- 61 Gt of fresh water in about three months,
+# ranges, not measurements. Its loss is compared with altimetry: 152 +- 61 Gt of fresh water in about three months,
 # melt of the base of up to 7.2 +- 2.3 m a month (Braakmann-Folgmann et al. 2022, Remote Sens. Environ. 269, 112780).
 
 MELT_START: Final = datetime(2020, 10, 28)
@@ -274,8 +274,8 @@ MELT_THICKNESS: Final = 190.0
 class TrackSea(Steady):
     """A sea that carries a berg along its track, with the season's temperature.
 
-    The current is uniform: the velocity of the track, and what brings the centre of the berg back to it within two days. The
-    sea surface slopes in balance with it. The wind turns, so that it raises waves and carries the berg nowhere.
+    The current is uniform: the velocity of the track, and a part that brings the berg back to it within two days. The sea
+    surface slopes in balance with it. The wind turns, so that it raises waves and carries the berg nowhere.
 
     ``warmest``: temperature of the surface in the middle of February at 55 degrees south, degrees Celsius.
     """
@@ -308,10 +308,10 @@ class TrackSea(Steady):
         later = self.place(time + 3600.0)
         metre = DEGREE * EARTH_RADIUS_A68
         east = metre * math.cos(lat * DEGREE)
-        away = (lon - float(e.lon.mean())) * east, (lat - float(e.lat.mean())) * metre
+        offset = (lon - float(e.lon.mean())) * east, (lat - float(e.lat.mean())) * metre
         back = 2.0 * SECONDS_PER_DAY
-        u = (later[0] - lon) * east / 3600.0 + away[0] / back
-        v = (later[1] - lat) * metre / 3600.0 + away[1] / back
+        u = (later[0] - lon) * east / 3600.0 + offset[0] / back
+        v = (later[1] - lat) * metre / 3600.0 + offset[1] / back
         f = 2.0 * EARTH_ROTATION * math.sin(lat * DEGREE)
         angle = 2.0 * math.pi * time / (4.0 * SECONDS_PER_DAY)
         e.uo[:], e.vo[:] = u, v
@@ -336,7 +336,7 @@ class TrackSea(Steady):
         return np.full(np.shape(lon), 3000.0)
 
     def describe(self) -> str:
-        """Return what this sea is, in plain words."""
+        """Return a description of this sea, in plain words."""
         return (
             "a sea that carries A68a along its observed track; temperature, salinity and wind by formula, not measured"
         )
@@ -393,7 +393,7 @@ REMEDY: Final = "delete it, and 'riftberg fetch a68a' gets the right one"
 
 
 def named_folder(options: Options) -> Path:
-    """Return the folder that was named with ``--data`` or the environment variable, else that of the fetch."""
+    """Return the folder that was named with ``--data`` or the environment variable, else the folder of the fetch."""
     if options.data is not None:
         return options.data
     return Path(os.environ[DATA]) if os.environ.get(DATA) else FETCHED
@@ -401,28 +401,28 @@ def named_folder(options: Options) -> Path:
 
 def data_folder(options: Options, names: Iterable[str], experiment: str, *, hourly: bool) -> Path:
     """Return the folder of the files; fetch them first where that was asked for and some are missing."""
-    folder, wanted = named_folder(options), list(names)
-    if options.fetch and any(_fault_of_file(folder / name) for name in wanted):
+    folder, required = named_folder(options), list(names)
+    if options.fetch and any(_file_fault(folder / name) for name in required):
         from riftberg.fetching import fetch
 
         fetch.fetch_a68a(folder, hourly=fetch.HOURLY if hourly else ())
-    place, data = ("", "") if folder == FETCHED else (f" -o {folder}", f" --data {folder}")
+    output_option, data = ("", "") if folder == FETCHED else (f" -o {folder}", f" --data {folder}")
     remedy = (
-        f"'riftberg fetch a68a{place}' gets the files, 'riftberg run {experiment}{data} --fetch' gets them and runs; "
+        f"'riftberg fetch a68a{output_option}' gets the files, 'riftberg run {experiment}{data} --fetch' gets them and runs; "
         f"or name their folder with --data or {DATA}"
     )
     if not folder.is_dir():
-        what = "no folder of data" if folder == FETCHED else "no such folder"
-        raise ForcingError(what, where=f"{experiment}: {folder}", remedy=remedy)
-    faults = [(name, fault) for name in wanted if (fault := _fault_of_file(folder / name))]
+        problem = "no folder of data" if folder == FETCHED else "no such folder"
+        raise ForcingError(problem, where=f"{experiment}: {folder}", remedy=remedy)
+    faults = [(name, fault) for name in required if (fault := _file_fault(folder / name))]
     if faults:
         name, fault = faults[0]
-        more = f" ({len(faults)} of {len(wanted)} files are missing)" if len(faults) > 1 else ""
+        more = f" ({len(faults)} of {len(required)} files are missing)" if len(faults) > 1 else ""
         raise ForcingError(f"{fault} {name}{more}", where=str(folder), remedy=remedy)
     return folder
 
 
-def _fault_of_file(path: Path) -> str:
+def _file_fault(path: Path) -> str:
     if not path.is_file():
         return "no"
     return "only a pointer of Git LFS instead of" if is_pointer(path) else ""
@@ -431,7 +431,7 @@ def _fault_of_file(path: Path) -> str:
 def published_berg(folder: Path, grid: Grid, parameters: Parameters) -> Iceberg:
     """Return the berg of the published initial state."""
     elements, earth = read_restart(folder / BERG, grid), parameters.earth
-    # The masses of the file are those of the publication's density; the draft goes with the density that was asked for.
+    # The masses of the file go with the publication's density; the draft goes with the density that was asked for.
     elements.mass[:] *= parameters.ice.density / A68A_2022_KID.ice.density
     bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.period))
     return Iceberg(elements, bonds, packing="square", radius=1500.0, report={"source": BERG})
@@ -456,8 +456,8 @@ FALLS: Final = 0.01
 FILES: Final = (BERG, GRID, *VARIABLES)
 
 
-def forcing_of(
-    folder: Path, days: float = PAPER_DAYS, *, own: bool = False, zone: tuple[float, float] | None = ZONE
+def hourly_forcing(
+    folder: Path, days: float = PAPER_DAYS, *, own_numerics: bool = False, zone: tuple[float, float] | None = ZONE
 ) -> GriddedForcing:
     """Return the hourly forcing, checked for the length of the run.
 
@@ -472,8 +472,8 @@ def forcing_of(
     last = START_RECORD + math.ceil(days * 24.0)
     for file in files:
         _check_file(file, days, last)
-    still = grid.fields(depth=UNKNOWN_DEPTH)
-    records, times = hourly_records(files, Assembler(grid, still), START_RECORD)
+    base_fields = grid.fields(depth=UNKNOWN_DEPTH)
+    records, times = hourly_records(files, Assembler(grid, base_fields), START_RECORD)
     return GriddedForcing(
         grid,
         records,
@@ -481,7 +481,7 @@ def forcing_of(
         FieldRules(
             depth_rule="zone",
             zone=(0.0, 90.0) if zone is None else (zone[0] + 360.0, zone[1]),  # nothing lies north of the pole
-            stepwise=() if own else ("ssh",),
+            stepwise=() if own_numerics else ("ssh",),
             sea_level_gaps=True,
         ),
         start=DEFAULT_START,
@@ -505,8 +505,10 @@ class Bank(WrappedForcing):
         degree = DEGREE * EARTH_RADIUS_A68
         west, south = self._corner
         east = (np.asarray(lon, np.float64) - west + 180.0) % 360.0 - 180.0
-        away = np.hypot(np.minimum(east * np.cos(np.asarray(lat) * DEGREE), 0.0), np.minimum(lat - south, 0.0)) * degree
-        bank = np.minimum(self._top + FALLS * away, ZONE_DEPTH)
+        distance = (
+            np.hypot(np.minimum(east * np.cos(np.asarray(lat) * DEGREE), 0.0), np.minimum(lat - south, 0.0)) * degree
+        )
+        bank = np.minimum(self._top + FALLS * distance, ZONE_DEPTH)
         return np.asarray(np.where(np.isfinite(self.forcing.depth(lon, lat)), bank, np.nan))
 
     def sample(self, elements: Elements, time: float) -> None:
@@ -516,11 +518,11 @@ class Bank(WrappedForcing):
         elements.depth[:] = np.where(np.isfinite(here), here, elements.depth)
 
     def describe(self) -> str:
-        """Return what this forcing is."""
+        """Return a description of this forcing."""
         return f"{self.forcing.describe()}\ngrounding zone: a bank {self._top:.1f} m deep that falls off by {FALLS:g}"
 
 
-def with_bank(forcing: GriddedForcing, berg: Iceberg, density: float) -> Forcing:
+def add_bank(forcing: GriddedForcing, berg: Iceberg, density: float) -> Forcing:
     """Return the forcing with a bank in place of the cliff of its grounding zone; ``density``: of the ice, kg m-3."""
     return Bank(forcing, float(draft_of(berg.elements.thickness, density).max()))
 
@@ -551,12 +553,14 @@ def paper_model(folder: Path, options: Options, *, zone: tuple[float, float] | N
 
     ``zone``: corner of the grounding zone, degrees.
     """
-    own = options.numerics == "own"
-    forcing = forcing_of(folder, PAPER_DAYS if options.days is None else options.days, own=own, zone=zone)
+    own_numerics = options.numerics == "own"
+    forcing = hourly_forcing(
+        folder, PAPER_DAYS if options.days is None else options.days, own_numerics=own_numerics, zone=zone
+    )
     assert forcing.grid is not None
-    parameters = options.apply(A68A_2022 if own else A68A_2022_KID)
+    parameters = options.apply(A68A_2022 if own_numerics else A68A_2022_KID)
     berg = published_berg(folder, forcing.grid, parameters)
-    floor = with_bank(forcing, berg, parameters.ice.density) if own and zone is not None else forcing
+    floor = add_bank(forcing, berg, parameters.ice.density) if own_numerics and zone is not None else forcing
     return Model(berg, floor, parameters, DEFAULT_START)
 
 
@@ -564,7 +568,7 @@ def build_paper(options: Options) -> tuple[Model, Info]:
     """Build the published run (see `riftberg.experiments.build`)."""
     folder = data_folder(options, FILES, NAME, hourly=True)
     whose = "Riftberg's numerics" if options.numerics == "own" else "the reference's numerics"
-    left_out = "".join(f", without {part}" for part in sorted(options.without))
+    left_out = "".join(f", without {name}" for name in sorted(options.without))
     title = f"A68a as published (Huth et al. 2022), {whose}{left_out}"
     zone = None if "shoal" in options.without else ZONE
     return paper_model(folder, options, zone=zone), Info(NAME, title, days=PAPER_DAYS, output_every_hours=1.0)
@@ -582,7 +586,7 @@ ORAS5_FILES = {
 """Files of the published repository that the experiment reads."""
 
 
-def _field_of_file(path: Path, name: str) -> Floats:
+def _read_field(path: Path, name: str) -> Floats:
     """Read one two-dimensional field; gaps become NaN."""
     with opened_dataset(path) as file:
         if name not in file.variables:
@@ -591,20 +595,20 @@ def _field_of_file(path: Path, name: str) -> Floats:
     return np.asarray(values, np.float64)
 
 
-def mean_forcing_of(folder: Path) -> GriddedForcing:
+def mean_forcing(folder: Path) -> GriddedForcing:
     """Return the mean forcing on the publication's grid, whose corners carry the currents and the wind."""
     lon, lat = (
-        _field_of_file(folder / ORAS5_FILES["grid"], "longitude"),
-        _field_of_file(folder / ORAS5_FILES["grid"], "latitude"),
+        _read_field(folder / ORAS5_FILES["grid"], "longitude"),
+        _read_field(folder / ORAS5_FILES["grid"], "latitude"),
     )
     grid = Grid.from_corners(lon + 360.0, lat)
     currents, wind = folder / ORAS5_FILES["currents"], folder / ORAS5_FILES["wind"]
     fields = grid.fields(
-        uo=_field_of_file(currents, "uo"),
-        vo=_field_of_file(currents, "vo"),
-        ua=_field_of_file(wind, "ua"),
-        va=_field_of_file(wind, "va"),
-        ssh=_field_of_file(folder / ORAS5_FILES["sea level"], "SSH"),
+        uo=_read_field(currents, "uo"),
+        vo=_read_field(currents, "vo"),
+        ua=_read_field(wind, "ua"),
+        va=_read_field(wind, "va"),
+        ssh=_read_field(folder / ORAS5_FILES["sea level"], "SSH"),
     )
     rules = FieldRules(depth_rule="zone", zone=ZONE)
     return GriddedForcing(grid, fields, rules=rules, source="ORAS5 and JRA-55, means of December 2020")
@@ -613,10 +617,10 @@ def mean_forcing_of(folder: Path) -> GriddedForcing:
 def build_oras5(options: Options) -> tuple[Model, Info]:
     """Build A68a in the mean currents of ORAS5 (see `riftberg.experiments.build`)."""
     folder = data_folder(options, ORAS5_FILES.values(), "a68a-oras5", hourly=False)
-    forcing = mean_forcing_of(folder)
+    forcing = mean_forcing(folder)
     assert forcing.grid is not None
     parameters = options.apply(A68A_2022 if options.own else A68A_2022_KID)
     berg = published_berg(folder, forcing.grid, parameters)
     title = "A68a in the mean currents of December 2020 (ORAS5)"
-    floor = with_bank(forcing, berg, parameters.ice.density) if options.own else forcing
+    floor = add_bank(forcing, berg, parameters.ice.density) if options.own else forcing
     return Model(berg, floor, parameters), Info("a68a-oras5", title, days=18.0, output_every_hours=1.0)

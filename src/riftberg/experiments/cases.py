@@ -66,8 +66,10 @@ class Beam:
         along = np.linspace(0.0, self.length, 101)
         stiffness = self.youngs_modulus * self.thickness * (2.0 * self.radius * self.rows) ** 3 / 12.0
         if self.rows == 1:
-            near = np.minimum(along, self.length - along)
-            sag = -self.load * near * (3.0 * self.length**2 - 4.0 * near**2) / (48.0 * stiffness)
+            support_distance = np.minimum(along, self.length - along)
+            sag = (
+                -self.load * support_distance * (3.0 * self.length**2 - 4.0 * support_distance**2) / (48.0 * stiffness)
+            )
             return np.column_stack([x.min() + along, y.mean() + sag])
         from scipy.integrate import solve_ivp
         from scipy.optimize import brentq
@@ -87,7 +89,7 @@ class Beam:
 
     def parameters(self, numerics: str) -> Parameters:
         """Return the parameters of a run with these numerics."""
-        own = Parameters(
+        own_parameters = Parameters(
             ice={"density": self.density},
             drag={"rotational": False},
             grounding={"coefficient": 2.0 * self.slowest * self.density * self.thickness},
@@ -103,8 +105,8 @@ class Beam:
             earth={"latlon": False, "period": 0.0},
         )
         if numerics == "own":
-            return own
-        return own.changed(**{
+            return own_parameters
+        return own_parameters.changed(**{
             **kid_quirks(), "grounding": {"coefficient": 0.0, "implicit": False}, "contact": {"critical_damping": False},
             "bonds": {"objective_damping": False, "damping": self.damping, "spring": 1e-5},
             "stepping": {"substeps": self.substeps},

@@ -47,16 +47,16 @@ if TYPE_CHECKING:
 Changes = dict[str, dict[str, Any]]
 
 BERG: Final = "berg"
-"""Group of what may be changed of an experiment's berg; all others are groups of parameters."""
+"""Group of the changes of an experiment's berg; all others are groups of parameters."""
 
 SETTABLE: Final[dict[str, tuple[Any, ...]]] = {**{name: group_classes(name) for name in GROUPS}, BERG: (BergKeys,)}
-"""Sections of each group that ``--set`` and ``--vary`` know: of a group of parameters, that of each engine."""
+"""Sections of each group that ``--set`` and ``--vary`` know: of a group of parameters, the section of each engine."""
 
 
 OF_NAMELISTS: Final = "Leave it out, or set it in input.nml and run that folder with 'riftberg kid'"
 
 
-def is_of_file(name: str) -> bool:
+def is_file_key(name: str) -> bool:
     """Whether a name is a path in an experiment file, such as ``forcing.eddy.speed`` or ``start``, and no parameter."""
     group, _, key = name.partition(".")
     return name == "start" or (group in ("bergs", "forcing") and bool(key)) or (group == BERG and "." in key)
@@ -71,13 +71,13 @@ def file_field(name: str) -> FieldInfo | None:
     from riftberg.experiments.schema import Experiment
 
     sections: list[Any] = [Experiment]
-    found: list[FieldInfo] = []
-    for part in name.split("."):
-        if part.isdigit():  # the place in a list of sections
+    fields: list[FieldInfo] = []
+    for key in name.split("."):
+        if key.isdigit():  # the place in a list of sections
             continue
-        found = [section_fields(section)[part] for section in sections if part in section_fields(section)]
-        sections = [inner for field in found for inner in nested_sections(field.annotation)]
-    return found[0] if found else None
+        fields = [section_fields(section)[key] for section in sections if key in section_fields(section)]
+        sections = [inner for field in fields for inner in nested_sections(field.annotation)]
+    return fields[0] if fields else None
 
 
 def file_value(text: str, where: str) -> Any:
@@ -91,38 +91,38 @@ def file_value(text: str, where: str) -> Any:
     return value if isinstance(value, bool | int | float | list | dict) else text
 
 
-def _own(value: Any) -> Any:
-    """Copy what an experiment file says; what an alias of YAML shares becomes one's own, so that it changes alone."""
+def _deep_copy(value: Any) -> Any:
+    """Copy the contents of an experiment file; a value shared by an alias of YAML gets its own copy, so that it changes alone."""
     if isinstance(value, dict):
-        return {key: _own(inner) for key, inner in value.items()}
-    return [_own(inner) for inner in value] if isinstance(value, list) else value
+        return {key: _deep_copy(inner) for key, inner in value.items()}
+    return [_deep_copy(inner) for inner in value] if isinstance(value, list) else value
 
 
 def changed_document(values: dict[str, Any], changes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Return what an experiment file says with changes of its keys made; ``berg`` means each of several bergs."""
-    values = _own(values)
+    """Return the contents of an experiment file with changed keys; ``berg`` means each of several bergs."""
+    values = _deep_copy(values)
     for group, inner in changes.items():
         if group in GROUPS:
             continue
         for key, value in inner.items():
             path = [group, *key.split(".")] if key else [group]
-            several = group == BERG and BERG not in values and isinstance(values.get("bergs"), list)
-            for at in [["bergs", k, *path[1:]] for k in range(len(values["bergs"]))] if several else [path]:
-                _put(values, at, value)
+            many_bergs = group == BERG and BERG not in values and isinstance(values.get("bergs"), list)
+            for at in [["bergs", k, *path[1:]] for k in range(len(values["bergs"]))] if many_bergs else [path]:
+                _set_value(values, at, value)
     return values
 
 
-def _put(values: Any, path: list[Any], value: Any) -> None:
-    *way, last = path
+def _set_value(values: Any, path: list[Any], value: Any) -> None:
+    *parents, last = path
     inside = values
-    for part in way:
-        inside = inside[0] if isinstance(inside, list) and len(inside) == 1 and not str(part).isdigit() else inside
+    for key in parents:
+        inside = inside[0] if isinstance(inside, list) and len(inside) == 1 and not str(key).isdigit() else inside
         try:
-            inside = inside[int(part) if isinstance(inside, list) else part]
+            inside = inside[int(key) if isinstance(inside, list) else key]
         except (KeyError, IndexError, ValueError, TypeError) as error:
-            named = ".".join(map(str, path))
+            dotted = ".".join(map(str, path))
             raise InputError(
-                f"the experiment file has no {part!r} there", where=named, remedy="Write the section first"
+                f"the experiment file has no {key!r} there", where=dotted, remedy="Write the section first"
             ) from error
     inside = inside[0] if isinstance(inside, list) and len(inside) == 1 and not str(last).isdigit() else inside
     try:
@@ -136,17 +136,17 @@ def parse_settings(settings: Iterable[str], settable: Mapping[str, tuple[Any, ..
     changes: Changes = {}
     faults = []
     for setting in settings:
-        key, equals, text = (part.strip() for part in setting.partition("="))
+        key, equals, text = (piece.strip() for piece in setting.partition("="))
         group, dot, name = key.partition(".")
         where = f"--set {setting}"
         try:
-            if equals and is_of_file(key):
+            if equals and is_file_key(key):
                 value = file_value(text, where)
             elif equals and dot:
                 value = checked_value(text, group, name, where=where, settable=settable)
             else:
-                what = f"{setting!r} is not of the form group.name=value"
-                raise InputError(what, where="--set", remedy="For example --set stepping.time_step=900")
+                problem = f"{setting!r} is not of the form group.name=value"
+                raise InputError(problem, where="--set", remedy="For example --set stepping.time_step=900")
             changes.setdefault(group, {})[name] = value
         except InputError as error:
             faults.append(error)
@@ -159,7 +159,7 @@ def checked_value(
     value: Any, group: str, name: str, *, where: str, settable: Mapping[str, tuple[Any, ...]] = SETTABLE
 ) -> Any:
     """Return a value as a parameter of either engine holds it, or explain why none does."""
-    sections = sections_with(group, name, where=where, settable=settable)
+    sections = parameter_sections(group, name, where=where, settable=settable)
     for section in sections[:-1]:
         try:
             return given(value, section, name, where=where)
@@ -168,7 +168,7 @@ def checked_value(
     return given(value, sections[-1], name, where=where)
 
 
-def sections_with(
+def parameter_sections(
     group: str, name: str, *, where: str, settable: Mapping[str, tuple[Any, ...]] = SETTABLE
 ) -> list[Any]:
     """Return the sections of a group that have a parameter, or explain that there is none."""
@@ -180,15 +180,15 @@ def sections_with(
         )
     sections = [section for section in settable[group] if name in section_fields(section)]
     if not sections:
-        gone = [now for section in settable[group] if (now := absent_key(section, name)[1])]
+        gone = [replacement for section in settable[group] if (replacement := absent_key(section, name)[1])]
         if gone:
             raise InputError(f"group {group} has no parameter {name!r} any more", where=where, remedy=gone[0])
         fields = [item for section in settable[group] for item in section_fields(section).items()]
-        known = list(dict.fromkeys(key for key, field in fields if not field_extra(field, "hidden")))
+        listed = list(dict.fromkeys(key for key, field in fields if not field_extra(field, "hidden")))
         raise InputError(
             f"group {group} has no parameter {name!r}",
             where=where,
-            remedy=f"{nearest(name, known)}It has {', '.join(known)}",
+            remedy=f"{nearest(name, listed)}It has {', '.join(listed)}",
         )
     if field_extra(section_fields(sections[0])[name], "hidden"):
         raise InputError(f"{group}.{name} is an option of KID's namelists", where=where, remedy=OF_NAMELISTS)
@@ -200,24 +200,24 @@ def changed(
 ) -> Parameters:  # fmt: skip
     """Return parameters with changes made, or explain which is impossible.
 
-    ``notices``: takes a sentence that names what another scheme has not, which is left out.
+    ``notices``: takes a sentence that names the keys that another scheme lacks, which are left out.
     """
     groups = {group: dict(values) for group, values in changes.items() if group in GROUPS}
     if parameters == A68A_2022 and scheme_asked(groups) != "quasi_static":
         parameters = A68A_2022_MTS  # with the published springs
     try:
-        made, left_out = parameters.adapted(**groups)
+        adapted, left_out = parameters.adapted(**groups)
     except InputError as error:
         sign = ":" if error.what.startswith("it is") else " ="
-        named = f"{error.where}{sign} " if error.where and error.where != where else ""
-        raise InputError(named + error.what, where=where, remedy=error.remedy) from error
+        key_text = f"{error.where}{sign} " if error.where and error.where != where else ""
+        raise InputError(key_text + error.what, where=where, remedy=error.remedy) from error
     if left_out and notices is not None:
-        notices.append(_left_out(made, left_out))
-    return made
+        notices.append(_left_out(adapted, left_out))
+    return adapted
 
 
-def _left_out(made: Parameters, paths: Sequence[str]) -> str:
-    return f"stepping.scheme = {made.stepping.scheme!r} has no {', '.join(paths)}: left out"
+def _left_out(parameters: Parameters, paths: Sequence[str]) -> str:
+    return f"stepping.scheme = {parameters.stepping.scheme!r} has no {', '.join(paths)}: left out"
 
 
 def reference_numerics(
@@ -226,7 +226,7 @@ def reference_numerics(
     """Return the same physics with the numerics and quirks of the reference, as `A68A_2022_KID` has them.
 
     ``springs``: groups that parameters of the other engine do not say, such as `PUBLISHED_SPRINGS`. ``notices``: takes a
-    sentence that names what the explicit engine has not.
+    sentence that names the keys that the explicit engine lacks.
     """
     springs = {} if isinstance(parameters, ExplicitParameters) else springs
     explicit, left_out = parameters.adapted(**{**springs, "stepping": {"scheme": "mts"}})
@@ -243,18 +243,18 @@ def origin(
 ) -> dict[str, str]:
     """Return the attributes of a file in a folder: the command, the experiment file if there is one, and where its data are.
 
-    ``words``: options of the command; ``settings``: what is set besides, as ``group.name=value``.
+    ``words``: options of the command; ``settings``: further settings, as ``group.name=value``.
     """
     path = Path(experiment)
-    told = [part for setting in settings for part in ("--set", setting)]
-    found = {COMMAND: shlex.join(["riftberg", "run", path.name, *words, *told])}
+    setting_words = [word for setting in settings for word in ("--set", setting)]
+    attributes = {COMMAND: shlex.join(["riftberg", "run", path.name, *words, *setting_words])}
     home = data
     if path.suffix in (".yaml", ".yml"):
-        found[FILE], home = path.read_text("utf-8-sig"), home or path.parent
+        attributes[FILE], home = path.read_text("utf-8-sig"), home or path.parent
     if home is not None:
-        found[PLACE] = os.path.relpath(home.resolve(), folder.resolve())
+        attributes[PLACE] = os.path.relpath(home.resolve(), folder.resolve())
     # Nobody else is to find passwords in a file.
-    return {name: without_secrets(text) for name, text in found.items()}
+    return {name: without_secrets(text) for name, text in attributes.items()}
 
 
 def setting(name: str, value: Any) -> str:
@@ -264,7 +264,7 @@ def setting(name: str, value: Any) -> str:
     return f"{name}={value if isinstance(value, str) else json.dumps(value)}"
 
 
-def settings_of(changes: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def format_settings(changes: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Return changes by group and name as ``--set`` takes them; a group without a name is a key of the file by itself."""
     return [
         setting(f"{group}.{name}" if name else group, value)
@@ -292,16 +292,16 @@ def started(
     def lengths() -> Any:
         return np.hypot(*separations(metric, e.lon[first], e.lat[first], e.lon[second], e.lat[second]))
 
-    before, share = lengths(), e.mass / e.mass.sum()
+    old_lengths, share = lengths(), e.mass / e.mass.sum()
     lon0, lat0 = float(share @ e.lon), float(share @ e.lat)
-    here = EqualAreaPlane(lon0, lat0, p.earth.radius, p.earth.latlon)
+    start_plane = EqualAreaPlane(lon0, lat0, p.earth.radius, p.earth.latlon)
     # A step of some kilometres on the plane of the old place gives the new point of contact.
-    lon1, lat1 = to or tuple(float(a[0]) for a in here.inverse(np.array([east]), np.array([north])))
-    there = replace(here, lon0=lon1, lat0=lat1)
+    lon1, lat1 = to or tuple(float(a[0]) for a in start_plane.inverse(np.array([east]), np.array([north])))
+    target_plane = replace(start_plane, lon0=lon1, lat0=lat1)
 
     def moved(lon: Any, lat: Any) -> tuple[Any, Any]:
-        x, y = turned(*here.forward(lon, lat), turn)
-        return there.inverse(size * x, size * y)
+        x, y = turned(*start_plane.forward(lon, lat), turn)
+        return target_plane.inverse(size * x, size * y)
 
     e.lon[:], e.lat[:] = moved(e.lon, e.lat)
     e.lon_pair[:], e.lat_pair[:] = e.lon, e.lat
@@ -313,7 +313,7 @@ def started(
         v += size * north_of - dv
     if bonds.bond_length.size:
         # Strains stay as they were: rest lengths follow the distances.
-        bonds.bond_length[:] *= lengths() / before
+        bonds.bond_length[:] *= lengths() / old_lengths
     e.length[:] *= size
     e.width[:] *= size
     e.thickness[:] *= thickness
@@ -339,7 +339,7 @@ def _again(model: Model, e: Any, bonds: Any, moved: Callable[[Any, Any], tuple[A
     return again
 
 
-def with_berg(model: Model, keys: Mapping[str, Any]) -> Model:
+def change_berg(model: Model, keys: Mapping[str, Any]) -> Model:
     """Return a model with another thickness, placement, rotation, shift, velocity or spin of its berg, as files give them.
 
     ``rotation`` turns it from where the experiment has it; ``velocity`` and ``spin`` take the place of those that it has.

@@ -1,4 +1,4 @@
-"""The built-in experiments by name, what a person may change in one, and what a built one says of itself.
+"""The built-in experiments by name, the options of one, and the description of a built one.
 
 An experiment is imported when it is built, so that asking for the list costs nothing.
 """
@@ -25,27 +25,27 @@ Numerics = Literal["own", "reference"]
 
 @dataclass(frozen=True)
 class Options:
-    """What the person who starts a run asked for."""
+    """Options of the person who starts a run."""
 
-    # Values by group and name, as `riftberg.parameters.Parameters.changed` takes them, and those of the berg; already checked
+    # Values by group and name, as `riftberg.parameters.Parameters.changed` takes them, and of the berg; already checked
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     days: float | None = None  # Length of the run; None leaves it to the experiment
     data: Path | None = None  # Folder of data files
     without: frozenset[str] = frozenset()  # Parts of the experiment to leave out
-    # Numerics of Riftberg, or those of the reference with its quirks; None leaves it to the experiment
+    # Numerics of Riftberg, or of the reference with its quirks; None leaves it to the experiment
     numerics: Numerics | None = None
     fetch: bool = False  # Fetch missing data files first
     # Cells (degrees) of a model grid that data files are put on; None leaves it to the experiment
     grid: float | None = None
-    # Files or patterns in place of those of the experiment, as ``forcing.files`` takes them
+    # Files or patterns in place of the ones in the experiment, as ``forcing.files`` takes them
     files: tuple[Any, ...] = ()
-    # What makes the forcing of an ocean model out of that of an experiment file, whose sea floor stays
+    # Makes the forcing of an ocean model out of the one in an experiment file, whose sea floor stays
     ocean: Callable[[Forcing, Parameters], Forcing] | None = field(default=None, compare=False)
-    notices: list[str] = field(default_factory=list, compare=False)  # What `apply` had to leave out
+    notices: list[str] = field(default_factory=list, compare=False)  # Keys that `apply` left out
 
     @property
     def own(self) -> bool:
-        """Riftberg's own numerics, unless the reference's were asked for: what most experiments do."""
+        """Riftberg's own numerics, unless the reference's were asked for, as most experiments have it."""
         return self.numerics != "reference"
 
     @property
@@ -65,7 +65,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Info:
-    """What the command line needs to know about a built experiment."""
+    """Facts about a built experiment that the command line needs."""
 
     name: str  # Short name, used for the output folder
     title: str = ""  # Heading of the map
@@ -74,10 +74,10 @@ class Info:
     seed: int | None = None  # Seed of random numbers, if any are drawn
     # Observed outlines for the map: ISO date to rings of longitude and latitude
     observed: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    notices: tuple[str, ...] = ()  # What should be known before the run, in a line each
+    notices: tuple[str, ...] = ()  # Notices before the run, a line each
     output_forces: bool = False  # Whether the run file holds the mean force of each medium between records
     output_cells: float | None = None  # Width (degrees) of the cells of the gridded output; None for none
-    made: str = ""  # What became of the shape that was asked for, in a line
+    made: str = ""  # How the lattice fits the requested shape, in a line
     loses: bool = False  # A finer lattice would come closer to that shape
     statics: Statics | None = field(default=None, repr=False)  # Supports, load and theory of a beam, for its map
     test_case: bool = False  # A small case with a known answer, no iceberg: its values are meant, however unusual
@@ -93,7 +93,7 @@ class BuiltIn:
 
     name: str  # Name on the command line
     place: str  # ``module:function`` of its builder
-    summary: str  # What it shows, in one line
+    summary: str  # Its subject, in one line
     parts: tuple[str, ...] = ()  # Parts that ``--without`` can leave out
     lattice: bool = False  # Its berg may be filled with another lattice
     fetches: bool = False  # It runs from files that ``--fetch`` can get
@@ -105,7 +105,7 @@ class BuiltIn:
         return builder
 
     def check_parts(self, without: Iterable[str]) -> None:
-        """Refuse to leave out what is no part of it."""
+        """Refuse to leave out a part that it does not have."""
         unknown = sorted(set(without) - set(self.parts))
         if unknown:
             raise InputError(

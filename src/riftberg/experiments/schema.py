@@ -1,4 +1,4 @@
-"""What an experiment file in YAML may say: sections, keys, units and limits.
+"""The schema of an experiment file in YAML: sections, keys, units and limits.
 
 Quantities may carry units (``thickness: 200 m``, ``time_step: 30 min``); plain numbers are in the unit named here.
 """
@@ -141,13 +141,13 @@ class Strength(Section):
 
     @model_validator(mode="after")
     def _one_way(self) -> Strength:
-        ways = [name for name in STRENGTHS if getattr(self, name) is not None]
-        if len(ways) != 1:
+        definitions = [name for name in STRENGTHS if getattr(self, name) is not None]
+        if len(definitions) != 1:
             raise ValueError(f"the strength needs exactly one of {', '.join(STRENGTHS)}")
-        if ways[0] == "file" and "seed" in self.model_fields_set:
+        if definitions[0] == "file" and "seed" in self.model_fields_set:
             raise ValueError("a map of strength has no seed")
-        if ways[0] != "file" and self.variable is not None:
-            raise ValueError(f"variable is that of a map; {ways[0]} has none")
+        if definitions[0] != "file" and self.variable is not None:
+            raise ValueError(f"variable is that of a map; {definitions[0]} has none")
         return self
 
 
@@ -230,7 +230,7 @@ class FormulaForcing(Section):
     @property
     def parts(self) -> list[formulas.Part]:
         """All formulas."""
-        return [part for name in formulas.FORMULAS for part in getattr(self, name)]
+        return [formula for name in formulas.FORMULAS for formula in getattr(self, name)]
 
     @model_validator(mode="after")
     def _something(self) -> FormulaForcing:
@@ -274,7 +274,7 @@ class OpenDriftForcing(Section):
     wind: Literal["files", "none"] = key("files", "", "none leaves the wind out")
 
 
-def kind_of(forcing: Any) -> Any:
+def forcing_kind(forcing: Any) -> Any:
     """Return the word that says of which kind a section of forcing is."""
     kind = forcing.get("kind") if isinstance(forcing, dict) else getattr(forcing, "kind", None)
     return kind if isinstance(kind, str) else None
@@ -287,7 +287,7 @@ Forcing = Annotated[
     | Annotated[FormulaForcing, Tag("formula")]
     | Annotated[SeriesForcing, Tag("along")]
     | Annotated[OpenDriftForcing, Tag("opendrift")],
-    Field(discriminator=Discriminator(kind_of)),
+    Field(discriminator=Discriminator(forcing_kind)),
 ]
 
 
@@ -337,8 +337,8 @@ class Experiment(Section):
         """Take a list of files, or one, for forcing of that kind, and a section by the key that only one kind has."""
         files = [forcing] if isinstance(forcing, str) else forcing
         forcing = {"files": files} if isinstance(files, list) else forcing
-        named = [kind for kind in ("files", "along", "opendrift") if isinstance(forcing, dict) and kind in forcing]
-        return {"kind": named[0], **forcing} if len(named) == 1 else forcing
+        kinds = [kind for kind in ("files", "along", "opendrift") if isinstance(forcing, dict) and kind in forcing]
+        return {"kind": kinds[0], **forcing} if len(kinds) == 1 else forcing
 
     @field_validator("days")
     @classmethod

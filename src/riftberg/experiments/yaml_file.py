@@ -75,9 +75,9 @@ _CORE: Final = frozenset(
 _KEY_TAGS: Final = frozenset(f"tag:yaml.org,2002:{name}" for name in ("str", "int", "float", "bool", "null", "merge"))
 
 
-def _line(part: Any) -> int:
+def _line(node: Any) -> int:
     """Return the line in which an event or a node begins, from 1."""
-    return int(part.start_mark.line) + 1 if part.start_mark else 1
+    return int(node.start_mark.line) + 1 if node.start_mark else 1
 
 
 class Document:
@@ -103,8 +103,8 @@ class Document:
             raise self._wrong(f"the control character {bad.group()!a} stands there", line, "Remove it")
         return text
 
-    def _wrong(self, what: str, line: int, remedy: str = "") -> InputError:
-        return InputError(what, where=f"{shown(self.path)}, line {line}", remedy=remedy)
+    def _wrong(self, problem: str, line: int, remedy: str = "") -> InputError:
+        return InputError(problem, where=f"{shown(self.path)}, line {line}", remedy=remedy)
 
     def _load(self, text: str) -> dict[str, Any]:
         try:
@@ -152,7 +152,7 @@ class Document:
             loader.dispose()
         return values
 
-    def _mark(self, node: yaml.Node, place: Place, above: tuple[int, ...]) -> None:
+    def _mark(self, node: yaml.Node, key_path: Place, above: tuple[int, ...]) -> None:
         """Note the line of every key; refuse keys that stand twice or are no words, and aliases that never end."""
         self._nodes += 1
         line = _line(node)
@@ -165,17 +165,17 @@ class Document:
         above = (*above, id(node))
         if isinstance(node, yaml.MappingNode):
             for key, value in node.value:
-                self._mark_key(key, value, place, above)
+                self._mark_key(key, value, key_path, above)
         elif isinstance(node, yaml.SequenceNode):
             for index, value in enumerate(node.value):
-                self.lines[(*place, index)] = _line(value)
-                self._mark(value, (*place, index), above)
+                self.lines[(*key_path, index)] = _line(value)
+                self._mark(value, (*key_path, index), above)
 
-    def _mark_key(self, key: yaml.Node, value: yaml.Node, place: Place, above: tuple[int, ...]) -> None:
+    def _mark_key(self, key: yaml.Node, value: yaml.Node, key_path: Place, above: tuple[int, ...]) -> None:
         line = _line(key)
         if not isinstance(key, yaml.ScalarNode) or key.tag not in _KEY_TAGS:
             raise self._wrong("a key that is no word", line, "Keys are plain words, such as days")
-        inner = (*place, str(key.value))
+        inner = (*key_path, str(key.value))
         if inner in self.lines:
             raise self._wrong(
                 f"{'.'.join(map(str, inner))} stands twice, first in line {self.lines[inner]}", line, "Leave one out"
@@ -184,7 +184,7 @@ class Document:
         self._mark(value, inner, above)
 
     def _check_scalars(self, node: yaml.Node, loader: yaml.SafeLoader, seen: set[int]) -> None:
-        """Build every plain value by itself, so that what cannot be built is reported with its line."""
+        """Build every plain value by itself, so that one that cannot be built is reported with its line."""
         if id(node) in seen:
             return
         seen.add(id(node))
@@ -216,40 +216,40 @@ class Document:
         try:
             loader.construct_object(node)
         except (ValueError, OverflowError, KeyError, AttributeError, TypeError) as error:
-            what = "no date that exists" if kind == "timestamp" else f"no {kind} that can be read"
+            problem = "no date that exists" if kind == "timestamp" else f"no {kind} that can be read"
             remedy = "Dates are such as 2020-12-09 13:00" if kind == "timestamp" else "Write a plain value"
-            raise self._wrong(f"{value_shown(text)} is {what}", line, remedy) from error
+            raise self._wrong(f"{value_shown(text)} is {problem}", line, remedy) from error
 
-    def _known(self, place: Place) -> Place:
-        """Return the place, or the section around it, whose line is known."""
-        known: Place = ()
-        for part in place:
-            if (*known, part) in self.lines:
-                known = (*known, part)
-            elif part != 0:  # one section may stand where a list of them may
+    def _known(self, key_path: Place) -> Place:
+        """Return the path of a key, or of the section around it, whose line is known."""
+        located: Place = ()
+        for key in key_path:
+            if (*located, key) in self.lines:
+                located = (*located, key)
+            elif key != 0:  # one section may stand where a list of them may
                 break
-        return known
+        return located
 
-    def where(self, place: Place) -> str:
-        """Return file, line and key of a place."""
-        known = self._known(place)
-        line = f", line {self.lines[known]}" if known else ""
-        key = shown(".".join(str(part) for part in place))
+    def where(self, key_path: Place) -> str:
+        """Return file, line and key of a path."""
+        located = self._known(key_path)
+        line = f", line {self.lines[located]}" if located else ""
+        key = shown(".".join(str(name) for name in key_path))
         return f"{shown(self.path)}{line}" + (f", {key}" if key else "")
 
-    def error(self, what: str, place: Place, remedy: str = "") -> InputError:
-        """Return an error that names the place."""
-        return InputError(what, where=self.where(place), remedy=remedy)
+    def error(self, problem: str, key_path: Place, remedy: str = "") -> InputError:
+        """Return an error that names the key."""
+        return InputError(problem, where=self.where(key_path), remedy=remedy)
 
     def refusal(self, faults: list[tuple[Place, InputError]]) -> InputError:
         """Return one error for all faults, in the order of the file."""
-        order = {place: number for number, place in enumerate(self.lines, start=1)}
+        order = {key_path: number for number, key_path in enumerate(self.lines, start=1)}
         in_order = sorted(faults, key=lambda fault: order.get(self._known(fault[0]), 0))
-        return together([self.error(fault.what, place, fault.remedy) for place, fault in in_order])
+        return together([self.error(fault.what, key_path, fault.remedy) for key_path, fault in in_order])
 
 
-def _name_of(path: str | Path) -> str:
-    """Return the name of an experiment that gives itself none: that of its file, in letters that a folder may have."""
+def _default_name(path: str | Path) -> str:
+    """Return the name of an experiment that gives itself none: the name of its file, in letters that a folder may have."""
     plain = re.sub(r"[^\w.-]+", "-", Path(path).stem)
     return re.sub(r"^[^A-Za-z0-9]+", "", plain) or "experiment"
 
@@ -268,14 +268,14 @@ def read_file(
     """
     document = Document(Path(path), ", ".join(Experiment.model_fields))
     forcing = {group: inner for group, inner in (changes or {}).items() if group == "forcing"}
-    values = changed_document({"name": _name_of(path), **document.values}, forcing)
-    values = changed_document(_with_trajectory(values, data or Path(path).parent), changes or {})
+    values = changed_document({"name": _default_name(path), **document.values}, forcing)
+    values = changed_document(_fill_from_track(values, data or Path(path).parent), changes or {})
     faults: list[tuple[Place, InputError]] = []
     parameters, experiment = Parameters(), None
     try:
         parameters = _parameters(values.get("parameters"))
     except InputError as error:
-        faults += [(("parameters", *_place_of(fault.where)), fault) for fault in error.faults]
+        faults += [(("parameters", *_split_key(fault.where)), fault) for fault in error.faults]
     if parameters.earth.latlon and parameters.earth.radius < SMALLEST_SPHERE:
         radius = InputError(
             f"{parameters.earth.radius:g} m is no radius of the Earth",
@@ -288,11 +288,11 @@ def read_file(
         faults += findings(error, Experiment)
     if faults or experiment is None:
         raise document.refusal(faults)
-    return experiment, _packed(parameters, experiment), document
+    return experiment, _set_packing(parameters, experiment), document
 
 
-def _with_trajectory(values: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Return what a file says with start, length and berg of the trajectory that forces it, where it does not say them itself."""
+def _fill_from_track(values: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the contents of a file with start, length and berg of the trajectory that forces it, where the file lacks them."""
     forcing = values.get("forcing")
     missing = {"start", "days", "berg"} - values.keys() - ({"berg"} if "bergs" in values else set())
     if not isinstance(forcing, dict) or not isinstance(forcing.get("opendrift"), str) or not missing:
@@ -300,17 +300,20 @@ def _with_trajectory(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     from riftberg.runs.opendrift import read_trajectory
 
     number = forcing.get("trajectory")
-    one = read_trajectory(in_folder(folder, forcing["opendrift"]), number if isinstance(number, int) else None)
-    own: dict[str, Any] = {"start": one.start, "days": float((one.times[-1] - one.times[0]) / np.timedelta64(1, "D"))}
+    trajectory = read_trajectory(in_folder(folder, forcing["opendrift"]), number if isinstance(number, int) else None)
+    defaults: dict[str, Any] = {
+        "start": trajectory.start,
+        "days": float((trajectory.times[-1] - trajectory.times[0]) / np.timedelta64(1, "D")),
+    }
     if "berg" in missing:
-        size = one.known_size()
-        place = [float(one.lon[0]), float(one.lat[0])]
-        own["berg"] = {
+        size = trajectory.known_size()
+        position = [float(trajectory.lon[0]), float(trajectory.lat[0])]
+        defaults["berg"] = {
             "rectangle": {"length": size["length"], "width": size["width"]},
             "thickness": size["thickness"],
-            "placement": place,
+            "placement": position,
         }
-    return {**{name: own[name] for name in missing}, **values}
+    return {**{name: defaults[name] for name in missing}, **values}
 
 
 def _parameters(groups: Any) -> Parameters:
@@ -337,22 +340,22 @@ def _parameters(groups: Any) -> Parameters:
     return usual.changed(**groups)
 
 
-def _packed(parameters: Parameters, experiment: Experiment) -> Parameters:
-    """Return the parameters with the packing of the bergs, but for what the file says itself."""
+def _set_packing(parameters: Parameters, experiment: Experiment) -> Parameters:
+    """Return the parameters with the packing of the bergs, unless the file sets it."""
     hexagonal = any(berg.packing == "hexagonal" for _, berg in experiment.all_bergs)
     shape = {"packing": "hexagonal" if hexagonal else "square"}
     return parameters.changed(bonds={**shape, **experiment.parameters.get("bonds", {})})
 
 
 def _coordinates(earth: Earth) -> dict[str, Any]:
-    """Return what the sections of a file take from the parameters: whether places are metres, and the latitude of a plane."""
+    """Return the context that sections take from the parameters: whether positions are metres, and the latitude of a plane."""
     plane = earth.f_plane or not earth.latlon
     latitude = earth.reference_latitude if plane else None
     return {"metres": not earth.latlon, "coordinates": {"latlon": earth.latlon, "latitude": latitude}}
 
 
-def _place_of(where: str) -> Place:
-    return tuple(int(part) if part.isdigit() else part for part in where.split(".")) if where else ()
+def _split_key(where: str) -> Place:
+    return tuple(int(key) if key.isdigit() else key for key in where.split(".")) if where else ()
 
 
 @closing_files(only_if_refused=True)
@@ -374,7 +377,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     notices += forcing.notices
     if options.ocean is not None:
         forcing = options.ocean(forcing, parameters)
-    made, loses = lost_in_lattice(berg)
+    lattice_text, loses = lost_in_lattice(berg)
     info = Info(
         experiment.name,
         experiment.title,
@@ -383,7 +386,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
         notices=tuple(notices),
         output_forces=experiment.output_forces,
         output_cells=experiment.output_cells,
-        made=made,
+        made=lattice_text,
         loses=loses,
     )
     return Model(berg, forcing, parameters, experiment.start), info
@@ -400,55 +403,55 @@ def build_berg(
 
     drawn: Counter[int] = Counter()
     notices = [] if notices is None else notices
-    built = [_one_berg(place, berg, parameters, folder, drawn, notices) for place, berg in experiment.all_bergs]
+    built = [_one_berg(section, berg, parameters, folder, drawn, notices) for section, berg in experiment.all_bergs]
     if experiment.berg is not None:
         return built[0]
-    with _key_named("bergs"):
+    with _name_key("bergs"):
         return Iceberg.join(built)
 
 
-def _own_seed(seed: int, drawn: Counter[int]) -> int:
-    """Return the seed of one of several bergs: as it is said for the first, and one of its own for each that shares it."""
+def _distinct_seed(seed: int, drawn: Counter[int]) -> int:
+    """Return the seed of one of several bergs: unchanged for the first, and one of its own for each that shares it."""
     number = drawn[seed]
     drawn[seed] += 1
     return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1)[0]) if number else seed
 
 
 def _one_berg(
-    place: str, berg: Berg, parameters: Parameters, folder: Path, drawn: Counter[int], notices: list[str]
+    section: str, berg: Berg, parameters: Parameters, folder: Path, drawn: Counter[int], notices: list[str]
 ) -> Iceberg:
-    """Build one berg of an experiment; ``place`` is the name of its section, ``drawn`` counts the seeds that are used."""
+    """Build one berg of an experiment; ``section`` is the name of its section, ``drawn`` counts the seeds that are used."""
     if berg.field is not None:
-        with _key_named(f"{place}.field"):
-            return _field_of_bergs(berg, berg.field, parameters)
+        with _name_key(f"{section}.field"):
+            return _build_field(berg, berg.field, parameters)
     if berg.seed is not None:
-        with _key_named(f"{place}.seed"):
-            return _cloud_of_bergs(berg, berg.seed, parameters)
+        with _name_key(f"{section}.seed"):
+            return _build_cloud(berg, berg.seed, parameters)
     if berg.points is not None:
-        with _key_named(f"{place}.points"):
-            return _bergs_at_points(berg, Path(in_folder(folder, berg.points.file)), parameters)
-    made = _whole_berg(berg, parameters, folder)
+        with _name_key(f"{section}.points"):
+            return _build_points(berg, Path(in_folder(folder, berg.points.file)), parameters)
+    iceberg = _whole_berg(berg, parameters, folder)
     for index, rift in enumerate(berg.rifts):
-        with _key_named(f"{place}.rifts.{index}"):
+        with _name_key(f"{section}.rifts.{index}"):
             from riftberg.bergs.raster import is_map, read_raster
 
             source: Any = rift.points
             if rift.file is not None:
                 path = Path(in_folder(folder, rift.file))
                 source = read_raster(path, rift.variable) if is_map(path) else path
-            made = made.with_rifts(
+            iceberg = iceberg.with_rifts(
                 source, strength=rift.strength if "strength" in rift.model_fields_set else None, broken=rift.broken,
                 depth=rift.depth, crevasse_strength=getattr(parameters.fracture, "crevasse_strength", None), crs=rift.crs,
                 threshold=rift.threshold,
             )  # fmt: skip
-            notices += [f"{place}.rifts.{index}: {text}" for text in _without_effect(made.report["rifts"][-1])]
+            notices += [f"{section}.rifts.{index}: {text}" for text in _idle_rift_lines(iceberg.report["rifts"][-1])]
     if berg.strength is not None:
-        with _key_named(f"{place}.strength"):
-            made = _with_strength(made, berg.strength, folder, drawn)
-    return made if berg.name is None else made.named(berg.name)
+        with _name_key(f"{section}.strength"):
+            iceberg = _apply_strength(iceberg, berg.strength, folder, drawn)
+    return iceberg if berg.name is None else iceberg.named(berg.name)
 
 
-def _without_effect(rift: dict[str, Any]) -> list[str]:
+def _idle_rift_lines(rift: dict[str, Any]) -> list[str]:
     """Return that a rift lies outside of the ice, or in crevasses which reach deeper by themselves, if so."""
     notices = [outside_text(rift["outside"])] if rift["outside"] > 0.0 else []
     if not rift.get("unchanged"):
@@ -462,8 +465,8 @@ def _without_effect(rift: dict[str, Any]) -> list[str]:
 
 
 @contextmanager
-def _key_named(key: str) -> Iterator[None]:
-    """Name the key of the file in errors about what it holds."""
+def _name_key(key: str) -> Iterator[None]:
+    """Name the key of the file in errors about its value."""
     try:
         yield
     except BergError as error:
@@ -471,12 +474,12 @@ def _key_named(key: str) -> Iterator[None]:
         raise BergError(error.what, where=where, remedy=error.remedy) from error
 
 
-def _with_strength(berg: Iceberg, strength: Strength, folder: Path, drawn: Counter[int]) -> Iceberg:
+def _apply_strength(berg: Iceberg, strength: Strength, folder: Path, drawn: Counter[int]) -> Iceberg:
     from riftberg.bergs.raster import read_raster
 
     if strength.file is not None:
         return berg.with_strength(read_raster(Path(in_folder(folder, strength.file)), strength.variable))
-    seed = _own_seed(strength.seed, drawn)
+    seed = _distinct_seed(strength.seed, drawn)
     if strength.weibull is not None:
         return berg.with_strength("weibull", shape=strength.weibull, seed=seed)
     if strength.normal is not None:
@@ -525,12 +528,12 @@ def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) 
         path, None if shelf.mask is None else path, variable=shelf.variable, mask_variable=shelf.mask, date=shelf.date,
         crs=shelf.crs, density=parameters.ice.density, earth_radius=parameters.earth.radius,
     )  # fmt: skip
-    made = ice.berg(radius=berg.radius, packing=berg.packing, velocity=berg.velocity)
-    turn_rigidly(made.elements, berg.spin, Metric(True, made.earth_radius))
-    return made
+    iceberg = ice.berg(radius=berg.radius, packing=berg.packing, velocity=berg.velocity)
+    turn_rigidly(iceberg.elements, berg.spin, Metric(True, iceberg.earth_radius))
+    return iceberg
 
 
-def _field_of_bergs(berg: Berg, field: FieldOfBergs, parameters: Parameters) -> Iceberg:
+def _build_field(berg: Berg, field: FieldOfBergs, parameters: Parameters) -> Iceberg:
     from riftberg.bergs.iceberg import Iceberg
 
     thickness = berg.thickness if "thickness" in berg.model_fields_set else None
@@ -546,7 +549,7 @@ def _radius_given(berg: Berg) -> dict[str, float]:
     return {"radius": berg.radius} if "radius" in berg.model_fields_set else {}
 
 
-def _cloud_of_bergs(berg: Berg, cloud: CloudOfBergs, parameters: Parameters) -> Iceberg:
+def _build_cloud(berg: Berg, cloud: CloudOfBergs, parameters: Parameters) -> Iceberg:
     from riftberg.bergs.iceberg import Iceberg
 
     assert berg.placement is not None
@@ -559,11 +562,11 @@ def _cloud_of_bergs(berg: Berg, cloud: CloudOfBergs, parameters: Parameters) -> 
     )  # fmt: skip
 
 
-def _bergs_at_points(berg: Berg, path: Path, parameters: Parameters) -> Iceberg:
+def _build_points(berg: Berg, path: Path, parameters: Parameters) -> Iceberg:
     from riftberg.bergs.iceberg import Iceberg
-    from riftberg.bergs.outline import table_of_points
+    from riftberg.bergs.outline import read_points
 
-    columns: dict[str, Any] = {"thickness": berg.thickness, **table_of_points(path)}
+    columns: dict[str, Any] = {"thickness": berg.thickness, **read_points(path)}
     if "length" in columns and "radius" in berg.model_fields_set:
         raise BergError(
             "a radius beside lengths", where=str(path), remedy="Leave berg.radius out, or the column length"
@@ -602,10 +605,10 @@ def build_forcing(
             forcing = forcing.model_copy(update={"spacing": options.grid})
         if options.files:
             forcing = forcing.model_copy(update={"files": list(options.files)})
-        place = berg.elements.place.lon, berg.elements.place.lat
+        positions = berg.elements.place.lon, berg.elements.place.lat
         run = Run.of(
             experiment.start, days, berg.elements.thickness, parameters.ice.density, melts=parameters.melt.enabled,
-            place=place if parameters.earth.latlon else None,
+            place=positions if parameters.earth.latlon else None,
         )  # fmt: skip
         return shared_forcing(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):

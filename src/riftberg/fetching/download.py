@@ -41,10 +41,10 @@ Tell = Callable[[str], None]
 _POINTER = b"version https://git-lfs.github.com/spec/v1"
 
 
-def missing_package(package: str, extra: str, what: str) -> ForcingError:
-    """Return the error that says which package is needed for what, and which extra of Riftberg brings it."""
+def missing_package(package: str, extra: str, purpose: str) -> ForcingError:
+    """Return the error that names the package that a purpose needs, and the extra of Riftberg that brings it."""
     return ForcingError(
-        f"{package} is not installed, which is needed {what}", remedy=f"pip install 'riftberg[{extra}]' brings it"
+        f"{package} is not installed, which is needed {purpose}", remedy=f"pip install 'riftberg[{extra}]' brings it"
     )
 
 
@@ -65,11 +65,11 @@ def reached(error: Exception) -> bool:
     return not isinstance(getattr(cause, "reason", cause), NewConnectionError)
 
 
-def _kept(part: PartFile) -> str:
-    """Say what is kept of a file that could not be fetched whole."""
-    known = part.version
-    continued = part.size and known is not None and known.validator
-    return f": {part.size / 1e6:.1f} MB are kept and will be continued" if continued else ""
+def _describe_kept(partial: PartFile) -> str:
+    """Describe the part that is kept of a file that could not be fetched whole."""
+    version = partial.version
+    continued = partial.size and version is not None and version.validator
+    return f": {partial.size / 1e6:.1f} MB are kept and will be continued" if continued else ""
 
 
 class Resuming:
@@ -90,79 +90,79 @@ class Resuming:
         """Fetch ``url`` into a file; ``checked``: the caller finds out whether it is whole, by a checksum or its content."""
         if find_spec("requests") is None or find_spec("tqdm") is None:
             raise missing_package("requests or tqdm", "fetch", "to fetch files")
-        path = part_of(target.parent, url)
+        path = partial_path(target.parent, url)
         with only_writer(path):
             large = self.large_files(url) if self.large_files is not None else url
-            part = PartFile(path, large)
-            if part.version is None:
-                part = PartFile(path, url)
+            partial = PartFile(path, large)
+            if partial.version is None:
+                partial = PartFile(path, url)
             else:  # an earlier run has followed the pointer already, and noted its checksum
-                part.sha256 = part.version.sha256
-            self.fetch(part, checked=checked or bool(part.sha256))
+                partial.sha256 = partial.version.sha256
+            self.fetch(partial, checked=checked or bool(partial.sha256))
             # The server has sent the pointer instead of the file that it stands for.
-            if part.url != large and is_pointer(path):
+            if partial.url != large and is_pointer(path):
                 # The sha256 that a pointer of Git LFS names; empty where it names none.
                 match = re.search(
                     r"^oid sha256:([0-9a-f]{64})$", path.read_text(encoding="utf-8", errors="replace"), re.MULTILINE
                 )
-                part = PartFile(path, large, (match[1] if match else ""))
-                part.drop()
-                self.fetch(part, checked=checked or bool(part.sha256))
+                partial = PartFile(path, large, (match[1] if match else ""))
+                partial.drop()
+                self.fetch(partial, checked=checked or bool(partial.sha256))
             if message := _server_message(path):
-                part.drop()
+                partial.drop()
                 raise ForcingError(
-                    f"the server sent {message} in place of the file", where=part.url,
+                    f"the server sent {message} in place of the file", where=partial.url,
                     remedy="Run again later; if it stays so, the file is not to be had there, or not without a login",
                 )  # fmt: skip
-            if not part.is_whole():
-                part.drop()
+            if not partial.is_whole():
+                partial.drop()
                 raise ForcingError(
-                    f"its checksum is wrong: the pointer at {url} names sha256 {part.sha256[:12]}...", where=part.url,
+                    f"its checksum is wrong: the pointer at {url} names sha256 {partial.sha256[:12]}...", where=partial.url,
                     remedy="The file has changed at its source or on the way: run again; if it stays wrong, do not use it",
                 )  # fmt: skip
-            part.finish(target)
+            partial.finish(target)
 
-    def fetch(self, part: PartFile, *, checked: bool) -> None:
-        """Fetch the whole of a part's file, continuing what is there if it is of the version that the server has."""
+    def fetch(self, partial: PartFile, *, checked: bool) -> None:
+        """Fetch the whole of a part's file, continuing the part on disk if the server still has its version."""
         import requests
 
-        known = part.version
-        if known is None or not known.validator:
-            part.drop()  # nothing says to which version it belongs
+        version = partial.version
+        if version is None or not version.validator:
+            partial.drop()  # nothing says to which version it belongs
         vain = 0
         reason: object = "the connection was cut"
         while vain < self.attempts:
-            before = part.size
+            previous = partial.size
             try:
-                if self._continue(part, checked=checked):
+                if self._continue(partial, checked=checked):
                     return
             except requests.RequestException as error:
                 reason = error
                 if not reached(error) and vain + 1 >= WITHOUT_NETWORK:
                     raise ForcingError(
                         f"could not be fetched, no connection is to be had ({reason})",
-                        where=part.url,
-                        remedy=f"Check the network and run again{_kept(part)}",
+                        where=partial.url,
+                        remedy=f"Check the network and run again{_describe_kept(partial)}",
                     ) from error
             except OSError as error:
                 # The error that tells what the disk said.
                 if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                    what, remedy = (
+                    fault, remedy = (
                         "the disk is full",
                         "Free some space, or choose another folder; what was fetched is kept and continued",
                     )
                 elif error.errno in (errno.EACCES, errno.EROFS, errno.EPERM):
-                    what, remedy = "the folder cannot be written", "Choose another folder"
+                    fault, remedy = "the folder cannot be written", "Choose another folder"
                 else:
-                    what, remedy = f"writing failed ({error})", "Check the disk"
-                raise ForcingError(what, where=str(part.path.parent), remedy=remedy) from error
+                    fault, remedy = f"writing failed ({error})", "Check the disk"
+                raise ForcingError(fault, where=str(partial.path.parent), remedy=remedy) from error
             # Attempts that brought something do not count: a slow line may be cut many times.
-            vain = 0 if part.size > before else vain + 1
+            vain = 0 if partial.size > previous else vain + 1
             time.sleep(self.pause * vain if vain < self.attempts else 0.0)
         raise ForcingError(
             f"could not be fetched, {self.attempts} attempts in a row brought nothing ({reason})",
-            where=part.url,
-            remedy=f"Check the network and run again{_kept(part)}",
+            where=partial.url,
+            remedy=f"Check the network and run again{_describe_kept(partial)}",
         )
 
     def changed(self, url: str, path: Path) -> str | None:
@@ -183,58 +183,58 @@ class Resuming:
             return f"it was written anew there on {answer.headers['Last-Modified']}"
         return "" if size or dated is not None else None
 
-    def _continue(self, part: PartFile, *, checked: bool) -> bool:
+    def _continue(self, partial: PartFile, *, checked: bool) -> bool:
         """Fetch the rest of a file; tell whether it is complete."""
         import requests
 
-        known = part.version
-        if known is None or not (known.validator or known.total):
-            part.drop()  # nothing would tell whether what is to come belongs to what is there
-        have = part.size
+        version = partial.version
+        if version is None or not (version.validator or version.total):
+            partial.drop()  # nothing would tell whether what is to come belongs to what is there
+        have = partial.size
         headers = {"Accept-Encoding": "identity"}
-        if have and known is not None:
+        if have and version is not None:
             headers["Range"] = f"bytes={have}-"
-            if known.validator:
-                headers["If-Range"] = known.validator
-        with requests.get(part.url, headers=headers, stream=True, timeout=self.timeout) as answer:
+            if version.validator:
+                headers["If-Range"] = version.validator
+        with requests.get(partial.url, headers=headers, stream=True, timeout=self.timeout) as answer:
             code = answer.status_code
-            if known is not None and have and code in (206, 416):
+            if version is not None and have and code in (206, 416):
                 first, total = content_range(answer.headers)
-                other = Version.told(part.url, answer.headers, total).contradicts(known)
+                other = Version.told(partial.url, answer.headers, total).contradicts(version)
                 # The range asked for begins behind the end: all bytes are there.
-                if code == 416 and (total or known.total) == have and not other:
+                if code == 416 and (total or version.total) == have and not other:
                     return True  # nothing is left to fetch
                 if code == 416 or first != have or other:
-                    part.drop()
-                    return self._continue(part, checked=checked)
-            _check_status(answer, part.url, part_asked="Range" in headers)
+                    partial.drop()
+                    return self._continue(partial, checked=checked)
+            _check_status(answer, partial.url, part_asked="Range" in headers)
             # A server that does not know ranges answers 200 with the whole file.
             start = have if code == 206 else 0
             length = _length(answer)
             if not checked and not _tells_end(answer):
                 raise ForcingError(
                     "the server does not say where the file ends, so a cut connection would pass for its end",
-                    where=part.url, remedy="Fetch it with a browser or by hand, and compare its size with the source",
+                    where=partial.url, remedy="Fetch it with a browser or by hand, and compare its size with the source",
                 )  # fmt: skip
             # A server may send less than the rest that was asked for.
-            promised = [known.total, content_range(answer.headers)[1]] if start and known is not None else []
+            promised = [version.total, content_range(answer.headers)[1]] if start and version is not None else []
             total = max(start + length, *promised, 0) if length else max(promised, default=0)
             # Refuse a download that cannot fit before it fills the disk.
-            free = shutil.disk_usage(part.path.parent).free
+            free = shutil.disk_usage(partial.path.parent).free
             if length > free:
                 raise OSError(errno.ENOSPC, f"{length / 1e6:.0f} MB are to come, {free / 1e6:.0f} MB are free")
             if start == 0:
-                part.begin(Version.told(part.url, answer.headers, total))
-            written = self._write(answer, part.path, start, total)
+                partial.begin(Version.told(partial.url, answer.headers, total))
+            written = self._write(answer, partial.path, start, total)
         if not written:
-            part.drop()
-            raise ForcingError("the server sent an empty file", where=part.url, remedy="Run again later")
+            partial.drop()
+            raise ForcingError("the server sent an empty file", where=partial.url, remedy="Run again later")
         return total == 0 or written >= total
 
     def _write(self, answer: requests.Response, path: Path, start: int, total: int) -> int:
         """Write the answer behind the first ``start`` bytes of ``path``; return the size reached."""
         written = start
-        with opened_part(path, start) as stream:
+        with open_partial(path, start) as stream:
             for block in answer.iter_content(BLOCK):
                 stream.write(block)
                 written += len(block)
@@ -243,7 +243,7 @@ class Resuming:
         return written
 
 
-def opened_part(path: Path, start: int) -> BinaryIO:
+def open_partial(path: Path, start: int) -> BinaryIO:
     """Open a part for writing behind its first ``start`` bytes."""
     stream = path.open("r+b" if start else "wb")
     stream.seek(start)
@@ -252,14 +252,14 @@ def opened_part(path: Path, start: int) -> BinaryIO:
 
 def _length(answer: requests.Response) -> int:
     """Return how many bytes are to come; 0 = not told, or told of a coded form of the file."""
-    told = answer.headers.get("Content-Length", "0").strip()
-    if not re.fullmatch("[0-9]{1,18}", told):
+    stated = answer.headers.get("Content-Length", "0").strip()
+    if not re.fullmatch("[0-9]{1,18}", stated):
         raise ForcingError(
-            f"the server gives {value_shown(told)} for the length of the file",
+            f"the server gives {value_shown(stated)} for the length of the file",
             where=answer.url,
             remedy="Run again later",
         )
-    return 0 if answer.headers.get("Content-Encoding", "identity") != "identity" else int(told)
+    return 0 if answer.headers.get("Content-Encoding", "identity") != "identity" else int(stated)
 
 
 def _tells_end(answer: requests.Response) -> bool:
@@ -268,7 +268,7 @@ def _tells_end(answer: requests.Response) -> bool:
     return chunked or "Content-Length" in answer.headers
 
 
-def part_of(folder: Path, url: str) -> Path:
+def partial_path(folder: Path, url: str) -> Path:
     """Return where the unfinished part of ``url`` is kept."""
     return folder / f"{url.rsplit('/', 1)[-1].split('?')[0]}.part"
 
@@ -284,7 +284,7 @@ _JSON: Final = re.compile(rb"(\xef\xbb\xbf)?\s*\{\s*\"")
 
 
 def _server_message(path: Path) -> str:
-    """Return what stands in a file where a message of the server has come in its place, with a status of success."""
+    """Return the message of the server that has come in place of a file, with a status of success."""
     with path.open("rb") as stream:
         begin = stream.read(512)
     if begin.startswith(_POINTER):
@@ -306,8 +306,8 @@ def _check_status(answer: requests.Response, url: str, *, part_asked: bool) -> N
         )
     answer.raise_for_status()
     if code != 200 and not (code == 206 and part_asked):
-        what = "a part of the file that was not asked for" if code == 206 else "no file"
-        raise ForcingError(f"the server sent {what} (HTTP {code})", where=url, remedy="Run again later")
+        content = "a part of the file that was not asked for" if code == 206 else "no file"
+        raise ForcingError(f"the server sent {content} (HTTP {code})", where=url, remedy="Run again later")
 
 
 class Bar:
@@ -317,8 +317,8 @@ class Bar:
         self._bar: Any = None
         self._name = ""
 
-    def __call__(self, name: str, done: int, total: int) -> None:
-        """Show that ``done`` of ``total`` bytes of ``name`` are there."""
+    def __call__(self, name: str, received: int, total: int) -> None:
+        """Show that ``received`` of ``total`` bytes of ``name`` are there."""
         from tqdm import tqdm  # type: ignore[import-untyped, unused-ignore]
 
         if name != self._name:
@@ -326,7 +326,7 @@ class Bar:
             self._name = name
             self._bar = tqdm(desc=name[-50:], total=total or None, unit="B", unit_scale=True, disable=None)
         self._bar.total = total or None  # another one where a fetch had to start anew
-        self._bar.update(done - self._bar.n)
+        self._bar.update(received - self._bar.n)
 
     def close(self) -> None:
         """End the line."""
@@ -336,8 +336,8 @@ class Bar:
 
 
 @contextmanager
-def progressing(progress: Progress | bool) -> Iterator[Progress | None]:
-    """Give what shows progress: a bar (True), what was given, or nothing (False); the bar ends with the block."""
+def show_progress(progress: Progress | bool) -> Iterator[Progress | None]:
+    """Give a display of progress: a bar (True), the given one, or none (False); the bar ends with the block."""
     bar = Bar() if progress is True else None
     try:
         yield bar or (progress if callable(progress) else None)
@@ -400,8 +400,8 @@ def unpacked(archive: Path, ending: str, most: float = math.inf) -> list[tuple[s
             members = [m for m in opened.infolist() if not m.is_dir() and m.filename.lower().endswith(ending)]
             size = sum(member.file_size for member in members)
             if not members or size > most:
-                what = f"{size / 1e6:.0f} MB of {ending} files" if members else f"no {ending} files"
-                raise ForcingError(f"the archive holds {what}", where=str(archive), remedy=remedy)
+                content = f"{size / 1e6:.0f} MB of {ending} files" if members else f"no {ending} files"
+                raise ForcingError(f"the archive holds {content}", where=str(archive), remedy=remedy)
             return [(member.filename, opened.read(member)) for member in members]
     except ForcingError:
         archive.unlink(missing_ok=True)
@@ -419,7 +419,7 @@ _RANGE = re.compile(r"bytes\s+(?:(?P<first>\d+)-\d+|\*)/(?P<total>\d+|\*)")
 
 @dataclass(frozen=True)
 class Version:
-    """What a server tells of the version of a file."""
+    """Version of a file, as the server states it."""
 
     url: str  # Address
     etag: str = ""  # Its tag for this version; empty = not told
@@ -434,7 +434,7 @@ class Version:
 
     @property
     def validator(self) -> str:
-        """What ``If-Range`` may carry: a strong tag, else the date, else nothing (weak tags are not allowed there)."""
+        """Value for ``If-Range``: a strong tag, else the date, else nothing (weak tags are not allowed there)."""
         return self.etag if self.etag and not self.etag.startswith("W/") else self.modified
 
     def contradicts(self, other: Version) -> bool:
@@ -468,7 +468,7 @@ class PartFile:
         return version if version.url == self.url else None
 
     def begin(self, version: Version) -> None:
-        """Throw away what is there and note the version that is to come."""
+        """Drop the old part and note the version to come."""
         self.drop()
         self.record.write_text(json.dumps({**asdict(version), "sha256": self.sha256}))
 
@@ -477,7 +477,7 @@ class PartFile:
         return not self.sha256 or checksum(self.path) == self.sha256
 
     def drop(self) -> None:
-        """Throw away what is there; the bytes first, so that no record is left beside bytes of another version."""
+        """Drop the part; its bytes first, so that no record is left beside bytes of another version."""
         self.path.unlink(missing_ok=True)
         self.record.unlink(missing_ok=True)
 

@@ -1,4 +1,4 @@
-"""Fetching of what needs no login: inputs of the A68a paper from its public repository, databases of named Antarctic bergs.
+"""Fetching of data without a login: inputs of the A68a paper from its public repository, databases of named Antarctic bergs.
 
 `fetch_product` (of `riftberg.fetching.services`) fetches original products from the services that hold them.
 """
@@ -17,7 +17,16 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.fetching.download import Progress, Resuming, checksum, fetch_one, is_pointer, made, progressing, unpacked
+from riftberg.fetching.download import (
+    Progress,
+    Resuming,
+    checksum,
+    fetch_one,
+    is_pointer,
+    made,
+    show_progress,
+    unpacked,
+)
 from riftberg.fetching.services import fetch_product
 from riftberg.system.atomic_files import only_writer, refusal, replacing, write_text
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
@@ -65,12 +74,12 @@ class Hourly:
     variables: tuple[str, ...]  # Fields that it must hold
     records: int  # Hours that it must hold
     limit: float  # Largest magnitude that is believable (m s-1 or m)
-    parts: int = 8
+    split_files: int = 8
 
     @property
     def names(self) -> list[str]:
         """Addresses of the parts below the base address."""
-        return [f"{_DATA}split_files/{self.stem}{number:06d}.nc" for number in range(self.parts)]
+        return [f"{_DATA}split_files/{self.stem}{number:06d}.nc" for number in range(self.split_files)]
 
 
 HOURLY: tuple[Hourly, ...] = (
@@ -93,7 +102,7 @@ def fetch_a68a(
     """Fetch the inputs of the A68a experiment of Huth et al. (2022); about 1.3 GB, resumed if cut."""
     folder = made(Path(folder))
     registry = FILES if files is None else files
-    with progressing(progress) as show:
+    with show_progress(progress) as show:
         downloader = Resuming(show, large_files=lambda url: url.replace(base_url, large_files_url))
         fetched = [fetch_one(name, digest, folder, base_url, downloader) for name, digest in registry.items()]
         fetched += [_fetch_hourly(field, folder, base_url, downloader) for field in hourly]
@@ -101,7 +110,7 @@ def fetch_a68a(
 
 
 def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resuming) -> Path:
-    """Fetch the parts of an hourly field, merge them and check what came out."""
+    """Fetch the parts of an hourly field, merge them and check the result."""
     target = folder / field.merged
     if target.exists() and is_pointer(target):  # from a copy of the repository without its large files
         target.unlink()
@@ -109,52 +118,52 @@ def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resumi
         check_hourly(target, field)
         return target
     with only_writer(target):
-        parts = [fetch_one(name, None, folder, base_url, downloader) for name in field.names]
-        merge_hourly(parts, target, field)
-    for part in parts:
-        part.unlink()
+        files = [fetch_one(name, None, folder, base_url, downloader) for name in field.names]
+        merge_hourly(files, target, field)
+    for file in files:
+        file.unlink()
     return target
 
 
-def merge_hourly(parts: Sequence[Path], target: Path, field: Hourly) -> None:
+def merge_hourly(files: Sequence[Path], target: Path, field: Hourly) -> None:
     """Join the parts of an hourly field in order of time, check them, and write one file."""
-    with replacing(target) as part:
+    with replacing(target) as temporary:
         try:
-            _join(_in_order(parts), part)
+            _join(_in_order(files), temporary)
         except (OSError, RuntimeError) as error:  # the latter is how the NetCDF library tells of a full disk
             remedy = "Free some space, or choose another folder: the parts are kept"
             raise ForcingError(f"could not be written ({refusal(error)})", where=str(target), remedy=remedy) from error
-        check_hourly(part, field)
+        check_hourly(temporary, field)
 
 
-def _in_order(parts: Sequence[Path]) -> list[Path]:
+def _in_order(files: Sequence[Path]) -> list[Path]:
     """Return the parts in order of their first hour, or as given where they have no stamps; broken ones are removed."""
     begins = []
-    for part in parts:
+    for file in files:
         try:
-            with open_netcdf(part) as ds:
+            with open_netcdf(file) as ds:
                 records = len(ds.dimensions["time"]) if "time" in ds.dimensions else 0
                 begins.append(float(ds["time"][0]) if records and "time" in ds.variables else 0.0)
         except (OSError, RuntimeError) as error:
-            raise _damaged(part) from error
+            raise _damaged(file) from error
         if not records:
             remedy = "The source has changed: do not use the data"
-            raise ForcingError("this part has no records", where=str(part), remedy=remedy)
-    return [part for _, part in sorted(zip(begins, parts, strict=True), key=lambda pair: pair[0])]
+            raise ForcingError("this part has no records", where=str(file), remedy=remedy)
+    return [file for _, file in sorted(zip(begins, files, strict=True), key=lambda pair: pair[0])]
 
 
-def _damaged(part: Path) -> ForcingError:
+def _damaged(file: Path) -> ForcingError:
     """Remove a part that cannot be read, and return the error that says so."""
-    part.unlink()
+    file.unlink()
     remedy = "It was removed: run the same command again"
-    return ForcingError("this part is damaged", where=str(part), remedy=remedy)
+    return ForcingError("this part is damaged", where=str(file), remedy=remedy)
 
 
-def _join(parts: Sequence[Path], target: Path) -> None:
-    """Copy parts one behind the other, as they are (no decoding), holding one part in memory at a time."""
+def _join(files: Sequence[Path], target: Path) -> None:
+    """Copy parts one behind the other, without decoding, holding one part in memory at a time."""
     with open_netcdf(target, "w", format="NETCDF4") as out:
-        for part in parts:
-            with open_netcdf(part) as ds:
+        for file in files:
+            with open_netcdf(file) as ds:
                 ds.set_auto_maskandscale(False)
                 if not out.dimensions:
                     _copy_header(ds, out)
@@ -164,7 +173,7 @@ def _join(parts: Sequence[Path], target: Path) -> None:
                         try:
                             values = variable[...]
                         except (OSError, RuntimeError) as error:
-                            raise _damaged(part) from error
+                            raise _damaged(file) from error
                         out[name][first : first + len(ds.dimensions["time"])] = values
 
 
@@ -254,16 +263,16 @@ SOURCES: Final = {
 """Sources by the name that ``riftberg fetch`` takes."""
 
 
-def fetch_positions(what: str, folder: str | Path, *, progress: Progress | bool = True) -> list[Path]:
+def fetch_positions(database: str, folder: str | Path, *, progress: Progress | bool = True) -> list[Path]:
     """Fetch a database of positions; returns its tables."""
-    source, folder = SOURCES[what], made(Path(folder))
-    with progressing(progress) as show:
+    source, folder = SOURCES[database], made(Path(folder))
+    with show_progress(progress) as show:
         path = fetch_one(source.name, None, folder, source.base, Resuming(show), renew=True)
     with path.open("rb") as stream:
-        return unpacked_tables(path, folder) if stream.read(2) == b"PK" else [path]
+        return unpack_tables(path, folder) if stream.read(2) == b"PK" else [path]
 
 
-def unpacked_tables(path: Path, folder: Path) -> list[Path]:
+def unpack_tables(path: Path, folder: Path) -> list[Path]:
     """Unpack the tables of a database, all into one folder; a file there that it did not unpack before is not touched."""
     record = folder / f".{path.name}.json"
     written: dict[str, str] = json.loads(record.read_text()) if record.exists() else {}
@@ -273,8 +282,8 @@ def unpacked_tables(path: Path, folder: Path) -> list[Path]:
         if target in tables:
             remedy = "Unpack it by hand, into several folders"
             raise ForcingError(f"the archive holds {target.name} twice", where=str(path), remedy=remedy)
-        there = target.is_symlink() or target.exists()
-        if there and (
+        exists = target.is_symlink() or target.exists()
+        if exists and (
             target.is_symlink()
             or checksum(target) not in (written.get(target.name), hashlib.sha256(content).hexdigest())
         ):
@@ -284,8 +293,8 @@ def unpacked_tables(path: Path, folder: Path) -> list[Path]:
             )
         tables[target] = content
     for target, content in tables.items():
-        with replacing(target) as part:
-            part.write_bytes(content)
+        with replacing(target) as temporary:
+            temporary.write_bytes(content)
     write_text(
         record,
         json.dumps({target.name: hashlib.sha256(content).hexdigest() for target, content in tables.items()}) + "\n",

@@ -28,7 +28,7 @@ from riftberg.fetching.download import (
     fetch_one,
     made,
     missing_package,
-    progressing,
+    show_progress,
     tell_terminal,
     unpacked,
 )
@@ -74,8 +74,8 @@ class Addresses(TypedDict, total=False):
     gebco_url: str
 
 
-class Wanted(NamedTuple):
-    """What is asked of a service."""
+class Request(NamedTuple):
+    """Request to a service."""
 
     name: str
     folder: Path
@@ -127,36 +127,36 @@ def fetch_product(
         )
     if time is None:
         raise ForcingError("days are needed", where=f"fetch {name}", remedy="Give the first and the last")
-    wanted = Wanted(name, folder, lon, lat, utc(time[0]), utc(time[1]), chosen, depth)
+    request = Request(name, folder, lon, lat, utc(time[0]), utc(time[1]), chosen, depth)
     if name == "ncep-r1":
-        years = range(int(wanted.days[0][:4]), int(wanted.days[1][:4]) + 1)
+        years = range(int(request.days[0][:4]), int(request.days[1][:4]) + 1)
         # Fetch NCEP/NCAR R1 10 m wind of whole years; files that have changed at their source since are fetched again.
         base_url = addresses.get("ncep_url", NCEP_URL)
-        names = [f"{part}.10m.gauss.{year}.nc" for year in years for part in ("uwnd", "vwnd")]
-        with progressing(progress) as show:
+        names = [f"{component}.10m.gauss.{year}.nc" for year in years for component in ("uwnd", "vwnd")]
+        with show_progress(progress) as show:
             downloader = Resuming(show)
             return [fetch_one(name, None, folder, base_url, downloader, renew=True, tell=tell) for name in names]
     clients = {"oscar": _fetch_oscar, "era5": _fetch_era5}
-    with only_writer(wanted.file(*chosen)):
-        return clients.get(name, _fetch_copernicus)(wanted)
+    with only_writer(request.file(*chosen)):
+        return clients.get(name, _fetch_copernicus)(request)
 
 
-def _fields(name: str, asked: Sequence[str]) -> tuple[str, ...]:
+def _fields(name: str, requested: Sequence[str]) -> tuple[str, ...]:
     """Return the fields to fetch, in the order of `FIELDS`."""
-    known = FIELDS[name]
-    unknown = [field for field in asked if field not in known]
+    available = FIELDS[name]
+    unknown = [field for field in requested if field not in available]
     if unknown:
         raise ForcingError(
-            f"{name} has no field {unknown[0]!r} here", where="fetch", remedy=f"Choose from: {', '.join(known)}"
+            f"{name} has no field {unknown[0]!r} here", where="fetch", remedy=f"Choose from: {', '.join(available)}"
         )
-    chosen = asked or DEFAULT_FIELDS.get(name, tuple(known))
-    return tuple(field for field in known if field in chosen)
+    chosen = requested or DEFAULT_FIELDS.get(name, tuple(available))
+    return tuple(field for field in available if field in chosen)
 
 
-def _client(package: str, what: str) -> Any:
+def _client(package: str, purpose: str) -> Any:
     """Return the client of a service, or say that it is not installed."""
     if find_spec(package) is None:
-        raise missing_package(package, EXTRAS[package], what)
+        raise missing_package(package, EXTRAS[package], purpose)
     return import_module(package)
 
 
@@ -172,7 +172,7 @@ def _asking(service: str, remedy: str) -> Iterator[None]:
         raise ForcingError(f"{service} did not give the data ({message})", where="fetch", remedy=remedy) from error
 
 
-def _fetch_oscar(wanted: Wanted) -> list[Path]:
+def _fetch_oscar(request: Request) -> list[Path]:
     client = _client("earthaccess", "to fetch OSCAR from NASA PO.DAAC")
     strategy = earthdata_login()
     refused = ForcingError(
@@ -187,37 +187,37 @@ def _fetch_oscar(wanted: Wanted) -> list[Path]:
     if not getattr(login, "authenticated", False):
         raise refused
     with _asking("NASA PO.DAAC", "Run again: files that are there are not fetched twice"):
-        granules = client.search_data(short_name="OSCAR_L4_OC_FINAL_V2.0", temporal=wanted.days)
+        granules = client.search_data(short_name="OSCAR_L4_OC_FINAL_V2.0", temporal=request.days)
         if not granules:
             raise ForcingError(
-                f"no OSCAR file for {'..'.join(wanted.days)}",
+                f"no OSCAR file for {'..'.join(request.days)}",
                 where="fetch",
                 remedy="Check the dates (from 1993; the final version appears more than a year later)",
             )
-        return sorted(Path(path) for path in client.download(granules, local_path=str(wanted.folder)))
+        return sorted(Path(path) for path in client.download(granules, local_path=str(request.folder)))
 
 
-def _fetch_copernicus(wanted: Wanted) -> list[Path]:
+def _fetch_copernicus(request: Request) -> list[Path]:
     client = _client("copernicusmarine", "to fetch from the Copernicus Marine Service")
     check_copernicus_login()
-    target = wanted.file(*wanted.fields)
+    target = request.file(*request.fields)
     if _whole(target):
         return [target]
-    known = FIELDS[wanted.name]
-    levels = {"minimum_depth": 0.0, "maximum_depth": wanted.depth} if wanted.name == "glorys" else {}
+    variables = FIELDS[request.name]
+    levels = {"minimum_depth": 0.0, "maximum_depth": request.depth} if request.name == "glorys" else {}
     with _asking("Copernicus Marine", "Check the dates and the network, or log in anew: copernicusmarine login"):
         answer = client.subset(
-            dataset_id=_DATASETS[wanted.name],
-            variables=[variable for field in wanted.fields for variable in known[field]],
-            minimum_longitude=wanted.lon[0],
-            maximum_longitude=wanted.lon[1],
-            minimum_latitude=wanted.lat[0],
-            maximum_latitude=wanted.lat[1],
-            start_datetime=f"{wanted.days[0]}T00:00:00",
-            end_datetime=f"{wanted.days[1]}T23:59:59",
+            dataset_id=_DATASETS[request.name],
+            variables=[variable for field in request.fields for variable in variables[field]],
+            minimum_longitude=request.lon[0],
+            maximum_longitude=request.lon[1],
+            minimum_latitude=request.lat[0],
+            maximum_latitude=request.lat[1],
+            start_datetime=f"{request.days[0]}T00:00:00",
+            end_datetime=f"{request.days[1]}T23:59:59",
             coordinates_selection_method="outside",  # else the box, the days and the depth would not be covered
             output_filename=target.name,
-            output_directory=str(wanted.folder),
+            output_directory=str(request.folder),
             overwrite=True,  # what is there is not whole; else the client would number the new file
             **levels,
         )
@@ -227,22 +227,22 @@ def _fetch_copernicus(wanted: Wanted) -> list[Path]:
     return [written]
 
 
-def _fetch_era5(wanted: Wanted) -> list[Path]:
+def _fetch_era5(request: Request) -> list[Path]:
     """Fetch each field by a request of its own: waves have another grid, and mixed requests come as archives."""
     client = _client("cdsapi", "to fetch ERA5 from the Climate Data Store")
     check_climate_data_store_login()
     fetched: list[Path] = []
-    for field in wanted.fields:
-        target = wanted.file(field)
+    for field in request.fields:
+        target = request.file(field)
         if _whole(target):
             fetched.append(target)
             continue
-        request = {
+        query = {
             "product_type": ["reanalysis"],
             "variable": list(FIELDS["era5"][field]),
-            "date": "/".join(wanted.days),
+            "date": "/".join(request.days),
             "time": [f"{hour:02d}:00" for hour in range(24)],
-            "area": [wanted.lat[1], wanted.lon[0], wanted.lat[0], wanted.lon[1]],
+            "area": [request.lat[1], request.lon[0], request.lat[0], request.lon[1]],
             "data_format": "netcdf",
             "download_format": "unarchived",
         }
@@ -251,7 +251,7 @@ def _fetch_era5(wanted: Wanted) -> list[Path]:
             "The Climate Data Store",
             "Check the key in ~/.cdsapirc, and accept the licence on the page of 'ERA5 hourly data on single levels'",
         ):
-            client.Client().retrieve("reanalysis-era5-single-levels", request, str(answer))
+            client.Client().retrieve("reanalysis-era5-single-levels", query, str(answer))
         fetched += _unpacked(answer, target)
     return fetched
 
@@ -265,8 +265,8 @@ def _unpacked(answer: Path, target: Path) -> list[Path]:
     many = len(contents) > 1
     targets = [target.with_suffix(f".{number}.nc") if many else target for number in range(len(contents))]
     for content, path in zip(contents, targets, strict=True):
-        with replacing(path) as part:
-            part.write_bytes(content)
+        with replacing(path) as temporary:
+            temporary.write_bytes(content)
     answer.unlink()
     return targets
 
@@ -302,7 +302,7 @@ def fetch_gebco(
             remedy="Give west before east within -180..180 (two boxes where the date line is crossed), south before north",
         )
     target = folder / f"gebco_2020_{lon[0]:g}_{lon[1]:g}_{lat[0]:g}_{lat[1]:g}.nc"
-    if target.exists() and not _fault_of_floor(target, lon, lat):
+    if target.exists() and not _floor_fault(target, lon, lat):
         return [target]
     cells = [round((ends[1] - ends[0]) * _PER_DEGREE) + 2 for ends in (lon, lat)]
     size = 2.0 * cells[0] * cells[1]
@@ -313,9 +313,9 @@ def fetch_gebco(
             remedy=f"Ask for at most {_LARGEST / 1e6:.0f} MB, or get the whole grid from https://www.gebco.net",
         )
     tell(f"{target.name}: {cells[0]} x {cells[1]} cells, {size / 1e6:.1f} MB")
-    with progressing(progress) as show:
+    with show_progress(progress) as show:
         Resuming(show)(base_url + gebco_query(lon, lat), target, checked=True)
-    fault = _fault_of_floor(target, lon, lat)
+    fault = _floor_fault(target, lon, lat)
     if fault:
         target.unlink()
         raise ForcingError(
@@ -325,7 +325,7 @@ def fetch_gebco(
 
 
 def gebco_query(lon: Span, lat: Span) -> str:
-    """Return the address, below that of the ERDDAP, of the elevations in a box and one cell around it."""
+    """Return the address, relative to the ERDDAP, of the elevations in a box and one cell around it."""
     ends = []
     for low, high, limit in ((*lat, 90.0), (*lon, 180.0)):
         cell = 1.0 / _PER_DEGREE
@@ -335,8 +335,8 @@ def gebco_query(lon: Span, lat: Span) -> str:
     return f"{GEBCO_GRID}.nc?elevation{''.join(ends)}"
 
 
-def _fault_of_floor(path: Path, lon: Span, lat: Span) -> str:
-    """Return what is wrong with a file of elevations over a box; empty = nothing."""
+def _floor_fault(path: Path, lon: Span, lat: Span) -> str:
+    """Return the fault of a file of elevations over a box; empty = none."""
     try:
         with open_netcdf(path) as ds:
             if "elevation" not in ds.variables:
@@ -369,7 +369,7 @@ def earthdata_login() -> Literal["environment", "netrc"]:
     """Return the way in which earthaccess will log in."""
     if _set("EARTHDATA_TOKEN") or _set("EARTHDATA_USERNAME", "EARTHDATA_PASSWORD"):
         return "environment"
-    path = Path(os.environ.get("NETRC") or _netrc_at_home())
+    path = Path(os.environ.get("NETRC") or _home_netrc())
     if _in_netrc(path, EARTHDATA_HOST):
         return "netrc"
     raise missing_login(
@@ -385,8 +385,8 @@ def check_copernicus_login() -> None:
         return
     # The client takes the first of these files that exists, and asks at the terminal if that one holds no login.
     folder = Path(os.environ.get("COPERNICUSMARINE_CREDENTIALS_DIRECTORY") or Path.home())
-    own = folder / ".copernicusmarine" / ".copernicusmarine-credentials"
-    if _in_copernicus_file(own) if own.exists() else _in_netrc(_netrc_at_home(), *COPERNICUS_HOSTS):
+    file = folder / ".copernicusmarine" / ".copernicusmarine-credentials"
+    if _in_copernicus_file(file) if file.exists() else _in_netrc(_home_netrc(), *COPERNICUS_HOSTS):
         return
     raise missing_login(
         "Copernicus Marine",
@@ -420,7 +420,7 @@ def _set(*names: str) -> bool:
     return all(os.environ.get(name) for name in names)
 
 
-def _netrc_at_home() -> Path:
+def _home_netrc() -> Path:
     return Path.home() / ("_netrc" if os.name == "nt" else ".netrc")
 
 
@@ -439,9 +439,9 @@ def _in_netrc(path: Path, *machines: str) -> bool:
 
 def _in_copernicus_file(path: Path) -> bool:
     """Tell whether the file that ``copernicusmarine login`` writes (base64 of an INI file) holds both."""
-    kept = configparser.RawConfigParser()
+    login = configparser.RawConfigParser()
     try:
-        kept.read_string(base64.standard_b64decode(path.read_text()).decode())
+        login.read_string(base64.standard_b64decode(path.read_text()).decode())
     except (OSError, ValueError, configparser.Error):
         return False
-    return all(kept.get("credentials", name, fallback="") for name in ("username", "password"))
+    return all(login.get("credentials", name, fallback="") for name in ("username", "password"))

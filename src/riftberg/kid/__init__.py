@@ -1,1 +1,1 @@
-"""Directories of KID and iKID as they stand: namelists, hourly files, restarts and trajectories, read and written."""
+"""Directories of KID and iKID, unchanged: namelists, hourly files, restarts and trajectories, read and written."""

@@ -2,7 +2,7 @@
 
 The files hold hourly records; one record means forcing that is constant in time. Packed integers are unpacked in
 double precision. A step uses the hour, counted from the start index, at which it begins; at half hours currents and wind
-are the mean of two records and the sea level is that of the earlier one.
+are the mean of two records and the sea level is the earlier one's.
 
 Hourly files are read in blocks of a few MiB, so that a file is opened and unpacked once for many hours; records are
 converted to double precision one by one. Blocks begin where the compressed chunks of the file begin, so that no chunk is
@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.kid.ncfile import missing, opened_dataset, packing_of, raw_values, shape_of, true_values, unpacked
-from riftberg.kid.parameters import LATE_START, NamelistGroup, date_after, with_depth_of_file
+from riftberg.kid.ncfile import missing, opened_dataset, raw_values, read_packing, read_shape, true_values, unpacked
+from riftberg.kid.parameters import LATE_START, NamelistGroup, add_file_depth, date_after
 from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, celsius, haversine, wind_from_stress
 from riftberg.state import Floats
@@ -71,8 +71,8 @@ class HourlyFile:
         self._stamp, self._stress, self._bare_gaps = stamp, stress, bare_gaps
         cells = (grid.arrays.nj, grid.arrays.ni)
         with opened_dataset(path) as dataset:
-            shapes = {name: _fitting(shape_of(dataset, path, name), cells, path, name) for name in self.names}
-            self._packing = {name: packing_of(dataset, path, name) for name in self.names}
+            shapes = {name: _check_shape(read_shape(dataset, path, name), cells, path, name) for name in self.names}
+            self._packing = {name: read_packing(dataset, path, name) for name in self.names}
             self._block = min(_block_length(dataset.variables[name]) for name in self.names)
         self.count = min(shape[0] for shape in shapes.values())
         if any(shape[0] != self.count for shape in shapes.values()):
@@ -96,7 +96,7 @@ class HourlyFile:
         return {name: self._checked(name, raw[number - self._first], number) for name, raw in self._held.items()}
 
     def check(self, first: int, last: int) -> None:
-        """Read the records of a run once, so that what is wrong with them is said before its first step."""
+        """Read the records of a run once, so that their faults are reported before its first step."""
         for number in range(first, last + 1) if self.count > 1 else (0,):
             self.record(number)
 
@@ -116,17 +116,17 @@ class HourlyFile:
         if bad.any():
             j, i = (int(k[0]) for k in np.nonzero(bad))
             value, halo, g = float(values[j, i]), self._grid.arrays.halo, self._grid.arrays
-            place = f"in row {j + 1}, column {i + 1} ({g.lon[j + halo, i + halo]:g}, {g.lat[j + halo, i + halo]:g})"
+            cell = f"in row {j + 1}, column {i + 1} ({g.lon[j + halo, i + halo]:g}, {g.lat[j + halo, i + halo]:g})"
             if math.isfinite(value):
-                what = f"{name} = {value:g} {place} is not plausible: the most is {limit:g} {unit}"
+                fault = f"{name} = {value:g} {cell} is not plausible: the most is {limit:g} {unit}"
                 remedy = f"Check its units and write {name} in {unit}, declare what is missing as _FillValue, {MEANT}"
             else:
-                what = f"{name} = {value:g} {place} is no number, and not declared as missing"
+                fault = f"{name} = {value:g} {cell} is no number, and not declared as missing"
                 remedy = (
                     "Write a number there, or declare it as _FillValue: declared gaps are still water, calm, no slope"
                 )
             raise ForcingError(
-                f"{what}; {int(bad.sum())} of {bad.size} cells are like that", where=where, remedy=remedy
+                f"{fault}; {int(bad.sum())} of {bad.size} cells are like that", where=where, remedy=remedy
             )
         if np.isnan(values).all():
             raise ForcingError("holds no value at all, only gaps", where=where, remedy="Give the field of that hour")
@@ -139,40 +139,40 @@ class HourlyFile:
         return "m" if name == "SSH" else "m s-1", LIMITS.get(name, math.inf)
 
     def check_place(self) -> bool:
-        """Compare the positions that the file gives, if any, with those of the grid; returns whether there are some."""
+        """Compare the positions that the file gives, if any, with the grid; returns whether there are some."""
         g, (rows, columns) = self._grid.arrays, self._grid.domain
-        found = []
+        names = []
         with opened_dataset(self.path) as dataset:
             for axis, right, along in (
                 ("longitude", g.lon[rows, columns], 1),
                 ("latitude", g.lat[rows, columns], 0),
             ):
                 name = next((n for n in AXES[axis] if n in dataset.variables), None)
-                shape = () if name is None else shape_of(dataset, self.path, name)
+                shape = () if name is None else read_shape(dataset, self.path, name)
                 if name is None or shape not in (right.shape, (right.shape[along],)):
                     continue
-                found.append(name)
+                names.append(name)
                 stored = unpacked(dataset, self.path, name)
                 stored = stored if stored.ndim == 2 else np.broadcast_to(np.expand_dims(stored, 1 - along), right.shape)
-                away = np.abs((stored - right + 180.0) % 360.0 - 180.0)
-                if not (away <= HALF_CELL * float(np.median(np.abs(np.diff(right, axis=along))))).all():
+                offset = np.abs((stored - right + 180.0) % 360.0 - 180.0)
+                if not (offset <= HALF_CELL * float(np.median(np.abs(np.diff(right, axis=along))))).all():
                     raise ForcingError(
-                        f"its {name} runs from {stored[0, 0]:g} to {stored[-1, -1]:g}, up to {np.max(away):g} degrees away "
+                        f"its {name} runs from {stored[0, 0]:g} to {stored[-1, -1]:g}, up to {np.max(offset):g} degrees away "
                         "from the grid's",
                         where=f"{self.path}, variable {name}",
                         remedy="It must lie on the grid, its rows and columns in the grid's order",
                     )
-        return len(found) == 2
+        return len(names) == 2
 
     def check_units(self) -> None:
         """Refuse units that say something else than how the driver takes the numbers."""
         with opened_dataset(self.path) as dataset:
             for name in self.names:
                 unit = self._plausible(name)[0]
-                given = str(getattr(dataset.variables[name], "units", unit))
-                if " ".join(given.lower().split()) not in (*UNITS[unit], "", "1", "none"):
+                stated = str(getattr(dataset.variables[name], "units", unit))
+                if " ".join(stated.lower().split()) not in (*UNITS[unit], "", "1", "none"):
                     raise ForcingError(
-                        f"its units are {given!r}", where=f"{self.path}, variable {name}",
+                        f"its units are {stated!r}", where=f"{self.path}, variable {name}",
                         remedy=f"KID takes the numbers as {unit}, whatever the file says: write them so",
                     )  # fmt: skip
 
@@ -189,10 +189,10 @@ class HourlyFile:
                 dates: Any = netCDF4.num2date(values, units, calendar, only_use_cftime_datetimes=True)
             except (ValueError, OverflowError):  # no date of any calendar: then there is nothing to compare
                 return []
-        for k, (one, other) in enumerate(pairwise(dates)):
-            if abs((other - one).total_seconds() - 3600.0) > 60.0:
+        for k, (previous, following) in enumerate(pairwise(dates)):
+            if abs((following - previous).total_seconds() - 3600.0) > 60.0:
                 raise ForcingError(
-                    f"record {k + 1} is of {one}, record {k + 2} of {other}", where=f"{self.path}, variable time",
+                    f"record {k + 1} is of {previous}, record {k + 2} of {following}", where=f"{self.path}, variable time",
                     remedy="KID takes the records as hour after hour, whatever their dates: give each hour once, in order",
                 )  # fmt: skip
         # The nearest minute: an hour counted in days is a little before or after itself.
@@ -209,7 +209,7 @@ class HourlyFile:
         self._first = first
 
 
-def _fitting(shape: tuple[int, ...], cells: tuple[int, int], path: Path, name: str) -> tuple[int, ...]:
+def _check_shape(shape: tuple[int, ...], cells: tuple[int, int], path: Path, name: str) -> tuple[int, ...]:
     if len(shape) != 3 or shape[0] < 1 or shape[1:] != cells:
         raise ForcingError(
             f"shape {shape} does not fit the grid of {cells[0]} x {cells[1]} cells",
@@ -222,12 +222,12 @@ def _fitting(shape: tuple[int, ...], cells: tuple[int, int], path: Path, name: s
 def _block_length(variable: Any) -> int:
     """Return how many records to read at once: whole chunks, about `BLOCK_BYTES`."""
     size: int = math.prod(variable.shape[1:]) * variable.dtype.itemsize
-    wanted = max(1, BLOCK_BYTES // size)
+    records = max(1, BLOCK_BYTES // size)
     chunks = variable.chunking()
     chunk = int(chunks[0]) if isinstance(chunks, list) else 1
     if chunk == 1 or chunk * size > LARGEST_CHUNK:
-        return wanted
-    return max(chunk, wanted // chunk * chunk)
+        return records
+    return max(chunk, records // chunk * chunk)
 
 
 GRID_FILE: Final = "a68_experiment_ll_p125_grid.nc"
@@ -257,7 +257,7 @@ def a68_grid(driver: NamelistGroup, case: Path, period: float) -> Grid:
     """Return the grid of the data file: corners at its longitudes + 360 and its latitudes.
 
     ``period``: zonal period, degrees. The driver fills its arrays in the domain alone: around it lies water, into which
-    elements leave, with the sides of a cell at 0 degrees. What is beyond an edge counts in the cells along it.
+    elements leave, with the sides of a cell at 0 degrees. Elements beyond an edge count in the cells along it.
     """
     radius = driver.number("REarth")
     grid = read_grid(case_data(driver, case) / GRID_FILE, radius=radius, period=period)
@@ -389,12 +389,12 @@ def a68_records(
                 where=f"{file.path}, variable time",
                 remedy="KID takes the same record of all files as the same hour: let them begin together",
             )
-    still = grid.fields(
+    background = grid.fields(
         ui=driver.number("ibui"), vi=driver.number("ibvi"), sst=driver.number("sst"), depth=UNKNOWN_DEPTH
     )
-    still = still._replace(sst=celsius(still.sst, grid.arrays.mask))
-    still = with_depth_of_file(still, icebergs, case / icebergs.text("restart_input_dir"), grid)
-    return hourly_records(files, Assembler(grid, still, icebergs.flag("tau_is_velocity"), "zero"), start)
+    background = background._replace(sst=celsius(background.sst, grid.arrays.mask))
+    background = add_file_depth(background, icebergs, case / icebergs.text("restart_input_dir"), grid)
+    return hourly_records(files, Assembler(grid, background, icebergs.flag("tau_is_velocity"), "zero"), start)
 
 
 class Assembler:
@@ -403,14 +403,14 @@ class Assembler:
     ``beyond``: currents beyond the edges of the grid: ``zero``, as in the driver, or the ``nearest``.
     """
 
-    def __init__(self, grid: Grid, still: Fields, is_velocity: bool = True, beyond: str = "nearest") -> None:
-        self._grid, self._still, self._is_velocity, self._beyond = grid, still, is_velocity, beyond
+    def __init__(self, grid: Grid, background: Fields, is_velocity: bool = True, beyond: str = "nearest") -> None:
+        self._grid, self._background, self._is_velocity, self._beyond = grid, background, is_velocity, beyond
 
     def __call__(self, hour: dict[str, Floats]) -> Fields:
         """Return the state of one hour from its records by name."""
         ua, va = self._wind(hour["ua"], hour["va"])
         extended = self._grid.extended
-        return self._still._replace(
+        return self._background._replace(
             uo=extended(np.nan_to_num(hour["uo"]), self._beyond),
             vo=extended(np.nan_to_num(hour["vo"]), self._beyond),
             ua=extended(ua, "zero"),

@@ -25,11 +25,11 @@ from riftberg.kid.parameters import (
     Clock,
     KidNamelist,
     NamelistGroup,
+    add_file_depth,
     depth_notes,
     namelist_period,
     time_step,
     to_parameters,
-    with_depth_of_file,
 )
 from riftberg.kid.restart import (
     CALVING_FILE,
@@ -91,8 +91,8 @@ def build_clock(namelist: KidNamelist) -> Clock:
     """Return length and calendar: steps until ``nmax`` are done or ``ibhrs`` hours are reached."""
     driver = namelist.driver
     dt = time_step(namelist)
-    wanted = driver.whole("ibhrs") * 3600.0 / dt
-    steps = min(driver.whole("nmax"), math.ceil(wanted) if wanted < 1e18 else driver.whole("nmax"))
+    steps_in_hours = driver.whole("ibhrs") * 3600.0 / dt
+    steps = min(driver.whole("nmax"), math.ceil(steps_in_hours) if steps_in_hours < 1e18 else driver.whole("nmax"))
     refuse_large(
         steps, MOST_STEPS, "long steps", where=driver.where, remedy="Give a smaller ibhrs or nmax", kind=NamelistError
     )
@@ -173,7 +173,7 @@ def driver_forcing(namelist: KidNamelist, grid: Grid, case: Path, clock: Clock) 
         records, times = a68_records(driver, icebergs, grid, case, clock.dt, clock.steps)
         source = f"the A68 data of {driver.text('data_dir')}"
         return GriddedForcing(grid, records, times, replace(rules, stepwise=("ssh",)), source=source)
-    fields = with_depth_of_file(uniform_fields(driver, icebergs, grid), icebergs, restarts, grid)
+    fields = add_file_depth(uniform_fields(driver, icebergs, grid), icebergs, restarts, grid)
     return GriddedForcing(grid, fields, rules=rules, source="KID's stand-alone driver")
 
 
@@ -223,14 +223,16 @@ def uniform_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -
 
 def check_medium(driver: NamelistGroup, icebergs: NamelistGroup) -> None:
     """Refuse water, ice and air of a driver that cannot be, unless they are said to be meant."""
-    for name, (what, most, unit) in PLAUSIBLE.items():
+    for name, (medium, most, unit) in PLAUSIBLE.items():
         if name not in driver.values:
             continue
-        if what == "wind" and not icebergs.flag("tau_is_velocity"):
+        if medium == "wind" and not icebergs.flag("tau_is_velocity"):
             most = STRESS
         value = driver.number(name)
         if abs(value) > most and not extreme_allowed():
-            raise driver.error(f"{name} = {value:g} is no {what}: the most is {most:g}", f"Give it in {unit}, {MEANT}")
+            raise driver.error(
+                f"{name} = {value:g} is no {medium}: the most is {most:g}", f"Give it in {unit}, {MEANT}"
+            )
     sst = driver.number("sst0" if "sst0" in driver.values else "sst")
     if not (-3.0 <= sst <= 45.0 or 270.0 <= sst <= 318.0 or extreme_allowed()):
         raise driver.error(f"a sea surface of {sst:g} degrees", f"Give degrees Celsius, or kelvin, {MEANT}")
@@ -332,14 +334,14 @@ def _grid(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
     return grid
 
 
-def _cells(place: tuple[int, slice]) -> tuple[slice, slice]:
+def _cells(line: tuple[int, slice]) -> tuple[slice, slice]:
     """Rows and columns of an array over the domain."""
-    column, rows = place
+    column, rows = line
     return slice(rows.start - 1, rows.stop - 1), slice(column - 1, column)
 
 
 def ocean_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -> Fields:
-    """Return what the driver hands over in each step, with the global column i and row j counted from 1.
+    """Return the fields that the driver hands over in each step, with the global column i and row j counted from 1.
 
     Sea level 0.01 i, sea-ice concentration 0.1 cn0 i, temperature sst0 + 0.1 i - 0.05 j + sstk, salinity
     sss0 - 0.2 i + 0.1 j, depth 100 + 20 i; currents, sea ice and wind are uniform.
@@ -413,7 +415,7 @@ class ExchangeRun:
             hold.check()
 
     def step(self) -> Returned:
-        """Take a step, and return what the ocean gets of it."""
+        """Take a step, and return the fields to the ocean."""
         raise NotImplementedError
 
     def born(self) -> tuple[int, float]:
@@ -436,11 +438,11 @@ class FedBackRun(ExchangeRun):
         ]
 
     def step(self) -> Returned:
-        """Take a step with what the last one returned; no other is kept."""
+        """Take a step with the fields that the last one returned; no other is kept."""
         fields = self.exchange.forcing.fields_at(self.model.step_number * self.clock.dt)
-        still = np.zeros((self.grid.arrays.nj, self.grid.arrays.ni))
+        no_ice = np.zeros((self.grid.arrays.nj, self.grid.arrays.ni))
         if not self.returned:
-            return self.exchange.step(fields, still, still, self.born())
+            return self.exchange.step(fields, no_ice, no_ice, self.born())
         last = self.returned.pop()
         return self.exchange.step(fields, last.calving, last.calving_hflx, self.born())
 
@@ -465,7 +467,7 @@ class CoupledRun(ExchangeRun):
         restarts = folder / group.text("restart_input_dir")
         elements = _bergs(restarts / RESTART, grid, group)
         check_medium(driver, group)
-        self._fields = with_depth_of_file(ocean_fields(driver, group, grid), group, restarts, grid)
+        self._fields = add_file_depth(ocean_fields(driver, group, grid), group, restarts, grid)
         forcing = OceanForcing(grid, self._fields, rules=field_rules(group), source="KID's driver with an ocean")
         for flux in (land_ice(driver, grid, 1), land_ice(driver, grid, clock.steps)):
             check_flux(*flux, np.ones_like(flux[0]), driver.where)
@@ -481,7 +483,7 @@ class CoupledRun(ExchangeRun):
         return self.exchange.step(self._fields, *flux, self.born())
 
     def write_ocean(self, path: Path) -> None:
-        """Write what the ocean got so far, in the layout of the reference's ``ocean.nc``."""
+        """Write the fields to the ocean so far, in the layout of the reference's ``ocean.nc``."""
         if self.returned:
             _write_ocean(path, self.returned)
 
@@ -515,9 +517,9 @@ def _return_rules(group: NamelistGroup) -> ReturnRules:
 
 
 def _write_ocean(path: Path, steps: list[Returned]) -> None:
-    """Write what each step returned."""
+    """Write the fields that each step returned."""
     shape = steps[0].calving.shape
-    with replacing(path, to_disk=True) as part, open_netcdf(part, "w") as dataset:
+    with replacing(path, to_disk=True) as temporary, open_netcdf(temporary, "w") as dataset:
         for name, size in (("step", len(steps)), ("j", shape[0]), ("i", shape[1])):
             dataset.createDimension(name, size)
         for name, (units, comment) in OCEAN.items():

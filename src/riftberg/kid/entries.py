@@ -1,4 +1,4 @@
-"""KID's namelist entries: the one table of types, defaults, units and meanings, what Riftberg does with each, and its look-up.
+"""KID's namelist entries: the one table of types, defaults, units, meanings and treatment by Riftberg, and its look-up.
 
 Source: dynamics, 0.2 and quirks Q19, Q25; files 7.1, 7.2.
 """
@@ -345,16 +345,16 @@ REALS_SIZE: Final = 10
 
 def find_entry(group: str, name: str, where: str = "") -> Entry:
     """Return the entry ``name`` (any case) of a group."""
-    known = _BY_NAME[group]
-    entry = known.get(name.lower())
+    entries = _BY_NAME[group]
+    entry = entries.get(name.lower())
     if entry is not None:
         return entry
     other = next((g for g, names in _BY_NAME.items() if g != group and name.lower() in names), None)
     if other:
         remedy = f"It belongs to &{other}"
     else:
-        near = difflib.get_close_matches(name.lower()[:80], known, n=1, cutoff=0.5)
-        remedy = f"Did you mean '{known[near[0]].name}'?" if near else "Delete it, or see the list of KID's entries"
+        matches = difflib.get_close_matches(name.lower()[:80], entries, n=1, cutoff=0.5)
+        remedy = f"Did you mean '{entries[matches[0]].name}'?" if matches else "Delete it, or see the list of KID's entries"
     raise NamelistError(f"unknown entry '{name}'", where=where, remedy=remedy)
 
 
@@ -362,8 +362,8 @@ def convert(entry: Entry, raw: Any, where: str = "", start: int = 1) -> Value:
     """Return a raw namelist value as the entry's type; ``start``: place from which a list fills a table, from 1."""
 
     def wrong(expected: str, value: object = raw) -> NamelistError:
-        what = f"{entry.name} = {value_shown(value)} is not {expected}"
-        return NamelistError(what, where=where, remedy=f"KID's default is {entry.default!r}")
+        fault = f"{entry.name} = {value_shown(value)} is not {expected}"
+        return NamelistError(fault, where=where, remedy=f"KID's default is {entry.default!r}")
 
     def is_number(value: object) -> bool:
         return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
@@ -466,9 +466,9 @@ NEEDS: Final = {name: line for names, line in _LINES.items() for name in names.s
 
 
 def lacking(name: str, values: Mapping[str, Value]) -> str:
-    """Return what an entry needs to act, in words, where a group does not have it; empty where it acts."""
-    ways = [way.split() for way in NEEDS.get(name, "").split(" | ")]
-    if any(all(bool(values.get(flag.lstrip("-"))) is not flag.startswith("-") for flag in way) for way in ways):
+    """Return the requirements of an entry, in words, where a group does not meet them; empty where the entry acts."""
+    choices = [choice.split() for choice in NEEDS.get(name, "").split(" | ")]
+    if any(all(bool(values.get(flag.lstrip("-"))) is not flag.startswith("-") for flag in choice) for choice in choices):
         return ""
-    words = (" and ".join(f"{f.lstrip('-')} = {'.false.' if f[0] == '-' else '.true.'}" for f in way) for way in ways)
+    words = (" and ".join(f"{f.lstrip('-')} = {'.false.' if f[0] == '-' else '.true.'}" for f in choice) for choice in choices)
     return f"it acts with {', or with '.join(words)} only"

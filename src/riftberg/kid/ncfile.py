@@ -60,7 +60,7 @@ def _unreadable(path: Path, error: Exception, name: str = "") -> InputError:
     return InputError(f"cannot be read{because(error)}", where=where, remedy=_AGAIN)
 
 
-def records_in(dataset: netCDF4.Dataset, path: Path) -> int:
+def count_records(dataset: netCDF4.Dataset, path: Path) -> int:
     """Return the number of elements or bonds, the size of dimension ``i``."""
     if "i" not in dataset.dimensions:
         names = ", ".join(dataset.dimensions) or "none"
@@ -73,7 +73,7 @@ def records_in(dataset: netCDF4.Dataset, path: Path) -> int:
     return size
 
 
-def shape_of(dataset: netCDF4.Dataset, path: Path, name: str) -> tuple[int, ...]:
+def read_shape(dataset: netCDF4.Dataset, path: Path, name: str) -> tuple[int, ...]:
     """Return the shape of a variable that must be there, and hold numbers."""
     if name not in dataset.variables:
         present = ", ".join(sorted(dataset.variables))
@@ -88,7 +88,7 @@ def shape_of(dataset: netCDF4.Dataset, path: Path, name: str) -> tuple[int, ...]
 
 def raw_values(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> NDArray[Any]:
     """Return the stored numbers of a variable, without mask or scaling."""
-    shape = shape_of(dataset, path, name)
+    shape = read_shape(dataset, path, name)
     variable = dataset.variables[name]
     variable.set_auto_maskandscale(False)
     if selection == slice(None):
@@ -102,7 +102,7 @@ def raw_values(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any =
         raise _unreadable(path, error, name) from error
 
 
-def packing_of(dataset: netCDF4.Dataset, path: Path, name: str) -> dict[str, NDArray[Any]]:
+def read_packing(dataset: netCDF4.Dataset, path: Path, name: str) -> dict[str, NDArray[Any]]:
     """Return the attributes of a variable that say how its numbers are stored."""
     variable = dataset.variables[name]
     packing: dict[str, NDArray[Any]] = {}
@@ -147,7 +147,7 @@ def true_values(raw: NDArray[Any], packing: Mapping[str, NDArray[Any]]) -> Float
 def unpacked(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> Floats:
     """Return a variable in double precision, as `true_values` does."""
     raw = raw_values(dataset, path, name, selection)
-    return true_values(raw, packing_of(dataset, path, name))
+    return true_values(raw, read_packing(dataset, path, name))
 
 
 def column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, default: float | None = None) -> Floats:
@@ -205,7 +205,10 @@ def checksum(values: NDArray[Any]) -> str:
 
 def write_restart_file(path: Path, columns: list[tuple[Column, NDArray[Any]]], size: int, *, counter: bool) -> None:
     """Write a file in the layout of KID's restarts."""
-    with replacing(path, to_disk=True) as part, open_netcdf(part, "w", format="NETCDF3_64BIT_OFFSET") as dataset:
+    with (
+        replacing(path, to_disk=True) as temporary,
+        open_netcdf(temporary, "w", format="NETCDF3_64BIT_OFFSET") as dataset,
+    ):
         dataset.setncatts(
             {
                 "file_format_major_version": np.int32(0),
@@ -255,7 +258,7 @@ class BlockWriter:
         self._pause = 0.0
         self._last = time.monotonic()
         try:
-            with replacing(self.path) as part, open_netcdf(part, "w", format="NETCDF4_CLASSIC") as dataset:
+            with replacing(self.path) as temporary, open_netcdf(temporary, "w", format="NETCDF4_CLASSIC") as dataset:
                 self._define(dataset)
         except OSError as error:
             raise InputError(
@@ -289,7 +292,7 @@ class BlockWriter:
         began = time.monotonic()
         if self._waiting:
             try:
-                with replacing(self.path, copy=True) as part, open_netcdf(part, "a") as dataset:
+                with replacing(self.path, copy=True) as temporary, open_netcdf(temporary, "a") as dataset:
                     end = self._written + self._waiting_size
                     for item in self.columns:
                         block = np.concatenate([records[item.name] for records in self._waiting])
@@ -306,5 +309,5 @@ class BlockWriter:
         self._pause = PATIENCE * (self._last - began)
 
     def close(self) -> None:
-        """Write what waits."""
+        """Write the waiting records."""
         self._write()

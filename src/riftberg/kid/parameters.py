@@ -80,7 +80,7 @@ class Date(NamedTuple):
         hours = self.hour + (self.minute + self.second / 60.0) / 60.0
         return (self.month - 1) * 31 + (self.day - 1) + hours / 24.0
 
-    def seconds_of_month(self) -> float:
+    def month_seconds(self) -> float:
         """Return 86400 day + seconds of the day, by which trajectories are sampled (dynamics, section 12)."""
         return 86_400 * self.day + 3600 * self.hour + 60 * self.minute + self.second
 
@@ -101,7 +101,7 @@ def date_after(seconds: float) -> Date:
 
 def is_sampled(date: Date, hours: float) -> bool:
     """Whether a step that starts at a date gives a record every so many hours; -1 means every step."""
-    return hours == -1.0 or date.seconds_of_month() % (3600.0 * hours) == 0.0
+    return hours == -1.0 or date.month_seconds() % (3600.0 * hours) == 0.0
 
 
 @dataclass(frozen=True)
@@ -162,9 +162,9 @@ class NamelistGroup:
         """Return a text entry."""
         return str(self._get(name, str))
 
-    def error(self, what: str, remedy: str = "") -> NamelistError:
+    def error(self, fault: str, remedy: str = "") -> NamelistError:
         """Return an error that names the file and the group."""
-        return NamelistError(what, where=self.where, remedy=remedy)
+        return NamelistError(fault, where=self.where, remedy=remedy)
 
 
 @dataclass(frozen=True)
@@ -212,19 +212,19 @@ class KidNamelist:
         returns = self.coupled or self.fed_back
         for entry in GROUPS[group.name]:
             if entry.name in group.given or entry.name == "add_weight_to_ocean":
-                known = entry
+                judged = entry
                 if entry.note in (CALVING, OCEAN):  # of effect only with an ocean and a flux of land ice
-                    known = replace(entry, note="") if returns else replace(entry, treatment=REPORTED)
-                if known.treatment == HONOURED and (lack := lacking(entry.name, group.values)):
-                    known = replace(entry, treatment=REPORTED, note=lack)
-                value = group.values[known.name]
-                accepted = known.treatment == REFUSED and value == known.accepted
-                if known.treatment == REFUSED and not accepted and (why := self.idle(entry.name)):
-                    known = replace(entry, treatment=REPORTED, note=why)
+                    judged = replace(entry, note="") if returns else replace(entry, treatment=REPORTED)
+                if judged.treatment == HONOURED and (lack := lacking(entry.name, group.values)):
+                    judged = replace(entry, treatment=REPORTED, note=lack)
+                value = group.values[judged.name]
+                accepted = judged.treatment == REFUSED and value == judged.accepted
+                if judged.treatment == REFUSED and not accepted and (why := self.idle(entry.name)):
+                    judged = replace(entry, treatment=REPORTED, note=why)
                 state = {REPORTED: "no effect here", REFUSED: "accepted" if accepted else "refused"}
-                origin = "" if known.name in group.given else " (default)"
-                note = f": {known.note}" if known.note and not accepted else ""
-                yield f"{known.name} = {value!r}{origin}: {state.get(known.treatment, 'honoured')}{note}"
+                origin = "" if judged.name in group.given else " (default)"
+                note = f": {judged.note}" if judged.note and not accepted else ""
+                yield f"{judged.name} = {value!r}{origin}: {state.get(judged.treatment, 'honoured')}{note}"
 
 
 def read_namelist(path: Path) -> KidNamelist:
@@ -260,10 +260,10 @@ def check_supported(namelist: KidNamelist) -> None:
     refusals = [pair for pair in refused_entries(GROUPS[group.name], group.values) if not namelist.idle(pair[0].name)]
     if refusals:
         written = {True: ".true.", False: ".false."}
-        shown = [(e, written[value] if isinstance(value, bool) else value) for e, value in refusals]
-        what = "; ".join(f"{e.name} = {value}: {e.note}" for e, value in shown)
+        written_values = [(e, written[value] if isinstance(value, bool) else value) for e, value in refusals]
+        faults = "; ".join(f"{e.name} = {value}: {e.note}" for e, value in written_values)
         remedy = "; ".join(f"{e.name}: {e.remedy}" for e, _ in refusals)
-        raise group.error(what, f"Remedy: {remedy}")
+        raise group.error(faults, f"Remedy: {remedy}")
 
 
 def _read_group(name: str, groups: list[tuple[str, str]], path: Path) -> NamelistGroup:
@@ -360,8 +360,8 @@ def split_groups(text: str, path: Path) -> list[tuple[str, str]]:
         bare = _mask_texts(name, code)
         # A slash within a text ends nothing, so texts are masked first.
         end = re.search(r"(?i)/|[&$]end\b", bare)
-        part, closed = (code[: end.start()], True) if end else (code, False)
-        body += part + "\n"
+        piece, closed = (code[: end.start()], True) if end else (code, False)
+        body += piece + "\n"
         if closed:
             groups.append((name, body))
             name = ""
@@ -416,8 +416,8 @@ def to_parameters(namelist: KidNamelist) -> Parameters:
     try:
         return Parameters(**_groups(group, time_step(namelist)))
     except InputError as error:
-        place = f"{error.where}: " if error.where else ""
-        raise group.error(f"gives {place}{error.what}", "Correct that entry") from error
+        section = f"{error.where}: " if error.where else ""
+        raise group.error(f"gives {section}{error.what}", "Correct that entry") from error
 
 
 def time_step(namelist: KidNamelist) -> float:
@@ -472,7 +472,7 @@ def substeps(group: NamelistGroup, dt: float) -> int:
 
 
 def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
-    """Parameters by group, entry by entry; melt, rolling, footloose and calving follow in `_groups_of_life`."""
+    """Parameters by group, entry by entry; melt, rolling, footloose and calving follow in `_life_groups`."""
     flag, number, mts = group.flag, group.number, group.flag("mts")
     dem = mts and flag("dem") and flag("iceberg_bonds_on")  # without ``mts`` they do not act (quirk Q25)
     # Thresholds of fracture (equations 7.1, 7.2; quirks Q8, Q9): in sub-steps they count as they stand. After the long step
@@ -561,7 +561,7 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
             "f_plane": flag("use_f_plane"),
             "reference_latitude": number("lat_ref"),
         },
-        **_groups_of_life(group),
+        **_life_groups(group),
         "compatibility": Compatibility.kid(
             shared_shear_lever=flag("save_bond_forces"),
             grid_position_round_trip=plain,
@@ -572,7 +572,7 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
     }
 
 
-def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
+def _life_groups(group: NamelistGroup) -> dict[str, dict[str, Any]]:
     """Melt, rolling, footloose calving and calving from land ice (files 1, 2, 3)."""
     flag, number, quirks = group.flag, group.number, kid_quirks()
     shelf, mixed = flag("melt_icebergs_as_ice_shelf"), flag("use_mixed_melting")
@@ -633,14 +633,14 @@ def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
     }
 
 
-def with_depth_of_file(fields: Fields, group: NamelistGroup, restarts: Path, grid: Grid) -> Fields:
+def add_file_depth(fields: Fields, group: NamelistGroup, restarts: Path, grid: Grid) -> Fields:
     """Return fields with the depth of ``topog.nc`` in the domain, if the namelist asks for it and there is such a file."""
     depth = read_depth(restarts / DEPTH_FILE, grid) if group.flag("read_ocean_depth_from_file") else None
     if depth is None:
         return fields
-    whole = fields.depth.copy()
-    whole[grid.domain] = depth
-    return fields._replace(depth=whole)
+    depths = fields.depth.copy()
+    depths[grid.domain] = depth
+    return fields._replace(depth=depths)
 
 
 def depth_notes(group: NamelistGroup, restarts: Path) -> list[str]:
@@ -682,11 +682,11 @@ def check_bond_lengths(elements: Elements, bonds: Bonds, packing: Packing) -> No
     close = bonds.bond_length < TOO_CLOSE * (radius[bonds.first] + radius[bonds.second])
     if close.any():
         k = int(np.argmax(close))
-        one, other = bonds.first[k], bonds.second[k]
+        first, second = bonds.first[k], bonds.second[k]
         raise BergError(
             f"two elements with a bond lie on top of each other, {bonds.bond_length[k]:.3g} m apart at "
-            f"{elements.lon[one]:g}, {elements.lat[one]:g}",
-            where=f"elements {id_text(elements.id[one])} and {id_text(elements.id[other])}",
+            f"{elements.lon[first]:g}, {elements.lat[first]:g}",
+            where=f"elements {id_text(elements.id[first])} and {id_text(elements.id[second])}",
             remedy="Remove one of them from the iceberg restart",
         )
 
@@ -709,10 +709,10 @@ def check_both_sides(elements: Elements, bonds: Bonds, group: NamelistGroup, p: 
     unequal = alike & (~np.isclose(body.thickness[i], body.thickness[j], rtol=ROUND_OFF, atol=0.0) | melts)
     if unequal.any():
         k = int(np.argmax(unequal))
-        (one, other), thickness = (split_id(elements.id[[i[k], j[k]]])), body.thickness
+        (counters, cells), thickness = (split_id(elements.id[[i[k], j[k]]])), body.thickness
         raise group.error(
             f"save_bond_forces = .false. with bonded elements of {thickness[i[k]]:g} and {thickness[j[k]]:g} m (id_cnt = "
-            f"{one[0]} and {one[1]}, id_ij = {other[0]} and {other[1]}){' that melt' if melts else ''}: each "
+            f"{counters[0]} and {counters[1]}, id_ij = {cells[0]} and {cells[1]}){' that melt' if melts else ''}: each "
             "side of the bond then has a force of its own, and the berg drives itself",
             "Set save_bond_forces = .true.",
         )

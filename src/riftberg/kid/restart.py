@@ -3,7 +3,7 @@
 ``icebergs.res.nc``: files 6.1, 6.2; initial values of the state: dynamics, section 1.1. ``bonds_iceberg.res.nc``: directed
 bonds, each physical bond twice (files 6.3, as intended by KID's older file layer; quirk T33 of the newer one).
 64-bit identifiers: a counter and the cell of creation (files 0.4). Restart of calving: ice in the stores of the size
-classes (files 6.4), and counters of what was born in each cell.
+classes (files 6.4), and counters of the bergs born in each cell.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from riftberg.kid.ncfile import (
     Column,
     checksum,
     column,
+    count_records,
     opened_dataset,
-    records_in,
     unpacked,
     whole_column,
     write_restart_file,
@@ -154,8 +154,8 @@ def read_restart(path: Path, grid: Grid, *, seam: bool = False) -> Elements:
         ):  # of before identifiers had two parts; KID numbers such elements anew too
             elements.id[:] = new_identifiers(elements, grid, seam)
         else:
-            parts = (whole_column(dataset, path, name, elements.size) for name in ("id_cnt", "id_ij"))
-            elements.id[:] = join_id(*parts)
+            numbers = (whole_column(dataset, path, name, elements.size) for name in ("id_cnt", "id_ij"))
+            elements.id[:] = join_id(*numbers)
     unique, counts = np.unique(elements.id, return_counts=True)
     if (counts > 1).any():
         raise BergError(
@@ -184,7 +184,7 @@ def as_iceberg(elements: Elements, bonds: Bonds | None, p: Parameters, source: P
 
 
 def _read_bergs(dataset: netCDF4.Dataset, path: Path) -> Elements:
-    size = records_in(dataset, path)
+    size = count_records(dataset, path)
     if size == 0:
         raise BergError("no element in the file", where=str(path), remedy="A run needs at least one")
     elements = new_elements(size)
@@ -217,13 +217,13 @@ def _check_values(elements: Elements, path: Path, grid: Grid) -> None:
     """Refuse elements that cannot be: flipped bits and slips of units leave finite numbers, which are all that was read."""
     fields, life = {**REQUIRED, **OPTIONAL}, elements.life
 
-    def refuse(bad: NDArray[np.bool_], values: Floats, name: str, demand: str, meant: str = "") -> None:
+    def refuse(bad: NDArray[np.bool_], values: Floats, name: str, demand: str, hint: str = "") -> None:
         if bad.any():
             k = int(np.argmax(bad))
             raise BergError(
                 f"{name} = {values[k]:g} of record {k + 1} is not {demand}",
                 where=f"{path}, variable {name}",
-                remedy=f"Correct the record, or remove that element{meant}",
+                remedy=f"Correct the record, or remove that element{hint}",
             )
 
     for name in _POSITIVE:
@@ -236,7 +236,7 @@ def _check_values(elements: Elements, path: Path, grid: Grid) -> None:
     if np.median(speed) > FASTEST and not extreme_allowed():  # some may be debris that contact has flung, not most
         name = "uvel" if np.median(np.abs(elements.u)) >= np.median(np.abs(elements.v)) else "vvel"
         values = getattr(elements, REQUIRED[name])
-        refuse(speed > FASTEST, values, name, f"a speed of ice, at most {FASTEST:g} m/s", meant=f", {MEANT}")
+        refuse(speed > FASTEST, values, name, f"a speed of ice, at most {FASTEST:g} m/s", hint=f", {MEANT}")
     period = grid.arrays.period
     if grid.arrays.latlon:
         refuse(np.abs(elements.lat) > 90.0, elements.lat, "lat", "a latitude from -90 to 90")
@@ -360,7 +360,7 @@ def read_bonds(path: Path, elements: Elements, metric: Metric) -> Bonds:
                 where=str(path),
                 remedy="KID cannot read it either; set manually_initialize_bonds = .true.",
             )
-        size = records_in(dataset, path)
+        size = count_records(dataset, path)
         first = _rows(dataset, path, elements, "first", size)
         second = _rows(dataset, path, elements, "other", size)
         keep = _check_mirrors(first, second, elements, path)
@@ -380,9 +380,9 @@ def read_bonds(path: Path, elements: Elements, metric: Metric) -> Bonds:
     far = bonds.bond_length > LONGEST * 0.5 * (side[bonds.first] + side[bonds.second])
     if far.any():
         k = int(np.argmax(far))
-        one, other = (id_text(elements.id[rows[k]]) for rows in (bonds.first, bonds.second))
+        start, end = (id_text(elements.id[rows[k]]) for rows in (bonds.first, bonds.second))
         raise BergError(
-            f"a bond of {bonds.bond_length[k]:g} m, from element {one} to {other}",
+            f"a bond of {bonds.bond_length[k]:g} m, from element {start} to {end}",
             where=str(path),
             remedy="Both restart files must be of the same moment",
         )
@@ -399,9 +399,9 @@ def _rows(dataset: netCDF4.Dataset, path: Path, elements: Elements, end: str, si
     counters = whole_column(dataset, path, f"{end}_id_cnt", size)
     cells = whole_column(dataset, path, f"{end}_id_ij", size)
     ids = join_id(counters, cells)
-    rows, known = find_rows(elements.id, ids)
-    if not known.all():
-        k = int(np.argmin(known))
+    rows, found_ids = find_rows(elements.id, ids)
+    if not found_ids.all():
+        k = int(np.argmin(found_ids))
         raise BergError(
             f"bond {k + 1} names element id_cnt = {counters[k]}, id_ij = {cells[k]}, which the iceberg restart lacks",
             where=f"{path}, variable {end}_id_cnt",
@@ -414,18 +414,18 @@ def _check_mirrors(first: Ints, second: Ints, elements: Elements, path: Path) ->
     """Return the records of the first element of each pair, after a check that both directions are there once."""
     size = len(elements.id)
     forward, backward = first * size + second, second * size + first
-    _, places, counts = np.unique(forward, return_index=True, return_counts=True)
+    _, indices, counts = np.unique(forward, return_index=True, return_counts=True)
     faults = (
         ("joins an element to itself", first == second),
-        ("is given twice", np.isin(np.arange(len(forward)), places[counts > 1])),
+        ("is given twice", np.isin(np.arange(len(forward)), indices[counts > 1])),
         ("lacks its mirror, the same bond in the other direction", ~np.isin(backward, forward)),
     )
-    for what, wrong in faults:
+    for fault, wrong in faults:
         if wrong.any():
             k = int(np.argmax(wrong))
-            one, other = (id_text(elements.id[rows[k]]) for rows in (first, second))
+            start, end = (id_text(elements.id[rows[k]]) for rows in (first, second))
             raise BergError(
-                f"bond {k + 1}, from element {one} to {other}, {what}",
+                f"bond {k + 1}, from element {start} to {end}, {fault}",
                 where=str(path),
                 remedy="The file must hold each bond once in each direction",
             )
@@ -481,20 +481,20 @@ def directed(bonds: Bonds, dem: bool) -> dict[str, NDArray[Any]]:
 
 def write_bonds(path: Path, elements: Elements, bonds: Bonds, grid: Grid, *, dem: bool) -> None:
     """Write the listed bonds, unbroken or still contact pairs, as a bond restart in KID's layout."""
-    both = directed(bonds, dem)
+    ends = directed(bonds, dem)
     ine, jne = cell_indices(elements, grid)
     counter, cell = split_id(elements.id)
     columns: list[tuple[Column, NDArray[Any]]] = []
     for end, word in _ENDS:
-        rows = both[end]
+        rows = ends[end]
         for axis, values in (("ine", ine), ("jne", jne)):
             item = Column(f"{end}_berg_{axis}", "i4", f"iceberg {axis} of {word} berg in bond", "dimensionless")
             columns.append((item, values[rows]))
-        for part, name, values in (("counter", "id_cnt", counter), ("position", "id_ij", cell)):
-            text = f"{part} component of iceberg id {word} berg in bond"
+        for component, name, values in (("counter", "id_cnt", counter), ("position", "id_ij", cell)):
+            text = f"{component} component of iceberg id {word} berg in bond"
             columns.append((Column(f"{end}_{name}", "i4", text, "dimensionless"), values[rows]))
-    columns += [(item, both[item.name]) for item in DEM_COLUMNS if dem]
-    write_restart_file(Path(path), columns, len(both["first"]), counter=False)
+    columns += [(item, ends[item.name]) for item in DEM_COLUMNS if dem]
+    write_restart_file(Path(path), columns, len(ends["first"]), counter=False)
 
 
 RESTART: Final = "icebergs.res.nc"
@@ -508,7 +508,7 @@ AXES: Final = {"xaxis_1": "X", "yaxis_1": "Y", "zaxis_1": "Z", "Time": "T"}
 
 
 def read_stores(path: Path, grid: Grid, classes: int) -> Stores | None:
-    """Return what the file holds; None without a file."""
+    """Return the stores in the file; None without a file."""
     if not path.is_file():
         return None
     shape = grid.arrays.nj, grid.arrays.ni
@@ -589,7 +589,10 @@ def write_stores(path: Path, stores: Stores) -> None:
             ("rmean_calving", "f8", plane, stores.mean_flux),
             ("rmean_calving_hflx", "f8", plane, stores.mean_heat),
         ]
-    with replacing(path, to_disk=True) as part, open_netcdf(part, "w", format="NETCDF3_64BIT_OFFSET") as dataset:
+    with (
+        replacing(path, to_disk=True) as temporary,
+        open_netcdf(temporary, "w", format="NETCDF3_64BIT_OFFSET") as dataset,
+    ):
         for name, size in (("xaxis_1", ni), ("yaxis_1", nj), ("zaxis_1", classes), ("Time", None)):
             dataset.createDimension(name, size)
         for name, kind, dimensions, values in columns:
@@ -606,7 +609,7 @@ def write_stores(path: Path, stores: Stores) -> None:
 
 
 class IdentifierCounter:
-    """Identifiers for what is born in a run: each cell counts its own (files 0.4).
+    """Identifiers for elements born in a run: each cell counts its own (files 0.4).
 
     ``counts``: of the domain, without the halo (shape (rows, columns)).
     """
@@ -616,7 +619,7 @@ class IdentifierCounter:
 
     @classmethod
     def beside(cls, restarts: Path, grid: Grid, identifiers: Ints) -> Self:
-        """Return the counters of a folder of restarts, or 0 in every cell; never below those of elements that exist."""
+        """Return the counters of a folder of restarts, or 0 in every cell; never below the counters of existing elements."""
         g = grid.arrays
         counts = np.zeros((g.nj, g.ni), np.int64)
         path = restarts / CALVING_FILE

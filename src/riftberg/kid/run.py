@@ -82,7 +82,7 @@ class KidCase:
 
 @dataclass(frozen=True)
 class KidReport:
-    """What a KID run did."""
+    """Report of a KID run."""
 
     case: KidCase  # The case, its model at the final state
     files: tuple[Path, ...]  # Files written
@@ -122,7 +122,7 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     restarts = namelist.restarts
     earth = parameters.earth
     elements = read_restart(restarts / RESTART, grid, seam=not earth.latlon and earth.period <= 0.0)
-    bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
+    bonds = _form_or_read_bonds(elements, namelist.icebergs, parameters, restarts)
     check_bond_lengths(elements, bonds, parameters.bonds.packing)
     check_footloose(elements, namelist.icebergs)
     parameters = without_idle_life(parameters, elements, bonds, namelist.icebergs.flag("passive_mode"))
@@ -148,7 +148,7 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     return KidCase(folder, namelist, parameters, clock, grid, model, notes, fed_back)
 
 
-def _formed_or_read(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
+def _form_or_read_bonds(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
     """Form the bonds by rule or read them, as the namelist says; none if bonds are off."""
     if not group.flag("iceberg_bonds_on"):
         none: Ints = np.zeros(0, dtype=np.int64)
@@ -195,7 +195,7 @@ def run_kid(
     Parameters
     ----------
     case_dir : pathlib.Path or KidCase
-        Folder with ``input.nml`` and the restart folder it names; or what `load_case` made of it.
+        Folder with ``input.nml`` and the restart folder it names; or the case that `load_case` made of it.
     output : pathlib.Path
         Trajectory file; or a folder, in which the files get the names of the namelist.
     progress : Recorder, optional
@@ -206,7 +206,7 @@ def run_kid(
     Returns
     -------
     KidReport
-        What was done with each namelist entry, and the files written.
+        Treatment of each namelist entry, and the files written.
 
     Raises
     ------
@@ -243,8 +243,8 @@ def _advance(case: KidCase, recorders: list[Recorder], paths: dict[str, Path], w
         else:
             case.exchange.advance(recorders)
     except (KeyboardInterrupt, SystemExit):
-        done = f"{case.model.step_number} of {case.clock.steps} steps"
-        say(f"Stopped after {done}; {_rescued(case, paths)}")
+        progress = f"{case.model.step_number} of {case.clock.steps} steps"
+        say(f"Stopped after {progress}; {_write_rescue(case, paths)}")
         raise
     except Exception as error:
         # Elements of KID are known by two numbers and a run of it may allow what the model refuses.
@@ -257,24 +257,24 @@ def _advance(case: KidCase, recorders: list[Recorder], paths: dict[str, Path], w
                 raise RunError(f"the run failed in its first step: {error}. Nothing was written") from error
         if not isinstance(error, RunError):
             raise
-        raise RunError(f"{error}; {_rescued(case, paths, 'last good ')}") from error
+        raise RunError(f"{error}; {_write_rescue(case, paths, 'last good ')}") from error
 
 
-def _rescued(case: KidCase, paths: dict[str, Path], which: str = "") -> str:
+def _write_rescue(case: KidCase, paths: dict[str, Path], which: str = "") -> str:
     """Write the state and say how to go on from it."""
     try:
         saved = _write_restarts(case, paths)
     except (OSError, RiftbergError) as error:  # it must not hide why the run ended
         return f"the {which}state cannot be saved ({refusal(error)})"
-    return f"the {which}state is in {', '.join(map(str, saved))}. {_how_to_go_on(case, saved)}"
+    return f"the {which}state is in {', '.join(map(str, saved))}. {_restart_advice(case, saved)}"
 
 
-def _how_to_go_on(case: KidCase, saved: list[Path]) -> str:
+def _restart_advice(case: KidCase, saved: list[Path]) -> str:
     """Say how KID's own restart files start another run, which takes the steps and the hours of the forcing that are left."""
-    folder, done, driver = "a copy of the run folder", case.model.step_number, case.namelist.driver
-    rest = f"set nmax = {case.clock.steps - done}"
+    folder, steps_done, driver = "a copy of the run folder", case.model.step_number, case.namelist.driver
+    rest = f"set nmax = {case.clock.steps - steps_done}"
     if driver.flag("a68_test"):
-        hours = done * case.clock.dt / 3600.0
+        hours = steps_done * case.clock.dt / 3600.0
         rest += f" and transient_a68_data_start_ind = {driver.whole('transient_a68_data_start_ind') + int(hours)}"
         rest += ", whose hour begins half an hour before this state" if hours % 1.0 else ""
     if case.namelist.coupled:

@@ -190,7 +190,7 @@ class _Sampler:
             self._writer.flush()
 
     def finish(self, model: BareModel) -> None:
-        """Write what waits and close the file."""
+        """Write the waiting records and close the file."""
         if self._writer is not None:
             self._writer.close()
             self._writer = None
@@ -214,7 +214,7 @@ class TrajectoryRecorder(_Sampler):
         e = model.elements
         rows = np.flatnonzero(recorded(model, self.group, date.year))
         columns: dict[str, NDArray[Any]] = {name: getattr(e, field)[rows] for name, field in FIELDS.items()}
-        columns.update(_stamp_of_file(date, len(rows)))
+        columns.update(_file_stamp(date, len(rows)))
         columns["id_cnt"], columns["id_ij"] = split_id(e.id[rows])
         columns["halo_berg"], columns["n_bonds"] = np.zeros(len(rows)), listed_bonds(model)[rows]
         return columns
@@ -236,7 +236,7 @@ def resample_environment(model: LifeModel, time: float, group: NamelistGroup) ->
         model.elements.depth[:] = depth
 
 
-def _stamp_of_file(date: Date, size: int) -> dict[str, NDArray[Any]]:
+def _file_stamp(date: Date, size: int) -> dict[str, NDArray[Any]]:
     return {"year": np.full(size, date.year), "day": np.full(size, date.year_day())}
 
 
@@ -285,4 +285,4 @@ class BondRecorder(_Sampler):
         columns["lon"], columns["lat"] = 0.5 * (e.lon[a] + e.lon[b]), 0.5 * (e.lat[a] + e.lat[b])
         for k, rows in ((1, a), (2, b)):
             columns[f"id_cnt{k}"], columns[f"id_ij{k}"] = split_id(e.id[rows])
-        return {**columns, **_stamp_of_file(date, len(a))}
+        return {**columns, **_file_stamp(date, len(a))}

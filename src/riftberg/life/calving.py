@@ -47,8 +47,8 @@ def size_classes(table: ClassTable, calving: Calving, density: float) -> Classes
         np.array(q, dtype=float) for q in (table.mass, table.fraction, table.scaling, table.thickness)
     )
     if calving.fractions == "number":
-        given, fraction = fraction, np.zeros_like(fraction)
-        fractions_by_mass(given, mass, fraction)
+        number_fractions, fraction = fraction, np.zeros_like(fraction)
+        fractions_by_mass(number_fractions, mass, fraction)
     ratio = calving.length_over_width
     width = np.array([class_width(m, t, density, ratio) for m, t in zip(mass, thickness, strict=True)])
     return Classes(mass, fraction, scaling, thickness, width, ratio * width)
@@ -108,7 +108,7 @@ class Stores:
 
 
 class Accumulated(NamedTuple):
-    """What a flux of ice became in a step."""
+    """The result of a flux of ice in a step."""
 
     flux: Floats  # Ice (kg m-2 s-1) and heat (W m-2) that arrived, after mask and running mean
     heat_flux: Floats  # Ice (kg m-2 s-1) and heat (W m-2) that arrived, after mask and running mean
@@ -151,13 +151,13 @@ class FluxCalving:
         s = self.stores
         flux, heat_flux = flux * self._mask, heat_flux * self._mask
         if self.parameters.calving.smoothing_time > 0.0:
-            flux, heat_flux = self._smoothed(flux, heat_flux, dt)
+            flux, heat_flux = self._smooth(flux, heat_flux, dt)
             flux, heat_flux = flux * self._mask, heat_flux * self._mask
         # The heat of stores that were filled at random is that of the first flux, in proportion to their ice.
         if not s.begun:
             rate = flux * self._area
-            some = rate != 0.0
-            s.heat[some] = s.ice.sum(axis=0)[some] * (heat_flux * self._area)[some] / rate[some]
+            has_flux = rate != 0.0
+            s.heat[has_flux] = s.ice.sum(axis=0)[has_flux] * (heat_flux * self._area)[has_flux] / rate[has_flux]
             s.begun = True
         left, heat_left = np.zeros_like(flux), np.zeros_like(flux)
         fill_stores(
@@ -166,13 +166,13 @@ class FluxCalving:
         )  # fmt: skip
         return Accumulated(flux, heat_flux, left, heat_left)
 
-    def _smoothed(self, flux: Floats, heat_flux: Floats, dt: float) -> tuple[Floats, Floats]:
+    def _smooth(self, flux: Floats, heat_flux: Floats, dt: float) -> tuple[Floats, Floats]:
         s, tau = self.stores, self.parameters.calving.smoothing_time
         if s.mean_flux is None or s.mean_heat is None:
             s.mean_flux, s.mean_heat = flux.copy(), heat_flux.copy()
         new, old = mean_weights(tau, dt)
-        for mean, now in ((s.mean_flux, flux), (s.mean_heat, heat_flux)):
-            mean[:] = new * now + old * mean
+        for mean, current in ((s.mean_flux, flux), (s.mean_heat, heat_flux)):
+            mean[:] = new * current + old * mean
         return s.mean_flux.copy(), s.mean_heat.copy()
 
     def bear(self, year: int, day: float, dt: float, others: Elements | None = None) -> tuple[Elements, Ints]:
@@ -195,8 +195,8 @@ class FluxCalving:
                         break
                     # The reference gives a berg the heat of all classes over the ice of its own (quirk T16).
                     ice = self.stores.ice[:, j, i]
-                    held = ice[k] if self.parameters.calving.heat_of_one_class else ice.sum()
-                    warmth = float(self.stores.heat[j, i] / held)
+                    ice_mass = ice[k] if self.parameters.calving.heat_of_one_class else ice.sum()
+                    warmth = float(self.stores.heat[j, i] / ice_mass)
                     rows.append(_Birth(k, j, i, day + offset / 86400.0, warmth, s.next_identifier(i, j), spot))
                     s.heat[j, i] -= need[j, i] * warmth
                     s.ice[k, j, i] -= need[j, i]
@@ -237,13 +237,13 @@ class FluxCalving:
         if free is None:
             return *drawn, xi, eta
         across = float(np.sqrt(g.area[row, column]))
-        place = free.nearest(*drawn, reach, lambda x, y: position_in_cell(x, y, column, row, g)[2], across)
-        if place is None:
+        free_spot = free.nearest(*drawn, reach, lambda x, y: position_in_cell(x, y, column, row, g)[2], across)
+        if free_spot is None:
             return None
-        free.take(*place, reach)
-        if place != drawn:
-            xi, eta, _ = position_in_cell(*place, column, row, g)
-        return *place, xi, eta
+        free.take(*free_spot, reach)
+        if free_spot != drawn:
+            xi, eta, _ = position_in_cell(*free_spot, column, row, g)
+        return *free_spot, xi, eta
 
 
 def check_flux(flux: Floats, heat_flux: Floats, mask: NDArray[np.float64], where: str) -> None:

@@ -1,6 +1,6 @@
 """Bergs of one element that come into being during a run, each at its date (`riftberg.bergs.iceberg.Iceberg.cloud`).
 
-Those to come stand among what a run remembers, so a restart file holds them: a row for each, with the time of its birth (s) and
+They are part of the memory of a run, so a restart file holds them: a row for each, with the time of its birth (s) and
 the variables of its element.
 """
 
@@ -21,15 +21,15 @@ COMING: Final = "coming_bergs"
 """Name among what a run remembers."""
 
 
-def parted_by_date(
+def split_by_date(
     elements: Elements, dates: tuple[datetime, ...], start: datetime, bergs: tuple[tuple[str, int], ...]
 ) -> tuple[Elements, tuple[tuple[str, int], ...], dict[str, Floats]]:
-    """Return the bergs that are there at the start, with their names, and what a run remembers of the others.
+    """Return the bergs that exist at the start, with their names, and the rows of the others for the memory of a run.
 
     Raises
     ------
     InputError
-        If none is there at the start.
+        If none exists at the start.
     """
     seconds = np.array([(date - start).total_seconds() for date in dates])
     later = seconds > 0.0
@@ -42,10 +42,12 @@ def parted_by_date(
             where="dates", remedy="Start the run with the first date, or give an earlier one",
         )  # fmt: skip
     rows = np.column_stack([getattr(elements, v.name)[later].astype(np.float64) for v in ELEMENT_VARIABLES])
-    named = tuple(name for name, there in zip(bergs, ~later, strict=True) if there) if len(bergs) == later.size else ()
-    there = elements.taken(np.flatnonzero(~later))
-    there.body.id[:] = there.body.berg[:] = np.arange(1, there.size + 1)
-    return there, named, {COMING: np.column_stack([seconds[later], rows])}
+    names = (
+        tuple(name for name, present in zip(bergs, ~later, strict=True) if present) if len(bergs) == later.size else ()
+    )
+    present = elements.taken(np.flatnonzero(~later))
+    present.body.id[:] = present.body.berg[:] = np.arange(1, present.size + 1)
+    return present, names, {COMING: np.column_stack([seconds[later], rows])}
 
 
 def coming(remembered: Mapping[str, Floats]) -> tuple[Floats, Elements]:
@@ -66,7 +68,7 @@ def bear(model: Any) -> None:
     if not due.size:
         return
     if model.parameters.stepping.interactions:
-        due = _with_room(model, elements, due)
+        due = _select_free(model, elements, due)
     if due.size:
         model.append(elements.taken(due))
         left = np.delete(model.remembered[COMING], due, axis=0)
@@ -74,16 +76,16 @@ def bear(model: Any) -> None:
         model.remembered = {**rest, COMING: left} if len(left) else rest
 
 
-def _with_room(model: Any, elements: Elements, due: np.ndarray) -> np.ndarray:
-    """Return which of them find their place free."""
+def _select_free(model: Any, elements: Elements, due: np.ndarray) -> np.ndarray:
+    """Return which of the elements find their position free."""
     earth, el = model.parameters.earth, model.elements
     metric = Metric(earth.latlon, earth.radius, earth.period)
     lon, lat = np.append(el.lon, elements.lon[due]), np.append(el.lat, elements.lat[due])
     reach = np.append(*(0.5 * np.hypot(e.length, e.width) for e in (el, elements.taken(due))))
     stands = np.arange(reach.size) < el.size
     for n in range(el.size, reach.size):
-        apart = np.hypot(*separations(metric, lon[stands], lat[stands], lon[n], lat[n]))
-        stands[n] = bool((apart > reach[stands] + reach[n]).all())
+        distance = np.hypot(*separations(metric, lon[stands], lat[stands], lon[n], lat[n]))
+        stands[n] = bool((distance > reach[stands] + reach[n]).all())
     return np.asarray(due[stands[el.size :]])
 
 

@@ -150,7 +150,7 @@ class Circumstances(NamedTuple):
     draws: CalvingDraws  # Random places on the rim
     # Processes of the reference along x and y whose results are followed; 1, 1 in runs of Riftberg's own
     ranks: tuple[int, int] = (1, 1)
-    growth: Floats | None = None  # `growth_of` the elements; None where edges do not relax
+    growth: Floats | None = None  # `find_growth` the elements; None where edges do not relax
     # Gives the identifier of a child from the cell (column, row) of its parent; None where the population numbers them
     names: Callable[[int, int], int] | None = None
 
@@ -169,7 +169,7 @@ class _Calving:
         self.free = FreePlaces(self.el, p) if beside else None
 
     def run(self) -> float:
-        """Let all bergs calve in turn, and add their children; see `calve_footloose` for what is returned."""
+        """Let all bergs calve in turn, and add their children; returns as `calve_footloose`."""
         alone = self._alone()
         body, foot = self.el.body, self.el.life.fl_k
         able = alone & self._eligible() & (foot > 0.0)
@@ -222,11 +222,11 @@ class _Calving:
 
     def _order(self, rows: Ints) -> Ints:
         """Put elements in the order in which the reference visits them, process by process (files, 0.3)."""
-        place = np.empty(self.el.size, np.int64)
-        place[listed(self.el)] = np.arange(self.el.size)
-        return rows[np.lexsort((place[rows], self._rank_of(rows)))]
+        visit_order = np.empty(self.el.size, np.int64)
+        visit_order[listed(self.el)] = np.arange(self.el.size)
+        return rows[np.lexsort((visit_order[rows], self._find_ranks(rows)))]
 
-    def _rank_of(self, rows: Ints) -> Ints:
+    def _find_ranks(self, rows: Ints) -> Ints:
         """Process of the reference that owns the cells of elements."""
         return np.array([self._rank(int(self.el.cell_i[e]), int(self.el.cell_j[e])) for e in rows], np.int64)
 
@@ -256,35 +256,35 @@ class _Calving:
         if self.p.footloose.style == "bits":
             life.mass_of_fl_bits[e] += density * thickness * area
         else:
-            place, piece = self._rim(e, width, length), _piece(thickness, wide, density)
-            if not self._bear(e, place, piece, pieces * life.mass_scaling[e]):
+            offset, piece = self._rim(e, width, length), _piece(thickness, wide, density)
+            if not self._bear(e, offset, piece, pieces * life.mass_scaling[e]):
                 life.mass_of_fl_bits[e] += density * thickness * area
-        before, lost = body.mass[e], density * thickness * area
+        old_mass, lost = body.mass[e], density * thickness * area
         # A berg that has lost pieces is narrower, and may roll over at once.
         if v.rolls:
             thickness, narrow, short = roll(thickness, narrow, short, v.rolling_scheme, v.tip, v.rho_ice, v.rolls_on)
         body.thickness[e], body.width[e], body.length[e] = thickness, narrow, short
-        body.mass[e] = short * narrow * thickness * density if self.reference else before - lost
-        self.gained += (body.mass[e] + lost - before) * life.mass_scaling[e]
+        body.mass[e] = short * narrow * thickness * density if self.reference else old_mass - lost
+        self.gained += (body.mass[e] + lost - old_mass) * life.mass_scaling[e]
 
     def _spawn(self, e: int) -> None:
         """Make a berg of the footloose bits of an element where there are enough (files, 2.3, 2.6)."""
         life, least = self.el.life, self.p.footloose.berg_mass
-        held = life.mass_of_fl_bits[e] * life.mass_scaling[e]
-        if held <= least:
+        bits_mass = life.mass_of_fl_bits[e] * life.mass_scaling[e]
+        if bits_mass <= least:
             return
         body = self.el.body
-        place = self._rim(e, body.width[e], body.length[e])
-        count = float(np.floor(held / least))
+        offset = self._rim(e, body.width[e], body.length[e])
+        count = float(np.floor(bits_mass / least))
         shape = bit_shape(body.thickness[e], self.values)
         mass = shape[0] * shape[2] * shape[1] * self.values.rho_ice
         scaling = count * least / mass
         # Bergy bits go with the bits of which they came, in proportion.
-        part = mass * scaling / held
-        bergy = part * life.mass_of_fl_bergy_bits[e] * life.mass_scaling[e] / scaling
-        if not self._bear(e, place, (mass, *shape, bergy), scaling):
+        share = mass * scaling / bits_mass
+        bergy = share * life.mass_of_fl_bergy_bits[e] * life.mass_scaling[e] / scaling
+        if not self._bear(e, offset, (mass, *shape, bergy), scaling):
             return
-        life.mass_of_fl_bergy_bits[e] *= 1.0 - part
+        life.mass_of_fl_bergy_bits[e] *= 1.0 - share
         life.mass_of_fl_bits[e] -= count * least / life.mass_scaling[e]
 
     # ------------------------------------------------------------------------------------- bergs of many elements
@@ -309,20 +309,20 @@ class _Calving:
         """Take the area of pieces from edge elements by their share in the foot; the ice goes to bits or to a child."""
         body, life = self.el.body, self.el.life
         wide, each = piece
-        wanted = share * pieces * ASPECT * wide * wide
-        taken = np.minimum(wanted, LARGEST_CUT * area)
+        demand = share * pieces * ASPECT * wide * wide
+        cut = np.minimum(demand, LARGEST_CUT * area)
         # An element that could not give all keeps that part of its foot for the next step.
-        got = np.divide(taken, wanted, out=np.zeros_like(taken), where=wanted > 0.0)
+        got = np.divide(cut, demand, out=np.zeros_like(cut), where=demand > 0.0)
         life.fl_k[rows] -= share * pieces * each * got
         front = np.maximum(life.front[rows], 0.0)
         if front.sum() > 0.0:  # the outline retreats by what breaks off it
-            life.retreat[rows] += taken.sum() / front.sum()
-        part = taken / area
-        mass = body.mass[rows] * part
+            life.retreat[rows] += cut.sum() / front.sum()
+        fraction = cut / area
+        mass = body.mass[rows] * fraction
         body.mass[rows] -= mass
         # Alike in both directions: the lattice does not know which side of an element lies at the edge.
         for side in (body.width, body.length):
-            side[rows] *= np.sqrt(1.0 - part)
+            side[rows] *= np.sqrt(1.0 - fraction)
         total = float((mass * life.mass_scaling[rows]).sum())
         if self.p.footloose.style == "bits":
             life.mass_of_fl_bits[rows] += mass
@@ -330,28 +330,28 @@ class _Calving:
             e = int(rows[np.argmax(share)])
             density = body.mass[e] / (body.thickness[e] * body.width[e] * body.length[e])
             shape = _piece(float(body.thickness[e]), wide, density)
-            place = self._rim(e, body.width[e], body.length[e])
-            if not self._bear(e, place, shape, total / shape[0], self._heat(rows, mass)):
+            offset = self._rim(e, body.width[e], body.length[e])
+            if not self._bear(e, offset, shape, total / shape[0], self._heat(rows, mass)):
                 life.mass_of_fl_bits[rows] += mass
 
     def _spawn_together(self, rows: Ints) -> None:
         """Make a berg of the footloose bits that all elements of a berg hold, at the one that holds most."""
         life, least = self.el.life, self.p.footloose.berg_mass
-        held = life.mass_of_fl_bits[rows] * life.mass_scaling[rows]
-        if held.sum() <= least:
+        bits_mass = life.mass_of_fl_bits[rows] * life.mass_scaling[rows]
+        if bits_mass.sum() <= least:
             return
-        e, body = int(rows[np.argmax(held)]), self.el.body
-        count = float(np.floor(held.sum() / least))
+        e, body = int(rows[np.argmax(bits_mass)]), self.el.body
+        count = float(np.floor(bits_mass.sum() / least))
         shape = bit_shape(body.thickness[e], self.values)
         mass = shape[0] * shape[2] * shape[1] * self.values.rho_ice
-        scaling, part = count * least / mass, count * least / held.sum()
-        bergy = part * float((life.mass_of_fl_bergy_bits[rows] * life.mass_scaling[rows]).sum())
-        place = self._rim(e, body.width[e], body.length[e])
+        scaling, share = count * least / mass, count * least / bits_mass.sum()
+        bergy = share * float((life.mass_of_fl_bergy_bits[rows] * life.mass_scaling[rows]).sum())
+        offset = self._rim(e, body.width[e], body.length[e])
         heat = self._heat(rows, life.mass_of_fl_bits[rows] + life.mass_of_fl_bergy_bits[rows])
-        if not self._bear(e, place, (mass, *shape, bergy / scaling), scaling, heat):
+        if not self._bear(e, offset, (mass, *shape, bergy / scaling), scaling, heat):
             return
         for bits in (life.mass_of_fl_bits, life.mass_of_fl_bergy_bits):
-            bits[rows] *= 1.0 - part
+            bits[rows] *= 1.0 - share
 
     def _heat(self, rows: Ints, mass: Floats) -> float:
         """Heat (J kg-1) of ice (kg of one berg) that several elements give."""
@@ -367,21 +367,21 @@ class _Calving:
         rank = self._rank(int(self.el.cell_i[e]), int(self.el.cell_j[e]))
         draw = self.when.draws.draw(rank, int(self.el.body.id[e]), self.when.step)
         x, y = rim_place(draw, float(width), float(length), self.p.footloose.half_west_rim)
-        return (x, y) if self.reference else self._as_turned(e, x, y)
+        return (x, y) if self.reference else self._turn_offset(e, x, y)
 
-    def _as_turned(self, e: int, x: float, y: float) -> tuple[float, float]:
+    def _turn_offset(self, e: int, x: float, y: float) -> tuple[float, float]:
         """Metres east and north of metres along the length and the width of an element that has turned."""
         angle = float(self.el.motion.rotation[e])
         cosine, sine = math.cos(angle), math.sin(angle)
         return x * cosine - y * sine, x * sine + y * cosine
 
     def _bear(
-        self, e: int, place: tuple[float, float], piece: tuple[float, float, float, float, float], scaling: float,
+        self, e: int, offset: tuple[float, float], piece: tuple[float, float, float, float, float], scaling: float,
         heat: float | None = None,
     ) -> bool:  # fmt: skip
         """Make a child of an element: mass (kg), thickness, width, length (m), bits (kg) of one berg; how many (files, 2.6).
 
-        ``heat``: of the ice (J kg-1), by default that of the element.
+        ``heat``: of the ice (J kg-1), by default as in the element.
 
         Returns whether there is room for it: where other ice lies, it is for the caller to keep the ice.
         """
@@ -400,34 +400,34 @@ class _Calving:
         body.free_y[0] = 1.0
         child.motion.spin[0] = child.motion.rotation[0] = child.kicks.spin_rate[0] = 0.0
         if self.free is None:
-            self._put(child, e, place)
-        elif not self._put_beside(child, e, place, self.free):
+            self._put(child, e, offset)
+        elif not self._put_beside(child, e, offset, self.free):
             return False
         life.start_lon[0], life.start_lat[0] = child.place.lon[0], child.place.lat[0]
         life.start_year[0], life.start_day[0] = self.when.year, self.when.day
         self.born.append((child, e))
         return True
 
-    def _put_beside(self, child: Elements, e: int, place: tuple[float, float], free: FreePlaces) -> bool:
+    def _put_beside(self, child: Elements, e: int, offset: tuple[float, float], free: FreePlaces) -> bool:
         """Put a child beside the ice that lies on the rim of its parent, if there is sea near enough."""
         at, earth, body = child.place, self.p.earth, self.el.body
         reach = float(corner_reach(child.length[0], child.width[0]))
-        lon, lat = move(float(at.lon[0]), float(at.lat[0]), *place, 1.0, earth.latlon, earth.radius)
+        lon, lat = move(float(at.lon[0]), float(at.lat[0]), *offset, 1.0, earth.latlon, earth.radius)
         farthest = FARTHEST * max(reach + float(corner_reach(body.length[e], body.width[e])), free.distance)
         if free.nearest(lon, lat, reach, lambda x, y: self._holds(child, x, y, e), farthest) is None:
             return False
         free.take(float(at.lon[0]), float(at.lat[0]), reach)
         return True
 
-    def _put(self, child: Elements, e: int, place: tuple[float, float]) -> None:
+    def _put(self, child: Elements, e: int, offset: tuple[float, float]) -> None:
         """Put a child on the rim, or where the parent is if there is no sea of this process there (files, 2.6)."""
         earth, at = self.p.earth, child.place
-        if place == (0.0, 0.0):
+        if offset == (0.0, 0.0):
             return
         lon, lat = float(at.lon[0]), float(at.lat[0])
         half = 0.5 * float(self.el.length[e]), 0.5 * float(self.el.width[e])
         # The place that was drawn, then the four corners of the parent, in the order of the reference.
-        tried = [place, *((sx * half[0], sy * half[1]) for sx, sy in ((-1, -1), (-1, 1), (1, 1), (1, -1)))]
+        tried = [offset, *((sx * half[0], sy * half[1]) for sx, sy in ((-1, -1), (-1, 1), (1, 1), (1, -1)))]
         in_metres = self.p.footloose.unplaced_child_in_metres
         for k, (dx, dy) in enumerate(tried):
             if k > 0 and in_metres:
@@ -523,18 +523,18 @@ def follow_growth(el: Elements, grown: Floats, dt: float, remembered: MutableMap
     """Take the growth of the feet (m2) in a step (s) into the mean rate that is remembered."""
     edge = edge_lengths(el)
     rate = np.divide(grown, edge * dt, out=np.zeros(el.size), where=edge > 0.0)
-    mean, known = growth_of(el, remembered)
+    mean, has_mean = find_growth(el, remembered)
     new, old = mean_weights(MEMORY, dt)
-    remembered[FOOT_GROWTH] = np.column_stack([el.body.id, np.where(known, new * rate + old * mean, rate)])
+    remembered[FOOT_GROWTH] = np.column_stack([el.body.id, np.where(has_mean, new * rate + old * mean, rate)])
 
 
-def growth_of(el: Elements, remembered: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.bool_]]:
+def find_growth(el: Elements, remembered: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the mean rate (m s-1) at which the feet of the elements grow, 0 where it is not known, and where it is."""
     ids, means = np.asarray(remembered.get(FOOT_GROWTH, np.zeros((0, 2)))).T
-    row, known = find_rows(ids.astype(np.int64), el.body.id)
+    row, has_mean = find_rows(ids.astype(np.int64), el.body.id)
     mean = np.zeros(el.size)
-    mean[known] = means[row[known]]
-    return mean, known
+    mean[has_mean] = means[row[has_mean]]
+    return mean, has_mean
 
 
 def let_children_go(elements: Elements, p: Parameters, grid: Grid | None) -> None:
@@ -542,28 +542,36 @@ def let_children_go(elements: Elements, p: Parameters, grid: Grid | None) -> Non
     foot = elements.life.fl_k
     if not p.stepping.interactions or not (foot == CHILD).any():
         return
-    body, place, earth = elements.body, elements.place, p.earth
+    body, positions, earth = elements.body, elements.place, p.earth
     hexagonal, bonded = p.bonds.packing == "hexagonal", p.bonds.law != "none"
     radius = np.array([interaction_radius(area, hexagonal, bonded) for area in (body.length * body.width).tolist()])
     reach = max(2.0 * float(radius.max()), p.contact_distance)
-    near = find_pairs(place.lon, place.lat, body.berg, reach, ANY, earth.latlon, earth.radius, earth.period)
+    neighbours = find_pairs(
+        positions.lon, positions.lat, body.berg, reach, ANY, earth.latlon, earth.radius, earth.period
+    )
     cells = contact_cells(p, grid)
     if cells is not None:
-        near = within_cells(near, elements, cells)
+        neighbours = within_cells(neighbours, elements, cells)
         if cells.columns > 1 or cells.rows > 1:
             radius[:] = 0.0  # then the reference asks for the distance alone
     for e in np.flatnonzero(foot == CHILD):
-        others = near.partner[near.start[e] : near.start[e + 1]]
+        others = neighbours.partner[neighbours.start[e] : neighbours.start[e + 1]]
         if not any(_touch(elements, int(e), int(k), radius, p) for k in others):
             foot[e] = LET_GO
 
 
-def _touch(elements: Elements, one: int, other: int, radius: Floats, p: Parameters) -> bool:
-    place, earth = elements.place, p.earth
+def _touch(elements: Elements, first: int, second: int, radius: Floats, p: Parameters) -> bool:
+    positions, earth = elements.place, p.earth
     x, y = separation(
-        place.lon[one], place.lat[one], place.lon[other], place.lat[other], earth.latlon, earth.radius, earth.period
+        positions.lon[first],
+        positions.lat[first],
+        positions.lon[second],
+        positions.lat[second],
+        earth.latlon,
+        earth.radius,
+        earth.period,
     )
-    return bool(np.hypot(x, y) < max(radius[one] + radius[other], p.contact_distance))
+    return bool(np.hypot(x, y) < max(radius[first] + radius[second], p.contact_distance))
 
 
 # Places for the newly born: beside the ice that is there. One that is born on another berg would be thrown by contact. Where no
@@ -602,33 +610,33 @@ class FreePlaces:
 
         Looked for along `DIRECTIONS` up to ``farthest`` m away; ``allowed(lon, lat)`` says where there is sea.
         """
-        earth, ways = self._earth, []
+        earth, candidates = self._earth, []
         metric = Metric(earth.latlon, earth.radius, earth.period)
         x, y = separations(metric, self._lon, self._lat, np.array([lon]), np.array([lat]))
-        apart = SLACK * np.maximum(self._reach + reach, self.distance)
-        near = np.hypot(x, y) < apart + farthest
-        x, y, apart = x[near], y[near], apart[near]
+        clearance = SLACK * np.maximum(self._reach + reach, self.distance)
+        in_reach = np.hypot(x, y) < clearance + farthest
+        x, y, clearance = x[in_reach], y[in_reach], clearance[in_reach]
         for k in range(DIRECTIONS):
             angle = 2.0 * np.pi * k / DIRECTIONS
-            way = _way_out(x, y, apart, float(np.cos(angle)), float(np.sin(angle)), farthest)
-            if way <= farthest:
-                ways.append((way, k, float(way * np.cos(angle)), float(way * np.sin(angle))))
-        for _, _, dx, dy in sorted(ways):
-            place = move(lon, lat, dx, dy, 1.0, earth.latlon, earth.radius)
-            if allowed(*place):
-                return place
+            distance = _exit_distance(x, y, clearance, float(np.cos(angle)), float(np.sin(angle)), farthest)
+            if distance <= farthest:
+                candidates.append((distance, k, float(distance * np.cos(angle)), float(distance * np.sin(angle))))
+        for _, _, dx, dy in sorted(candidates):
+            position = move(lon, lat, dx, dy, 1.0, earth.latlon, earth.radius)
+            if allowed(*position):
+                return position
         return None
 
 
-def _way_out(x: Floats, y: Floats, apart: Floats, c: float, s: float, farthest: float) -> float:
-    """How far (m) along (c, s) one must go to be farther than ``apart`` from each of the points (x, y)."""
-    way = 0.0
+def _exit_distance(x: Floats, y: Floats, clearance: Floats, c: float, s: float, farthest: float) -> float:
+    """Distance (m) along (c, s) at which all points (x, y) are farther than ``clearance``."""
+    distance = 0.0
     along, across = c * x + s * y, c * y - s * x
-    half_chord = np.sqrt(np.maximum(apart * apart - across * across, 0.0))
+    half_chord = np.sqrt(np.maximum(clearance * clearance - across * across, 0.0))
     enter, leave = along - half_chord, along + half_chord
-    while way <= farthest:
-        inside = (half_chord > 0.0) & (enter < way) & (way < leave)
+    while distance <= farthest:
+        inside = (half_chord > 0.0) & (enter < distance) & (distance < leave)
         if not inside.any():
-            return way
-        way = float(leave[inside].max())
+            return distance
+        distance = float(leave[inside].max())
     return np.inf

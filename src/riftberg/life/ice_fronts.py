@@ -50,9 +50,9 @@ class IceFronts(NamedTuple):
     berg: Ints  # Fragments
     ice: Any  # Shapely geometries, one for each fragment
     element: Ints  # Identifiers of the elements of fragments of several
-    part: Ints  # Fragment of each
+    fragment: Ints  # Of each element
     area: Floats  # Of each element at the start, m2
-    whole: Floats  # Of each cell at the start, m2
+    cell_area: Floats  # Of each cell at the start, m2
     cell: Any  # Shapely polygons; those at the edge reach beyond the ice
 
 
@@ -63,53 +63,59 @@ def follow_outlines(
 
     ``outlines``: of lattices that are new (shapely, in the coordinates of positions), where they are known.
     """
-    number, place = numbered(el.body.berg)
-    many = (np.bincount(place, minlength=number.size)[place] > 1) & (el.body.berg > 0)
+    number, index = numbered(el.body.berg)
+    many = (np.bincount(index, minlength=number.size)[index] > 1) & (el.body.berg > 0)
     rows = np.flatnonzero(many)
     el.life.front[~many] = ALONE
     ids, berg = el.body.id[rows], el.body.berg[rows]
-    known = np.asarray(remembered.get(CELLS, np.zeros((0, 2), np.int64)))
-    if np.array_equal(known, np.column_stack([ids, berg])) and (
+    recorded = np.asarray(remembered.get(CELLS, np.zeros((0, 2), np.int64)))
+    if np.array_equal(recorded, np.column_stack([ids, berg])) and (
         (el.life.retreat[rows] < REACH * np.sqrt(np.asarray(remembered[SIZES])[:, 0])).all() if rows.size else True
     ):
         return
-    fronts = _with_new(_taken(remembered), el, bonds, many, outlines, p)
+    fronts = _add_lattices(_read_fronts(remembered), el, bonds, many, outlines, p)
     row, present = find_rows(el.body.id, fronts.element)
-    place, _ = find_rows(fronts.element, ids)
+    index, _ = find_rows(fronts.element, ids)
     size = np.sqrt(fronts.area)
 
-    ices, kept = [], []
-    for source in np.unique(fronts.part[place]).tolist():
-        before = np.flatnonzero(fronts.part == source)
-        left = before[present[before]]
+    ices, cell_groups = [], []
+    for source in np.unique(fronts.fragment[index]).tolist():
+        source_cells = np.flatnonzero(fronts.fragment == source)
+        left = source_cells[present[source_cells]]
         retreat = el.life.retreat[row[left]]
         ice = fronts.ice[np.flatnonzero(fronts.berg == source)[0]]
         pieces = np.unique(el.body.berg[row[left]]).tolist()
-        stays = pieces == [source] and left.size == before.size and bool((retreat < REACH * size[left]).all())
+        stays = pieces == [source] and left.size == source_cells.size and bool((retreat < REACH * size[left]).all())
         if not stays:
             ice = _moved_inwards(ice, fronts.cell[left], retreat, float(size[left].mean()))
             el.life.retreat[row[left]] = 0.0
         for piece in pieces:
-            own = place[berg == piece]
-            own = own[fronts.part[own] == source]
-            if own.size == 0:  # an element alone
+            cells = index[berg == piece]
+            cells = cells[fronts.fragment[cells] == source]
+            if cells.size == 0:  # an element alone
                 continue
-            rest = ice if stays else _without(ice, fronts, np.setdiff1d(left, own), before[~present[before]])
+            rest = (
+                ice
+                if stays
+                else _remove_cells(ice, fronts, np.setdiff1d(left, cells), source_cells[~present[source_cells]])
+            )
             if not stays:
-                el.life.front[row[own]] = _front(rest, fronts, own, el.body.length[row[own]] * el.body.width[row[own]])
+                el.life.front[row[cells]] = _front(
+                    rest, fronts, cells, el.body.length[row[cells]] * el.body.width[row[cells]]
+                )
             ices.append((piece, rest))
-            kept.append(own)
-    own = np.concatenate([*kept, np.zeros(0, np.int64)])
-    own = own[np.argsort(row[own], kind="stable")]
-    now = el.body.berg[row[own]]
+            cell_groups.append(cells)
+    cells = np.concatenate([*cell_groups, np.zeros(0, np.int64)])
+    cells = cells[np.argsort(row[cells], kind="stable")]
+    fragment = el.body.berg[row[cells]]
     fronts = IceFronts(
         np.array([piece for piece, _ in ices], np.int64), np.array([ice for _, ice in ices], object),
-        fronts.element[own], now, fronts.area[own], fronts.whole[own], fronts.cell[own],
+        fronts.element[cells], fragment, fronts.area[cells], fronts.cell_area[cells], fronts.cell[cells],
     )  # fmt: skip
     shapes = shapely.to_wkb(shapely.GeometryCollection([*fronts.ice, *fronts.cell]))
     remembered.update({
         SHAPES: np.frombuffer(shapes, np.uint8), OF_SHAPES: fronts.berg,
-        CELLS: np.column_stack([fronts.element, fronts.part]), SIZES: np.column_stack([fronts.area, fronts.whole]),
+        CELLS: np.column_stack([fronts.element, fronts.fragment]), SIZES: np.column_stack([fronts.area, fronts.cell_area]),
     })  # fmt: skip
 
 
@@ -122,12 +128,12 @@ def hand_on_feet(el: Elements, gone: NDArray[np.bool_]) -> None:
         from_these = giving & (berg == number)
         if left.any():
             share = life.front[left] / life.front[left].sum()
-            for held in (life.fl_k, life.mass_of_fl_bits, life.mass_of_fl_bergy_bits):
-                held[left] += held[from_these].sum() * share
-                held[from_these] = 0.0
+            for stock in (life.fl_k, life.mass_of_fl_bits, life.mass_of_fl_bergy_bits):
+                stock[left] += stock[from_these].sum() * share
+                stock[from_these] = 0.0
 
 
-def _with_new(
+def _add_lattices(
     fronts: IceFronts, el: Elements, bonds: Bonds, many: Any, outlines: Sequence[Any], p: KernelParameters
 ) -> IceFronts:
     """Return the fronts with the lattices that have elements not met before, each as one piece with a number below zero."""
@@ -135,7 +141,7 @@ def _with_new(
     if not new.any():
         return fronts
     radius = interaction_sizes(el, p).bond_radius
-    parts = [fronts]
+    all_fronts = [fronts]
     for n, (rows, outline) in enumerate(lattices(el, bonds, new, outlines)):
         plane, xy = laid_flat(el, rows, p)
         where = np.full(el.size, -1)
@@ -145,24 +151,26 @@ def _with_new(
         if joined.size:
             along = xy[where[bonds.second[joined[0]]]] - xy[where[bonds.first[joined[0]]]]
         ice = ice_on_plane(plane, xy, radius[rows], outline, along, hexagonal=bool(el.body.sides[rows[0]] == 6))
-        # Cell of each point (m): what is nearer to it than to all others, far beyond the outermost points too.
+        # Cell of each point (m): the plane nearer to it than to all others, far beyond the outermost points too.
         middle = xy.mean(axis=0)
         far = 10.0 * (float(np.ptp(xy, axis=0).max()) + 1.0)
         angle = np.arange(8) * (np.pi / 4.0) + 0.1
-        around = Voronoi(np.vstack([xy - middle, far * np.column_stack([np.cos(angle), np.sin(angle)])]))
-        regions = [around.regions[around.point_region[k]] for k in range(len(xy))]
-        cell = np.array([shapely.Polygon(around.vertices[region] + middle) for region in regions], object)
-        whole = np.asarray(shapely.area(shapely.intersection(cell, ice)))
+        voronoi = Voronoi(np.vstack([xy - middle, far * np.column_stack([np.cos(angle), np.sin(angle)])]))
+        regions = [voronoi.regions[voronoi.point_region[k]] for k in range(len(xy))]
+        cell = np.array([shapely.Polygon(voronoi.vertices[region] + middle) for region in regions], object)
+        cell_area = np.asarray(shapely.area(shapely.intersection(cell, ice)))
         area = el.body.length[rows] * el.body.width[rows]
-        own = np.full(rows.size, -(n + 1))
-        parts.append(IceFronts(own[:1], np.array([ice], object), el.body.id[rows], own, area, whole, cell))
-    old = ~np.isin(fronts.element, np.concatenate([part.element for part in parts[1:]]))
-    parts[0] = fronts._replace(**{name: getattr(fronts, name)[old] for name in IceFronts._fields[2:]})
-    return IceFronts(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        berg_number = np.full(rows.size, -(n + 1))
+        all_fronts.append(
+            IceFronts(berg_number[:1], np.array([ice], object), el.body.id[rows], berg_number, area, cell_area, cell)
+        )
+    old = ~np.isin(fronts.element, np.concatenate([lattice_fronts.element for lattice_fronts in all_fronts[1:]]))
+    all_fronts[0] = fronts._replace(**{name: getattr(fronts, name)[old] for name in IceFronts._fields[2:]})
+    return IceFronts(*(np.concatenate(arrays) for arrays in zip(*all_fronts, strict=True)))
 
 
 def _moved_inwards(ice: Any, cell: Any, retreat: Floats, size: float) -> Any:
-    """Return the ice that lies farther from its edge than the retreat (m) there, that of the nearest of its elements."""
+    """Return the ice that lies farther from its edge than the retreat (m) of the nearest element."""
     if not retreat.any() or ice.is_empty:
         return ice
     sides = []
@@ -175,37 +183,37 @@ def _moved_inwards(ice: Any, cell: Any, retreat: Floats, size: float) -> Any:
     return shapely.simplify(shapely.difference(ice, gone), DETAIL * size)
 
 
-def _without(ice: Any, fronts: IceFronts, others: Ints, lost: Ints) -> Any:
+def _remove_cells(ice: Any, fronts: IceFronts, others: Ints, lost: Ints) -> Any:
     """Return the ice of a piece, without the cells of others and of elements lost not by melt, which leaves less than half."""
     if lost.size:
-        there = shapely.area(shapely.intersection(fronts.cell[lost], ice))
-        lost = lost[there > 0.5 * fronts.whole[lost]]
-    apart = np.concatenate([others, lost])
-    return shapely.difference(ice, shapely.union_all(fronts.cell[apart])) if apart.size else ice
+        overlap = shapely.area(shapely.intersection(fronts.cell[lost], ice))
+        lost = lost[overlap > 0.5 * fronts.cell_area[lost]]
+    removed = np.concatenate([others, lost])
+    return shapely.difference(ice, shapely.union_all(fronts.cell[removed])) if removed.size else ice
 
 
-def _front(ice: Any, fronts: IceFronts, own: Ints, area: Floats) -> Floats:
+def _front(ice: Any, fronts: IceFronts, cells: Ints, area: Floats) -> Floats:
     """Length of the outline (m) along which each element of a piece melts; ``area``: of the elements now, m2.
 
-    The sum is that of the outline. What is left of a cell says what should be left of its element, so that elements larger
+    The sum is the length of the outline. The remaining part of a cell sets that of its element, so that elements larger
     or smaller than their cells (a lattice does not fill its outline exactly) are gone when the outline has passed them.
     """
-    reach = REACH * float(np.sqrt(fronts.area[own]).mean())
+    reach = REACH * float(np.sqrt(fronts.area[cells]).mean())
     inner = shapely.buffer(ice, -reach)
     shapely.prepare(inner)
-    front = np.zeros(own.size)
-    edge = np.flatnonzero(~shapely.contains(inner, fronts.cell[own]))
-    left = shapely.area(shapely.intersection(fronts.cell[own[edge]], inner))
-    due = area[edge] - fronts.area[own[edge]] * left / fronts.whole[own[edge]]
+    front = np.zeros(cells.size)
+    edge = np.flatnonzero(~shapely.contains(inner, fronts.cell[cells]))
+    left = shapely.area(shapely.intersection(fronts.cell[cells[edge]], inner))
+    due = area[edge] - fronts.area[cells[edge]] * left / fronts.cell_area[cells[edge]]
     due = np.maximum(due, 0.0) if (due > 0.0).any() else area[edge]
     total = (ice.area - inner.area) / reach
     if total <= 0.0:  # the outline has closed before the last of its elements
-        return np.full(own.size, ALONE)
+        return np.full(cells.size, ALONE)
     front[edge] = total * due / due.sum()
     return front
 
 
-def _taken(remembered: Mapping[str, Any]) -> IceFronts:
+def _read_fronts(remembered: Mapping[str, Any]) -> IceFronts:
     """Return the outlines and cells so far, none before the first step."""
     if SHAPES not in remembered:
         none, no_shape = np.zeros(0, np.int64), np.zeros(0, object)

@@ -1,4 +1,4 @@
-"""One step of melt: what each element loses by process and what is left; bergs become smaller, roll, or are gone.
+"""One step of melt: the loss of each element by process and the remaining ice; bergs become smaller, roll, or are gone.
 
 Source: files 1.
 """
@@ -37,7 +37,7 @@ _SCHEMES: Final = {"updated": UPDATED, "weeks_mellor": WEEKS_MELLOR, "legacy": L
 
 
 class LifeValues(NamedTuple):
-    """Scalars that the kernels of life read; what is not given as a number is NaN."""
+    """Scalars that the kernels of life read; NaN stands for no number."""
 
     rho_ice: float
     dt: float
@@ -73,7 +73,7 @@ class LifeValues(NamedTuple):
 
 
 def life_values(p: Parameters) -> LifeValues:
-    """Flatten the groups ``melt``, ``rolling`` and ``footloose`` and what else they need."""
+    """Flatten the groups ``melt``, ``rolling`` and ``footloose`` and the other scalars that they need."""
     melt = p.melt
     exchange = ExchangeValues(
         three_equation=melt.base == "three_equation",
@@ -155,9 +155,9 @@ class Melted(NamedTuple):
 
     @property
     def water(self) -> Floats:
-        """Melt water that the ocean gets from each berg, kg: what the berg lost, less the bits that have not melted yet."""
-        own = self.loss - (self.bits_born - self.bits_melt)
-        return own + self.fl_loss - (self.fl_bits_born - self.fl_bits_melt)
+        """Melt water that the ocean gets from each berg, kg: the loss of the berg, less the bits that have not melted yet."""
+        net_loss = self.loss - (self.bits_born - self.bits_melt)
+        return net_loss + self.fl_loss - (self.fl_bits_born - self.fl_bits_melt)
 
 
 COLUMNS = len(Melted._fields)
@@ -179,7 +179,7 @@ class _Sea(NamedTuple):
 
 @kernel
 def covered_sides(bonds: int, static: float, values: LifeValues) -> int:
-    """Sides of an element that bonds cover; all of those of a static element in the modes of the reference (files, 1.3)."""
+    """Sides of an element that bonds cover; all sides of a static element in the modes of the reference (files, 1.3)."""
     if values.mode != EXPOSED and static >= 0.5:
         return values.most_bonds
     return min(bonds, values.most_bonds) if values.bonds_on else 0
@@ -243,17 +243,17 @@ def bit_shape(thickness: float, values: LifeValues) -> tuple[float, float, float
 
 @kernel
 def _foot_after(
-    foot: float, thin: float, before: tuple[float, float], between: tuple[float, float], after: tuple[float, float],
-    by_sides: float, by_waves: float, values: LifeValues,
+    foot: float, thin: float, sides_before: tuple[float, float], sides_between: tuple[float, float],
+    sides_after: tuple[float, float], by_sides: float, by_waves: float, values: LifeValues,
 ) -> float:  # fmt: skip
     """Area of the foot after the melt (files, 1.7); sides are pairs of width and length, m."""
-    width, length = before
+    width, length = sides_before
     least = ASPECT * piece_width(thin, values.youngs)
     if not values.footloose or foot < 0.0 or length <= least:
         return foot
     if width <= least:  # only the long sides make pieces
-        by_sides *= (between[0] + width) / (2.0 * (between[1] + width))
-        by_waves *= (after[0] + between[0]) / (2.0 * (after[1] + between[0]))
+        by_sides *= (sides_between[0] + width) / (2.0 * (sides_between[1] + width))
+        by_waves *= (sides_after[0] + sides_between[0]) / (2.0 * (sides_after[1] + sides_between[0]))
     return grow_foot(foot, thin, length, by_waves, by_sides, values.youngs, values.rho_ice)
 
 
@@ -281,9 +281,9 @@ def melt_one(
         )
     row[0], row[1], row[2], row[3] = by_base, by_sides, by_waves, mass - left
     row[24] = 0.5 * (sides + waves) * values.dt
-    before = (max(width, span), max(length, span)) if span > length else (width, length)
-    between, after = (wide_between, long_between), (wide, long)
-    row[19] = _foot_after(foot, thin, before, between, after, by_sides, by_waves, values)
+    sides_before = (max(width, span), max(length, span)) if span > length else (width, length)
+    sides_between, sides_after = (wide_between, long_between), (wide, long)
+    row[19] = _foot_after(foot, thin, sides_before, sides_between, sides_after, by_sides, by_waves, values)
     row[12], row[13], row[14], row[15], row[16] = left, thin, wide, long, bits
     if values.bits_fraction > 0.0 and (values.bits_melt_at_zero_rates or not values.zero_rates):
         row[4] = values.bits_fraction * by_waves
@@ -304,15 +304,15 @@ def melt_footloose_bits(
     """Melt the footloose bits of one element and their bergy bits into a row of `Melted` (files, 1.8, 1.9)."""
     row[17], row[18] = bits, bergy
     active = values.bits_fraction > 0.0
-    still = values.zero_rates and not values.bits_melt_at_zero_rates
+    no_melt = values.zero_rates and not values.bits_melt_at_zero_rates
     if bits <= 0.0:
-        if active and not still:  # what is left of bits of bits without any: dropped, or melted
+        if active and not no_melt:  # what is left of bits of bits without any: dropped, or melted
             row[18] = 0.0
             row[23 if values.drop_orphan_bits else 11] = bergy
         return
     t, w, length = bit_shape(thickness, values)
     base, sides, waves = 0.0, 0.0, 0.0
-    if not still:
+    if not no_melt:
         base = base_melt_rate(sea.speed, sea.temperature, length)
         sides = side_melt_rate(sea.temperature)
         waves = wave_erosion_rate(sea.wind, sea.surface, min(1.0, sea.ice + values.sea_ice_shift))
@@ -321,7 +321,7 @@ def melt_footloose_bits(
     )
     row[6], row[7], row[8], row[9], row[17] = bits - left, by_base, by_sides, by_waves, left
     row[20], row[21], row[22] = thin, wide, long
-    if active and not still:
+    if active and not no_melt:
         row[10] = values.bits_fraction * by_waves
         row[18], row[11] = melt_bits(
             bergy, row[10], min(min(length, w), t), sea.speed, sea.surface, values.rho_ice, values.dt, left == 0.0
@@ -329,17 +329,24 @@ def melt_footloose_bits(
 
 
 @kernel
-def _melt_all(el: Elements, span: Floats, depth: Floats, own: Floats, values: LifeValues) -> Floats:
+def _melt_all(el: Elements, span: Floats, depth: Floats, user_rates: Floats, values: LifeValues) -> Floats:
     """Melt all elements; rows are the columns of `Melted`. Arrays are taken out first: each access counts references.
 
-    ``depth``: of the floor under the elements, m; ``own``: rates (m s-1) by the law of a user, shape (3, elements) or
+    ``depth``: of the floor under the elements, m; ``user_rates``: rates (m s-1) by the law of a user, shape (3, elements) or
     (3, 0); NaN where the built-in law holds.
     """
-    body, life, around, u, v, lat = el.body, el.life, el.environment, el.motion.u, el.motion.v, el.place.lat
+    body, life, environment, u, v, lat = el.body, el.life, el.environment, el.motion.u, el.motion.v, el.place.lat
     mass, thickness, width, length = body.mass, body.thickness, body.width, body.length
-    bond_count, static, ice = body.bond_count, body.static, around.ice_fraction
-    uo, vo, ua, va, sst, sss = around.uo, around.vo, around.ua, around.va, around.sst, around.sss
-    keel, keel_salinity = around.keel_temperature, around.keel_salinity
+    bond_count, static, ice = body.bond_count, body.static, environment.ice_fraction
+    uo, vo, ua, va, sst, sss = (
+        environment.uo,
+        environment.vo,
+        environment.ua,
+        environment.va,
+        environment.sst,
+        environment.sss,
+    )
+    keel, keel_salinity = environment.keel_temperature, environment.keel_salinity
     bits, foot, fl_bits, bergy = life.mass_of_bits, life.fl_k, life.mass_of_fl_bits, life.mass_of_fl_bergy_bits
     front = life.front
     out, row = np.zeros((COLUMNS, mass.size)), np.zeros(COLUMNS)
@@ -358,11 +365,11 @@ def _melt_all(el: Elements, span: Floats, depth: Floats, own: Floats, values: Li
         covered = covered_sides(bond_count[e], static[e], values)
         bears = front[e] if values.by_front else -1.0
         rates = melt_rates(sea, lat[e], shape[0], span[e], depth[e], covered, bears, values)
-        if own.shape[1] > 0:
+        if user_rates.shape[1] > 0:
             base, sides, waves = rates
-            base = base if math.isnan(own[0, e]) else own[0, e]
-            sides = sides if math.isnan(own[1, e]) else own[1, e]
-            waves = waves if math.isnan(own[2, e]) else own[2, e]
+            base = base if math.isnan(user_rates[0, e]) else user_rates[0, e]
+            sides = sides if math.isnan(user_rates[1, e]) else user_rates[1, e]
+            waves = waves if math.isnan(user_rates[2, e]) else user_rates[2, e]
             rates = base, sides, waves
         row[:] = 0.0
         melt_one(row, (mass[e], bits[e], foot[e]), shape, rates, span[e], bears, sea, covered, values)
@@ -372,10 +379,12 @@ def _melt_all(el: Elements, span: Floats, depth: Floats, own: Floats, values: Li
     return out
 
 
-def melted(elements: Elements, values: LifeValues, own: Floats = NO_RATES, depth: Floats | None = None) -> Melted:
-    """Return what one long step of melt does to the elements, which stay as they are."""
+def compute_melt(
+    elements: Elements, values: LifeValues, user_rates: Floats = NO_RATES, depth: Floats | None = None
+) -> Melted:
+    """Return the effect of one long step of melt on the elements, which stay unchanged."""
     depth = elements.environment.depth if depth is None else depth
-    return Melted(*_melt_all(elements, base_spans(elements, values), depth, own, values))
+    return Melted(*_melt_all(elements, base_spans(elements, values), depth, user_rates, values))
 
 
 def base_spans(elements: Elements, values: LifeValues) -> Floats:
@@ -391,7 +400,7 @@ def base_spans(elements: Elements, values: LifeValues) -> Floats:
 
 
 class MeltStep(NamedTuple):
-    """What the ocean got in one step, for whoever hands it on; the rows are those of the elements before any was removed."""
+    """Input to the ocean in one step; rows are the elements before any was removed."""
 
     id: Ints  # Elements
     place: Place  # Where they were: positions, cells, places in the cells
@@ -410,17 +419,21 @@ class MeltStep(NamedTuple):
 
 
 def melt_step(
-    elements: Elements, values: LifeValues, born: tuple[int, float], own: Floats = NO_RATES, depth: Floats | None = None
+    elements: Elements,
+    values: LifeValues,
+    born: tuple[int, float],
+    user_rates: Floats = NO_RATES,
+    depth: Floats | None = None,
 ) -> MeltStep:
-    """Melt all elements by one long step and change them; those of which nothing is left are marked, not removed.
+    """Melt all elements by one long step and change them; elements of which nothing is left are marked, not removed.
 
-    ``depth``: of the floor under the elements, m, where it is not that of their environment.
+    ``depth``: of the floor under the elements, m, where it differs from the depth in their environment.
     """
     body, life = elements.body, elements.life
-    result = melted(elements, values, own, depth)
-    place = Place(*(getattr(elements, name).copy() for name in Place._fields))
+    result = compute_melt(elements, values, user_rates, depth)
+    positions = Place(*(getattr(elements, name).copy() for name in Place._fields))
     step = MeltStep(
-        body.id.copy(), place, life.mass_scaling.copy(), life.heat_density.copy(), life.start_mass.copy(),
+        body.id.copy(), positions, life.mass_scaling.copy(), life.heat_density.copy(), life.start_mass.copy(),
         elements.motion.u.copy(), elements.motion.v.copy(), result, np.zeros(body.id.size, bool),
     )  # fmt: skip
     life.fl_k[:] = result.foot
@@ -448,14 +461,14 @@ def melt_step(
 def _let_bits_replace(
     elements: Elements, result: Melted, rows: NDArray[np.bool_], rho_ice: float, born: tuple[int, float]
 ) -> None:
-    """Where a berg has melted but its footloose bits have not, they go on in its place (files, 1.12)."""
+    """Where a berg has melted but its footloose bits have not, replace it by them (files, 1.12)."""
     body, life = elements.body, elements.life
     thickness, width, length = (a[rows] for a in (result.fl_thickness, result.fl_width, result.fl_length))
     mass = length * width * thickness * rho_ice
-    before = life.mass_scaling[rows]
-    scaling = result.fl_bits[rows] * before / mass
+    old_scaling = life.mass_scaling[rows]
+    scaling = result.fl_bits[rows] * old_scaling / mass
     body.mass[rows], body.thickness[rows], body.width[rows], body.length[rows] = mass, thickness, width, length
-    life.mass_of_bits[rows] = result.fl_bergy_bits[rows] * before / scaling
+    life.mass_of_bits[rows] = result.fl_bergy_bits[rows] * old_scaling / scaling
     life.mass_of_fl_bits[rows] = life.mass_of_fl_bergy_bits[rows] = 0.0
     life.mass_scaling[rows], life.fl_k[rows] = scaling, -1.0
     life.start_year[rows], life.start_day[rows] = born

@@ -2,10 +2,10 @@
 
 Pieces break off, ice melts, bergs that are gone are removed.
 
-A run whose forcing lacks what melt needs is refused before its first step.
+A run whose forcing lacks a field that melt needs is refused before its first step.
 
 The ledger says where the ice of a run went and the heat that took, by process; it closes, or something is wrong. The stock
-of ice is that of all bergs with all their bits. Its heat is what the ocean would have to give to melt it, with the sign of
+of ice is all bergs with all their bits. Its heat is the heat that the ocean would have to give to melt it, with the sign of
 the ice: ``(h - L) m``, with the latent heat ``L`` and the heat ``h`` that the ice brings with it.
 """
 
@@ -27,8 +27,8 @@ from riftberg.life.footloose import (
     Living,
     OwnDraws,
     calve_footloose,
+    find_growth,
     follow_growth,
-    growth_of,
     let_children_go,
 )
 from riftberg.life.melt import NO_RATES, MeltStep, life_values, melt_step, scaled_mass
@@ -84,7 +84,7 @@ class Balance(NamedTuple):
 
     @property
     def error(self) -> float:
-        """What is left over in the ledger of mass, as part of what it turns over; 0 if it closes."""
+        """Residual of the ledger of mass, relative to its turnover; 0 if it closes."""
         came, went = sum(self.gained.values()), sum(self.water.values())
         scale = max(self.start, self.now, abs(came), went, 1e-30)
         return (self.now - self.start - came + went) / scale
@@ -118,7 +118,7 @@ class Ledger:
         self.mass[0], self.heat[0] = self._stock = stocks(elements)
 
     def find_others(self, elements: Elements) -> None:
-        """Enter what has come or gone since the last step of the life of the bergs by other hands."""
+        """Enter ice that others have added or removed since the last step of the life of the bergs."""
         mass, heat = stocks(elements)
         if (mass, heat) != self._stock:
             self.gain("other", mass - self._stock[0], heat - self._stock[1])
@@ -151,24 +151,24 @@ class Ledger:
 
     def balance(self, elements: Elements) -> Balance:
         """Return the ledger from the start to now."""
-        now, heat_now = stocks(elements)
+        mass_now, heat_now = stocks(elements)
         first = 1 + len(PROCESSES)
         return Balance(
-            float(self.mass[0]), now, dict(zip(PROCESSES, self.mass[1:first].tolist(), strict=True)),
+            float(self.mass[0]), mass_now, dict(zip(PROCESSES, self.mass[1:first].tolist(), strict=True)),
             dict(zip(SOURCES, self.mass[first:].tolist(), strict=True)), float(self.heat[0]), heat_now,
             dict(zip(PROCESSES, self.heat[1:first].tolist(), strict=True)), float(self.heat[first:].sum()),
         )  # fmt: skip
 
     def kept(self) -> Floats:
         """Return all numbers as one array, for a restart."""
-        now = np.zeros_like(self.mass)
-        now[:2] = self._stock
-        return np.stack([self.mass, self.heat, *self._lost, now])
+        stock_row = np.zeros_like(self.mass)
+        stock_row[:2] = self._stock
+        return np.stack([self.mass, self.heat, *self._lost, stock_row])
 
-    def take_up(self, kept: Floats) -> None:
-        """Go on from what `kept` gave."""
-        self.mass[:], self.heat[:], self._lost[:] = kept[0], kept[1], kept[2:4]
-        self._stock = float(kept[4, 0]), float(kept[4, 1])
+    def take_up(self, numbers: Floats) -> None:
+        """Go on from the numbers of `kept`."""
+        self.mass[:], self.heat[:], self._lost[:] = numbers[0], numbers[1], numbers[2:4]
+        self._stock = float(numbers[4, 0]), float(numbers[4, 1])
 
 
 KEPT: Final = "melt_by_fragment"
@@ -186,7 +186,7 @@ def add_melt(remembered: MutableMapping[str, Floats], fragment: Ints, water: Flo
     remembered[KEPT] = np.stack([numbers.astype(float), *sums], axis=1)
 
 
-def melt_of(remembered: Mapping[str, Floats], numbers: Ints) -> Floats:
+def read_melt(remembered: Mapping[str, Floats], numbers: Ints) -> Floats:
     """Return the melt water (kg) of some fragments, shape (fragments, processes)."""
     table = _table(remembered)
     return by_identifier(table[:, 0].astype(np.int64), table[:, 1:], numbers)
@@ -206,7 +206,7 @@ def _table(remembered: Mapping[str, Floats]) -> Floats:
 def check_water(forcing: Forcing, p: Parameters) -> None:
     """Refuse melt without a temperature, or without a salinity where the law of the base needs one.
 
-    Runs with the reference's numerics take what their driver hands over.
+    Runs with the reference's numerics take the fields of their driver.
     """
     missing = {} if p.quirks.zero_start else missing_water(p, forcing.provides)
     if missing:
@@ -219,14 +219,14 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
         )
 
 
-def missing_water(p: Parameters, known: Container[str]) -> dict[str, str]:
-    """Return what melt needs of the sea and has neither as a number nor from the known fields: field by name."""
+def missing_water(p: Parameters, available: Container[str]) -> dict[str, str]:
+    """Return fields that melt needs and has neither as a number nor among the available fields, by name."""
     melt = p.melt
     if not melt.enabled or p.melt.zero_rates:
         return {}
     salty = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
-    wanted = [("temperature", "sst", melt.temperature), *([("salinity", "sss", melt.salinity)] if salty else [])]
-    return {name: field for name, field, number in wanted if number is None and field not in known}
+    required = [("temperature", "sst", melt.temperature), *([("salinity", "sss", melt.salinity)] if salty else [])]
+    return {name: field for name, field, number in required if number is None and field not in available}
 
 
 LEDGER: Final = "life_ledger"
@@ -243,7 +243,7 @@ MELTS: Final = ("base", "sides", "waves")
 
 
 class LifeModel(Living, Protocol):
-    """What the life of bergs asks of a model."""
+    """Members of a model that the life of bergs uses."""
 
     parameters: Parameters
     constants: KernelParameters
@@ -256,7 +256,7 @@ class LifeModel(Living, Protocol):
 
 
 class LifeStep(NamedTuple):
-    """What happened in a step beside motion."""
+    """Events of a step beside motion."""
 
     melt: MeltStep
     water: (
@@ -269,26 +269,26 @@ class LifeProcess:
 
     def __init__(self, parameters: Parameters, law: ElementLaw | None = None) -> None:
         self.parameters, self.values, self.law = parameters, life_values(parameters), law
-        own = parameters.footloose
-        self.relaxes = own.enabled and own.modulus == "relaxed"
+        footloose = parameters.footloose
+        self.relaxes = footloose.enabled and footloose.modulus == "relaxed"
         self.last: LifeStep | None = None
         self.look_around: Callable[[LifeModel], None] | None = None
         # Depth of the floor of each cell (m), against which ``melt.least_gap`` is held; None for that at the elements.
         self.floor: Floats | None = None
-        self.born: Callable[[LifeModel], tuple[int, float]] = date_of_birth
-        self.draws: CalvingDraws = OwnDraws(own.seed, parameters.footloose.one_draw)
+        self.born: Callable[[LifeModel], tuple[int, float]] = birth_date
+        self.draws: CalvingDraws = OwnDraws(footloose.seed, parameters.footloose.one_draw)
         self.ranks: tuple[int, int] = (1, 1)
         self.names: Callable[[int, int], int] | None = None
         self._ledger: Ledger | None = None
 
     def act(self, model: LifeModel) -> None:
-        """Do what a step does to bergs beside moving them; the model stands at its end."""
+        """Calve, melt and remove bergs for a step; the model stands at its end."""
         ledger = self.ledger(model)
         ledger.find_others(model.elements)
         born = self.born(model)
         if self.parameters.footloose.enabled:
             _, heat = stocks(model.elements)
-            growth = growth_of(model.elements, model.remembered)[0] if self.relaxes else None
+            growth = find_growth(model.elements, model.remembered)[0] if self.relaxes else None
             when = Circumstances(
                 *born, model.step_number, model.forcing.grid, self.draws, self.ranks, growth, self.names
             )
@@ -304,8 +304,8 @@ class LifeProcess:
         rates = NO_RATES
         if self.law is not None:
             rates = law_values(self.law, model.elements, model.time, "melt", MELTS, 0.0, may_leave=True)
-        place = model.elements.place
-        depth = None if self.floor is None else self.floor[place.cell_j, place.cell_i]
+        positions = model.elements.place
+        depth = None if self.floor is None else self.floor[positions.cell_j, positions.cell_i]
         feet = model.elements.life.fl_k.copy()
         step = melt_step(model.elements, self.values, born, rates, depth)
         if self.relaxes:
@@ -333,7 +333,7 @@ class LifeProcess:
             follow_outlines(model.elements, model.bonds, model.outlines, model.constants, model.remembered)
 
     def find_others(self, model: LifeModel) -> None:
-        """Enter what other hands have done until now; to be called before another process adds ice, see `enter`."""
+        """Enter the changes by others until now; to be called before another process adds ice, see `enter`."""
         ledger = self.ledger(model)
         ledger.find_others(model.elements)
         self._keep(model, ledger)
@@ -364,8 +364,8 @@ class LifeProcess:
         return self._ledger
 
 
-def date_of_birth(model: LifeModel, *, coming: bool = False) -> tuple[int, float]:
-    """Year, and days since its beginning, of the start of the step that has just ended, or of the coming one."""
+def birth_date(model: LifeModel, *, coming: bool = False) -> tuple[int, float]:
+    """Year, and days since its beginning, at the start of the step that has just ended, or of the coming step."""
     date = model.start.replace(tzinfo=None)
     seconds = model.time - (0.0 if coming else model.parameters.stepping.time_step)
     days = (date - datetime(date.year, 1, 1)).total_seconds() / 86400.0 + seconds / 86400.0

@@ -48,7 +48,7 @@ from riftberg.ocean.product_records import (
 from riftberg.ocean.series import Series
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
-from riftberg.products.mesh import Mesh, NodeMesh, Places, mesh_of
+from riftberg.products.mesh import Mesh, NodeMesh, Places, build_mesh
 from riftberg.products.place import nominal_axes
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import COORDINATES
@@ -123,7 +123,7 @@ def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Pa
 
     ``keel``: deepest draft (m).
     """
-    return Part(mesh_of(ds), records := ProductRecords(ds, start, keel=keel), provided_fields(records))
+    return Part(build_mesh(ds), records := ProductRecords(ds, start, keel=keel), provided_fields(records))
 
 
 def averaged_product(product: Part, pair: tuple[str, str] = ("uo", "vo")) -> Part:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from riftberg.config.units import duration_text
 from riftberg.errors import ForcingError
 from riftberg.ocean.product_records import NO_RINGS, REACH, RINGS, SURFACE, Blend, as_block, fill_values
-from riftberg.products.mesh import Located, Mesh, NodeMesh, extent_text, mesh_of, utc, window, window_in_time
+from riftberg.products.mesh import Located, Mesh, NodeMesh, build_mesh, extent_text, utc, window, window_in_time
 from riftberg.products.product import Product
 from riftberg.products.quantities import QUANTITIES, small_unit, unlikely
 from riftberg.products.records import (
@@ -33,7 +33,7 @@ from riftberg.products.records import (
 )
 from riftberg.products.registry import Choice, expand, joined_files, product_named, read_named
 from riftberg.products.repair import VALID
-from riftberg.products.vectors import paired_vectors
+from riftberg.products.vectors import pair_vectors
 from riftberg.system.input_files import because
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
@@ -127,7 +127,7 @@ def _opened_entries(entries: Sequence[tuple[str, Choice]], report: Report) -> li
         except ForcingError as error:
             report.unreadable[name] = _other_kind(name) or _without_place(error)
     try:
-        return paired_vectors(joined_files([pair for opened in usable for pair in opened]))
+        return pair_vectors(joined_files([pair for opened in usable for pair in opened]))
     except ForcingError as error:  # each is good by itself, together they do not go
         report.clashes.append(f"{error.where}: {_without_place(error)}")
         return [ds for opened in usable for ds in joined_files(opened)]
@@ -170,7 +170,7 @@ def _examined(
     if excerpt is None:
         _time_problems(ds, {}, time, finding)
         return finding
-    mesh = mesh_of(excerpt)
+    mesh = build_mesh(excerpt)
     _space_problems(excerpt, mesh, lon, lat, finding)
     empty = empty_by_field(excerpt)
     _time_problems(

@@ -34,10 +34,10 @@ from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.levels import uppermost
 from riftberg.products.mesh import AxesMesh, Located, NodeMesh, extent_text, utc, window, window_in_time
-from riftberg.products.place import step_of
+from riftberg.products.place import median_step
 from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
-from riftberg.products.reading import members_in, open_raw
+from riftberg.products.reading import member_dimensions, open_raw
 from riftberg.products.registry import Choice, open_named, read_named
 from riftberg.products.repair import VALID
 from riftberg.state import Floats
@@ -395,7 +395,7 @@ def _averaged(ds: xr.Dataset, spacing: float) -> xr.Dataset:
     if not {"lat", "lon"} <= set(ds.dims):
         return ds
     # A spacing of 0.3 is 30 steps of 0.01 in spite of round-off.
-    counts = {axis: int(spacing / (step_of(ds[axis].values) or spacing) + 1e-6) for axis in ("lat", "lon")}
+    counts = {axis: int(spacing / (median_step(ds[axis].values) or spacing) + 1e-6) for axis in ("lat", "lon")}
     return _coarse(ds, {axis: count for axis, count in counts.items() if 2 <= count <= ds.sizes[axis] // 2})
 
 
@@ -454,7 +454,7 @@ def count_members(settings: FileForcing, folder: Path) -> dict[str, int]:
 
 
 def _member_count(path: str) -> int:
-    return max(members_in(open_raw(path, chunked=False)).values(), default=1)
+    return max(member_dimensions(open_raw(path, chunked=False)).values(), default=1)
 
 
 def _check_member(settings: FileForcing, folder: Path) -> None:
@@ -509,7 +509,7 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
 
 def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
     """Return a dataset around place and time of the run, in parts without records that hold no value."""
-    spacing = step_of(np.asarray(ds["lat"].values, np.float64)) if "lat" in ds.dims else 0.5
+    spacing = median_step(np.asarray(ds["lat"].values, np.float64)) if "lat" in ds.dims else 0.5
     margin = MARGIN * spacing if settings.spacing is None else 2.0 * settings.spacing
     first, last = utc(run.start), utc(run.end)
     if "time" in ds.dims:

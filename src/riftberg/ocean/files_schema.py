@@ -39,9 +39,9 @@ class NamedFiles(Section):
     @property
     def choice(self) -> Choice:
         """Product and names as the readers take them."""
-        from riftberg.products.registry import choice_of
+        from riftberg.products.registry import choose_product
 
-        return choice_of(self.product, self.names, where=f"names of {self.file}")
+        return choose_product(self.product, self.names, where=f"names of {self.file}")
 
     @field_validator("file")
     @classmethod

@@ -34,7 +34,7 @@ from riftberg.ocean.formulas import SUMMED, Formula
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.records import GAP_FACTOR
 from riftberg.state import Elements, Floats
-from riftberg.system.input_files import rows_of_csv, value_shown
+from riftberg.system.input_files import read_csv_rows, value_shown
 
 VALUES: Final = ("uo", "vo", "ua", "va", "ice_fraction", "ice_thickness", "ui", "vi", "wave_height", "sst", "sss")
 """What a series gives by time, named and measured as in `riftberg.products.quantities`."""
@@ -363,7 +363,7 @@ def read_series(path: str | Path, **options: Any) -> Series:
     ForcingError
         If a column is not known, or a cell holds no number.
     """
-    rows, separator = rows_of_csv(Path(path), ForcingError)
+    rows, separator = read_csv_rows(Path(path), ForcingError)
     return make_series(list(enumerate(rows, start=2)), separator, path, **options)
 
 

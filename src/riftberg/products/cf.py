@@ -1,4 +1,4 @@
-"""What the variables and coordinates of a file are: told by CF metadata (standard names, units), then by a table of usual names.
+"""Meaning of the variables and coordinates of a file: by CF metadata (standard names, units), then by a table of usual names.
 
 By these alone any other file that follows CF (or common habit) is read: among others the Copernicus Marine wind, current and
 sea ice products and most regional model output, also on projected and curvilinear grids. Documentation only: each file is
@@ -51,7 +51,7 @@ def standard_name(variable: xr.Variable | xr.DataArray) -> str:
     return re.sub(r"_at_[a-z]+_location$", "", name)
 
 
-def units_of(variable: xr.Variable | xr.DataArray) -> str:
+def read_units(variable: xr.Variable | xr.DataArray) -> str:
     """Return the units as written, empty if there are none."""
     values = (variable.attrs[key] for key in ("units", "Units", "Unit", "unit") if key in variable.attrs)
     return str(next(values, ""))
@@ -67,15 +67,15 @@ def holds_dates(variable: xr.Variable | xr.DataArray) -> bool:
 
 
 def _by_metadata(variable: xr.Variable | xr.DataArray) -> Role:
-    name, units = standard_name(variable), units_of(variable).replace("-", "_").lower()
+    name, units = standard_name(variable), read_units(variable).replace("-", "_").lower()
     axis = str(variable.attrs.get("axis", variable.attrs.get("cartesian_axis", ""))).upper()
     if name in ("projection_x_coordinate", "grid_longitude", "projection_x_angular_coordinate"):
         return "x"
     if name in ("projection_y_coordinate", "grid_latitude", "projection_y_angular_coordinate"):
         return "y"
     for role, kind in (("lat", "latitude"), ("lon", "longitude")):
-        known = {text.lower() for text in _CRITERIA[kind]["units"]}
-        if name == kind or units in known:
+        spellings = {text.lower() for text in _CRITERIA[kind]["units"]}
+        if name == kind or units in spellings:
             return "lat" if role == "lat" else "lon"
     if name in _MEMBERS:
         return "member"
@@ -87,18 +87,18 @@ def _by_metadata(variable: xr.Variable | xr.DataArray) -> Role:
     return ""
 
 
-def role_of(name: Hashable, variable: xr.Variable | xr.DataArray) -> Role:
-    """Return what a variable is as a coordinate; empty if it is none."""
+def find_role(name: Hashable, variable: xr.Variable | xr.DataArray) -> Role:
+    """Return the role of a variable as a coordinate; empty if it is none."""
     if variable.dtype.kind in "SU" or _OF_FIELDS.search(standard_name(variable)):
         return ""
     if holds_dates(variable):
         return "time"
     role = _by_metadata(variable)
-    return role or role_of_name(name)
+    return role or role_by_name(name)
 
 
-def role_of_name(name: Hashable) -> Role:
-    """Return what the name of a dimension or coordinate says; empty if nothing."""
+def role_by_name(name: Hashable) -> Role:
+    """Return the role that the name of a dimension or coordinate states; empty if none."""
     return next((role for role, pattern in _NAMES if pattern.search(str(name).lower())), "")
 
 
@@ -106,7 +106,7 @@ def _says_where(name: str, variable: xr.Variable) -> bool:
     """Tell whether a number beside the fields says when or where: a date or a level, not a constant of the model."""
     if _by_metadata(variable) or holds_dates(variable):
         return True
-    return "_" not in name and role_of(name, variable) in ("time", "level", "member")
+    return "_" not in name and find_role(name, variable) in ("time", "level", "member")
 
 
 _LENGTHS = {"m", "meter", "meters", "metre", "metres", "km", "ft", "feet", "cm"}
@@ -116,11 +116,11 @@ _NO_HEIGHTS = re.compile(
 )
 
 
-def _height_of_any_name(name: str, variable: xr.Variable, declared: bool) -> Role:
+def _declared_height(name: str, variable: xr.Variable, declared: bool) -> Role:
     """Return ``"level"`` for a single number in metres or hPa that a file declares as a coordinate, whatever it is called."""
     if not declared or variable.size != 1 or variable.ndim > 1 or variable.dtype.kind not in "iuf":
         return ""
-    metres = units_of(variable).strip().lower() in (_LENGTHS | _PRESSURES)
+    metres = read_units(variable).strip().lower() in (_LENGTHS | _PRESSURES)
     on_map = str(variable.attrs.get("axis", "")).upper() in ("X", "Y")
     return "level" if metres and not on_map and not _NO_HEIGHTS.match(name.lower()) else ""
 
@@ -128,12 +128,12 @@ def _height_of_any_name(name: str, variable: xr.Variable, declared: bool) -> Rol
 def _on_points(ds: xr.Dataset, variable: xr.Variable) -> bool:
     """Tell whether latitudes stand on the dimension of a variable with one dimension, other than along an axis of them."""
     return variable.ndim == 1 and any(
-        other.dims == variable.dims and str(name) not in other.dims and role_of(name, other) == "lat"
+        other.dims == variable.dims and str(name) not in other.dims and find_role(name, other) == "lat"
         for name, other in ds.variables.items()
     )
 
 
-def coordinates_of(ds: xr.Dataset, name: Hashable) -> Iterator[tuple[str, Role, bool]]:
+def find_coordinates(ds: xr.Dataset, name: Hashable) -> Iterator[tuple[str, Role, bool]]:
     """Yield the coordinates of a field: name, role, and whether the file declares them as such.
 
     Declared are those that the attribute ``coordinates`` names, and variables named like a dimension. Other variables
@@ -148,14 +148,14 @@ def coordinates_of(ds: xr.Dataset, name: Hashable) -> Iterator[tuple[str, Role, 
         declared = other in listed or other in field.dims
         if variable.ndim == 0 and not declared and other in ds.data_vars and not _says_where(other, variable):
             continue
-        role: Role = role_of(other, variable) or _height_of_any_name(other, variable, declared)
+        role: Role = find_role(other, variable) or _declared_height(other, variable, declared)
         if role == "level" and other not in field.dims and _on_points(ds, variable):
             continue  # the depth of the water at scattered points
         if role and not (variable.ndim > 1 and role in ("level", "member", "x", "y")):
             yield other, role, declared
 
 
-def bounds_of(ds: xr.Dataset, axis: xr.DataArray) -> xr.Variable | None:
+def find_bounds(ds: xr.Dataset, axis: xr.DataArray) -> xr.Variable | None:
     """Return the two bounds of each value of a coordinate, as the file states them (CF ``bounds``)."""
     bounds = ds.variables.get(str(axis.attrs.get("bounds", axis.encoding.get("bounds", ""))))
     return bounds if bounds is not None and bounds.shape == (*axis.shape, 2) else None
@@ -191,35 +191,39 @@ def _standard_names(quantity: str) -> tuple[str, ...]:
 
 def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
     """Return the variables that may hold a quantity: by standard name (true components first), else by usual name."""
-    held = [name for name in map(str, ds.variables) if ds.variables[name].ndim or quantity == "depth_below_surface"]
+    variables = [
+        name for name in map(str, ds.variables) if ds.variables[name].ndim or quantity == "depth_below_surface"
+    ]
     row = QUANTITIES[quantity]
     for names in (_standard_names(quantity), _HEIGHTS if quantity == "depth_below_surface" else row.along):
-        by_name = [name for name in held if standard_name(ds.variables[name]) in names and name not in ds.dims]
+        by_name = [name for name in variables if standard_name(ds.variables[name]) in names and name not in ds.dims]
         by_name = [name for name in by_name if not statistic(ds.variables[name], quantity)] or by_name
         if names is _HEIGHTS:  # an axis of heights is none of the ground
             by_name = [name for name in by_name if ds.variables[name].ndim > 1]
         if by_name:
             return sorted(by_name, key=lambda name: _rank(quantity, name))
-    for said in row.on_levels:
-        by_name = [name for name in held if standard_name(ds.variables[name]) == said and name not in ds.dims]
+    for level_name in row.on_levels:
+        by_name = [
+            name for name in variables if standard_name(ds.variables[name]) == level_name and name not in ds.dims
+        ]
         # Only where something says at which depths it holds.
-        by_name = [name for name in by_name if any(role == "level" for _, role, _ in coordinates_of(ds, name))]
+        by_name = [name for name in by_name if any(role == "level" for _, role, _ in find_coordinates(ds, name))]
         by_name = [name for name in by_name if not statistic(ds.variables[name], quantity)]
         if len(by_name) == 1:  # one of several would be a guess; that none is taken is told
             return by_name
     usual = [name for name in row.usual if name in ds.variables and name not in ds.dims]
     usual = [name for name in usual if name != "elevation" or ds.variables[name].ndim > 1]
     # Names such as t02 are those of temperatures too.
-    usual = [n for n in usual if quantity != "wave_period" or unit_change(units_of(ds.variables[n]), "s") is not None]
+    usual = [n for n in usual if quantity != "wave_period" or unit_change(read_units(ds.variables[n]), "s") is not None]
     usual = [name for name in usual if quantity != "ssh" or not above_ellipsoid(ds.variables[name])]
     return [name for name in usual if standard_name(ds.variables[name]) in ("", "unknown") or _near_enough(ds, name)]
 
 
 def by_standard_name(ds: xr.Dataset, quantity: str) -> str:
-    """Return the one variable whose standard name is that of a quantity; empty if there is none, or several."""
+    """Return the one variable with the standard name of a quantity; empty if there is none, or several."""
     names = _standard_names(quantity)
-    held = [n for n in map(str, ds.data_vars) if ds[n].ndim > 1 and standard_name(ds.variables[n]) in names]
-    return held[0] if len(held) == 1 else ""
+    matches = [n for n in map(str, ds.data_vars) if ds[n].ndim > 1 and standard_name(ds.variables[n]) in names]
+    return matches[0] if len(matches) == 1 else ""
 
 
 def _near_enough(ds: xr.Dataset, name: str) -> bool:
@@ -230,27 +234,27 @@ def _near_enough(ds: xr.Dataset, name: str) -> bool:
 
 def above_ellipsoid(variable: xr.Variable | xr.DataArray) -> bool:
     """Tell whether a sea level counts from the ellipsoid: it holds the slope of the geoid, which moves nothing."""
-    said, words = standard_name(variable), str(variable.attrs.get("long_name", "")).lower()
-    return "ellipsoid" in said or ("ellipsoid" in words and "geoid" not in said + words)
+    standard, words = standard_name(variable), str(variable.attrs.get("long_name", "")).lower()
+    return "ellipsoid" in standard or ("ellipsoid" in words and "geoid" not in standard + words)
 
 
-def turned_away(ds: xr.Dataset) -> str:
+def misnamed_fields(ds: xr.Dataset) -> str:
     """Return which variables have a usual name and a standard name of something else, in words; empty if none."""
-    held = {name: ds.variables[name] for name in map(str, ds.variables) if name in USUAL_NAMES}
-    away = {
+    usual = {name: ds.variables[name] for name in map(str, ds.variables) if name in USUAL_NAMES}
+    others = {
         name: standard_name(variable) or str(variable.attrs.get("long_name", ""))
-        for name, variable in held.items()
+        for name, variable in usual.items()
         if not _near_enough(ds, name) or (name in QUANTITIES["ssh"].usual and above_ellipsoid(variable))
     }
-    return "; ".join(f"{name} is {said}, which is none of these" for name, said in list(away.items())[:4])
+    return "; ".join(f"{name} is {meaning}, which is none of these" for name, meaning in list(others.items())[:4])
 
 
 def is_height(variable: xr.Variable | xr.DataArray, name: str) -> bool:
     """Tell whether a variable is the height of the ground, positive up, rather than the depth of the sea floor."""
-    said = standard_name(variable)
-    if said in _HEIGHTS or str(variable.attrs.get("positive", "")).lower() == "up":
+    standard = standard_name(variable)
+    if standard in _HEIGHTS or str(variable.attrs.get("positive", "")).lower() == "up":
         return True
-    return name == "elevation" and said not in _standard_names("depth_below_surface")
+    return name == "elevation" and standard not in _standard_names("depth_below_surface")
 
 
 def strange_height(variable: xr.Variable | xr.DataArray) -> bool:
@@ -277,34 +281,34 @@ _ASIDE = re.compile(r"error|deviation|quality|flag|mask|number_of|_at_|status|un
 """Words of what stands beside a field and says nothing of its own."""
 
 
-def unread(ds: xr.Dataset, quantities: Iterable[str], names: Iterable[str]) -> list[str]:
+def unread_fields(ds: xr.Dataset, quantities: Iterable[str], names: Iterable[str]) -> list[str]:
     """Return in words which variables speak of something that a run takes and that nothing else in the file gives."""
-    taken, read = set(quantities), set(names)
-    said: dict[str, list[str]] = {}
+    provided, read = set(quantities), set(names)
+    by_family: dict[str, list[str]] = {}
     for name in map(str, ds.data_vars):
         variable = ds.variables[name]
         if name in read or variable.ndim < 2 or variable.dtype.kind not in "iuf":
             continue
         words = (standard_name(variable) or f"{name} {variable.attrs.get('long_name', '')}").lower().replace(" ", "_")
         if not _ASIDE.search(words.replace("_period_at_", "_period ")):
-            said.setdefault(_family(name, words, taken), []).append(
+            by_family.setdefault(_family(name, words, provided), []).append(
                 f"{name} ({stated})" if (stated := standard_name(variable)) else name
             )
-    said.pop("", None)
-    if "wave_height" not in taken:
-        said.pop("wave period", None)
+    by_family.pop("", None)
+    if "wave_height" not in provided:
+        by_family.pop("wave period", None)
     why = {"wave period": ": a mean of all waves is wanted, and it follows from the height"}
     return [
-        f"no {family} is taken from this file; not read: {', '.join(held[:4])}{why.get(family, '')}"
-        for family, held in said.items()
+        f"no {family} is taken from this file; not read: {', '.join(listed[:4])}{why.get(family, '')}"
+        for family, listed in by_family.items()
     ]
 
 
-def _family(name: str, words: str, taken: set[str]) -> str:
-    """Return what a variable speaks of, if a run takes it and nothing gives it yet."""
+def _family(name: str, words: str, provided: set[str]) -> str:
+    """Return the family of quantities of a variable, if a run takes it and nothing gives it yet."""
     for family, (quantities, speaks) in _FAMILIES.items():
         usual = any(name in QUANTITIES[quantity].usual for quantity in quantities)
-        if (usual or speaks.search(words)) and not taken & set(quantities):
+        if (usual or speaks.search(words)) and not provided & set(quantities):
             return family
     return ""
 
@@ -315,9 +319,9 @@ def statistic(variable: xr.Variable | xr.DataArray, quantity: str) -> str:
     if match:
         return f"{match[2]} over {match[1]} (cell_methods)"
     words = str(variable.attrs.get("long_name", ""))
-    found = _WORDS_OF_SPREAD.search(words)
+    word = _WORDS_OF_SPREAD.search(words)
     # The topography of models is called an anomaly too, and is the one that is wanted.
-    return f"described as {words!r}" if found and not (quantity == "ssh" and "anom" in found[0].lower()) else ""
+    return f"described as {words!r}" if word and not (quantity == "ssh" and "anom" in word[0].lower()) else ""
 
 
 def _rank(quantity: str, name: str) -> int:

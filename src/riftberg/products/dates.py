@@ -1,4 +1,4 @@
-"""The dates of a field: where they are found, what its file says of the time between them, and where means hold in time."""
+"""The dates of a field: which coordinate holds them, the interval that its file states, and the moments at which means hold."""
 
 from __future__ import annotations
 
@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.products.cf import NAMED, bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
+from riftberg.products.cf import (
+    NAMED,
+    find_bounds,
+    find_coordinates,
+    holds_dates,
+    read_units,
+    role_by_name,
+    standard_name,
+)
 from riftberg.products.product import noted
 from riftberg.products.quantities import unit_change
 from riftberg.products.records import MEAN_OF, named, usual_interval
@@ -42,14 +50,14 @@ _POINT = re.compile(r"\btime\s*:\s*(\w+\s*:\s*)*point\b")
 _MEAN = re.compile(r"\b(\w*time\w*|t)\s*:\s*(\w+\s*:\s*)*mean\b", re.I)
 
 
-def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> tuple[xr.DataArray, str]:
+def date_field(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> tuple[xr.DataArray, str]:
     """Return a field with its dates on the dimension ``time``, or without any if the file tells none, and a remark."""
     for dim in _spare(ds, name):
         ds = ds.isel({dim: 0})
     field = ds[name]
     stamps = _stamps(ds, name, where)
     stamped = [c for c in stamps if ds[c].ndim == 1]
-    dims = [str(dim) for dim in field.dims if any(ds[c].dims == (dim,) for c in stamped) or role_of_name(dim) == "time"]
+    dims = [str(dim) for dim in field.dims if any(ds[c].dims == (dim,) for c in stamped) or role_by_name(dim) == "time"]
     if not moves:
         return field.isel({dim: 0 for dim in dims}, drop=True).drop_vars("time", errors="ignore"), ""
     if len(dims) > 1:
@@ -90,7 +98,9 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> tuple[xr.Dat
 
 def _spare(ds: xr.Dataset, name: str) -> list[str]:
     """Return dimensions of one entry of dates that a file gives by issue and lead: valid_time(time, step)."""
-    tables = [c for c, role, _ in coordinates_of(ds, name) if role == "time" and ds[c].ndim == 2 and holds_dates(ds[c])]
+    tables = [
+        c for c, role, _ in find_coordinates(ds, name) if role == "time" and ds[c].ndim == 2 and holds_dates(ds[c])
+    ]
     single = [[str(dim) for dim in ds[c].dims if ds.sizes[dim] == 1] for c in tables]
     return next((dims[-1:] for dims in single if dims), [])
 
@@ -99,7 +109,7 @@ def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
     """Return the coordinates of a field that hold dates; numbers like 20201216 are turned into dates in place."""
     stamps: list[str] = []
     faults: dict[str, tuple[str, str]] = {}
-    for other, role, declared in list(coordinates_of(ds, name)):
+    for other, role, declared in list(find_coordinates(ds, name)):
         variable = ds[other]
         if role != "time" or variable.ndim > 1:
             continue
@@ -108,8 +118,8 @@ def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
         elif (dates := _counted(variable)) is not None:
             ds[other] = (variable.dims, dates + _into_day(ds, variable), variable.attrs)
             stamps.append(other)
-        elif variable.ndim == 1 and declared and variable.dims == (other,) and " since " in units_of(variable):
-            early = EARLY.search(units_of(variable))
+        elif variable.ndim == 1 and declared and variable.dims == (other,) and " since " in read_units(variable):
+            early = EARLY.search(read_units(variable))
             fault = (
                 "which begins before the year 1" if early else "which is no length of time that can be added to a date"
             )
@@ -117,17 +127,20 @@ def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
             if not early and calendar not in CALENDARS:
                 fault = f"in a calendar {calendar!r} that nobody knows: CF has {', '.join(CALENDARS)}"
             faults[other] = (
-                f"{other} counts {units_of(variable)!r}, {fault}",
+                f"{other} counts {read_units(variable)!r}, {fault}",
                 f"Write {other} in days or hours since a date, or as dates in Python: ds.assign_coords({other}=dates)",
             )
         elif variable.ndim == 1 and declared and variable.dims == (other,):
             faults[other] = (
-                f"time has no units that say since when it counts ({other} reads {units_of(variable)!r})",
+                f"time has no units that say since when it counts ({other} reads {read_units(variable)!r})",
                 f"Write units such as 'hours since 2020-12-01 00:00:00' on {other}",
             )
-    for other, (what, remedy) in faults.items():  # another variable may date the same records (time_centered of XIOS)
+    for other, (
+        problem,
+        remedy,
+    ) in faults.items():  # another variable may date the same records (time_centered of XIOS)
         if not any(ds[stamp].dims == (other,) for stamp in stamps):
-            raise ForcingError(what, where=where, remedy=remedy)
+            raise ForcingError(problem, where=where, remedy=remedy)
     return stamps
 
 
@@ -136,8 +149,8 @@ def _into_day(ds: xr.Dataset, dates: xr.DataArray) -> Any:
     if np.any(dates.values % 1) or np.any(dates.values > 99999999):
         return np.timedelta64(0, "ns")
     for name, variable in ds.variables.items():
-        if variable.dims == dates.dims and variable.dtype.kind in "iuf" and (said := _IN_DAY.match(str(name).lower())):
-            seconds = _seconds_in(units_of(variable)) or (1.0 if said[2].startswith("s") else 3600.0)
+        if variable.dims == dates.dims and variable.dtype.kind in "iuf" and (match := _IN_DAY.match(str(name).lower())):
+            seconds = _unit_seconds(read_units(variable)) or (1.0 if match[2].startswith("s") else 3600.0)
             values = np.nan_to_num(np.asarray(variable.values, float)) * seconds
             if values.min(initial=0.0) >= 0.0 and values.max(initial=0.0) < SECONDS_PER_DAY:
                 return np.round(1e3 * values).astype("timedelta64[ms]")
@@ -146,13 +159,13 @@ def _into_day(ds: xr.Dataset, dates: xr.DataArray) -> Any:
 
 def _counted(variable: xr.DataArray) -> Any:
     """Return dates of numbers that read like 20201216 or 2020121618; None if they do not."""
-    if variable.dtype.kind not in "iuf" or "since" in units_of(variable):
+    if variable.dtype.kind not in "iuf" or "since" in read_units(variable):
         return None
     values = np.atleast_1d(np.asarray(variable.values, float))
     if not values.size or not np.isfinite(values).all():
         return None
-    whole = np.floor(values)
-    texts = [f"{value:.0f}" for value in whole]
+    integers = np.floor(values)
+    texts = [f"{value:.0f}" for value in integers]
     if not all(
         re.fullmatch(r"(18|19|20|21)\d{2}(0[1-9]|1[0-2])([0-2]\d|3[01])([01]\d|2[0-3])?", text) for text in texts
     ):
@@ -162,8 +175,8 @@ def _counted(variable: xr.DataArray) -> Any:
         return None
     if variable.dtype.itemsize < 8 and variable.dtype.kind == "f" and values.max() > 2.0**24:
         return None  # its steps are 2 days and more: 9 December cannot be told from 10 December
-    parts = values - whole  # GrADS and OSI SAF write day as %Y%m%d.%f, good to a third of a millisecond
-    dates = np.array(seconds, float) + np.round(parts * 86400.0)
+    fractions = values - integers  # GrADS and OSI SAF write day as %Y%m%d.%f, good to a third of a millisecond
+    dates = np.array(seconds, float) + np.round(fractions * 86400.0)
     return dates.astype("datetime64[s]").astype("datetime64[ns]").reshape(variable.shape)
 
 
@@ -178,18 +191,18 @@ def _valid(ds: xr.Dataset, names: list[str], field: str, where: str) -> tuple[xr
     ahead = [] if lead is None else [a for a in names for b in names if a != b and _same(_later(ds[a], lead), ds[b])]
 
     def doubts(name: str) -> tuple[bool, ...]:
-        said, words = standard_name(ds[name]), _words(ds[name], name)
-        issued = name in ahead or said == "forecast_reference_time" or bool(_ISSUED.search(words))
+        standard, words = standard_name(ds[name]), _words(ds[name], name)
+        issued = name in ahead or standard == "forecast_reference_time" or bool(_ISSUED.search(words))
         axis = name in ds.dims or ds[name].attrs.get("axis") == "T"
         return (
             NAMED not in ds[name].attrs, issued, any(kind.search(words) for kind in (_START, _END, _LOCAL)),
-            not _VALID.search(words), said != "time", not axis, name != "time",
+            not _VALID.search(words), standard != "time", not axis, name != "time",
         )  # fmt: skip
 
     best, *others = sorted(names, key=doubts)
     others = [name for name in others if not _same(ds[name], ds[best])]
     start, end = ([name for name in names if kind.search(_words(ds[name], name))] for kind in (_START, _END))
-    bounds = bounds_of(ds, ds[best])
+    bounds = find_bounds(ds, ds[best])
     remark = f"the dates of the records are those of {best}, not of {', '.join(others)}" if others else ""
     edges = (
         bounds is None
@@ -220,7 +233,7 @@ def _valid(ds: xr.Dataset, names: list[str], field: str, where: str) -> tuple[xr
 
 
 def _words(variable: xr.DataArray, name: str) -> str:
-    """Return what a coordinate says of itself, in words; since when it counts is left out."""
+    """Return the description of a coordinate, in words, without its date of reference."""
     title = re.split(r"\b(since|after|relative)\b", str(variable.attrs.get("long_name", "")).lower())[0]
     return " ".join(re.split(r"[\W_]+", f"{standard_name(variable)} {name.lower()} {title}"))
 
@@ -235,7 +248,7 @@ def _lead(ds: xr.Dataset, dates: xr.DataArray) -> Any:
         ahead: Any = np.asarray(variable.values)
         if ahead.dtype.kind != "m":
             # Without a unit that is known the length of a forecast is in hours.
-            seconds = _seconds_in(units_of(variable).split(" since ")[0]) or 3600.0
+            seconds = _unit_seconds(read_units(variable).split(" since ")[0]) or 3600.0
             ahead = np.round(np.where(np.isfinite(ahead), ahead, 0.0) * seconds).astype("timedelta64[s]")
         # In microseconds, so that a length beyond all years is met as such and does not come back as another.
         ahead = ahead.astype("timedelta64[us]")
@@ -255,8 +268,8 @@ def _same(a: xr.DataArray, b: xr.DataArray) -> bool:
     """Tell whether two coordinates hold the same dates, to the second."""
     if (a.dtype.kind == "M") != (b.dtype.kind == "M") or a.shape != b.shape:
         return False
-    near = timedelta(seconds=1) if a.dtype == object else np.timedelta64(1, "s")
-    return bool(np.all(np.abs(a.values - b.values) < near))
+    tolerance = timedelta(seconds=1) if a.dtype == object else np.timedelta64(1, "s")
+    return bool(np.all(np.abs(a.values - b.values) < tolerance))
 
 
 def _follow(start: xr.DataArray, end: xr.DataArray) -> bool:
@@ -308,7 +321,7 @@ def _covered(ds: xr.Dataset) -> Any:
     """Return the middle of the time that the heading of the file says it covers, if that is a month at most."""
     for first, last in _COVERAGE:
         if first in ds.attrs:
-            start, end = _moment_of_text(ds.attrs[first]), _moment_of_text(ds.attrs.get(last, ""))
+            start, end = _parse_moment(ds.attrs[first]), _parse_moment(ds.attrs.get(last, ""))
             if start is not None and last not in ds.attrs:
                 length = iso_seconds(str(ds.attrs.get("time_coverage_duration", "")))
                 end = start + np.timedelta64(round(length), "s")
@@ -317,7 +330,7 @@ def _covered(ds: xr.Dataset) -> Any:
     return None
 
 
-def _moment_of_text(text: Any) -> Any:
+def _parse_moment(text: Any) -> Any:
     seconds = date_in_seconds(str(text).strip())
     return None if seconds is None else np.datetime64(round(1e6 * seconds), "us")
 
@@ -358,15 +371,15 @@ def stated_interval(raw: xr.Dataset, path: str) -> float:
     text = str(raw.variables["time"].attrs.get("delta_t", "")) if "time" in raw.variables else ""
     match = re.match(r"^(\d+)-(\d+)-(\d+) (\d+):(\d+):(\d+)", text)  # years, months, days, hours, minutes, seconds
     sizes = (12 * MONTH_SECONDS, MONTH_SECONDS, SECONDS_PER_DAY, 3600.0, 60.0, 1.0)
-    ways = (
+    candidates = (
         _bounds(raw),
         iso_seconds(str(raw.attrs.get("time_coverage_resolution", ""))),
         _FREQUENCIES.get(str(raw.attrs.get("frequency", "")), 0.0),
         sum(int(count) * size for count, size in zip(match.groups(), sizes, strict=True)) if match else 0.0,
-        _length_in(" ".join(str(raw.attrs.get(k, "")) for k in TITLES), _WORDS),
-        _length_in(Path(path).name, _FILE_NAMES),
+        _stated_length(" ".join(str(raw.attrs.get(k, "")) for k in TITLES), _WORDS),
+        _stated_length(Path(path).name, _FILE_NAMES),
     )
-    return next((seconds for seconds in ways if seconds > 0.0), 0.0)
+    return next((seconds for seconds in candidates if seconds > 0.0), 0.0)
 
 
 def _bounds(raw: xr.Dataset) -> float:
@@ -376,14 +389,14 @@ def _bounds(raw: xr.Dataset) -> float:
         units = str(time.attrs.get("units", ""))
         if bounds is None or " since " not in units or time.ndim != 1:
             continue
-        unit = _seconds_in(units.split(" ")[0])
+        unit = _unit_seconds(units.split(" ")[0])
         if unit and bounds.ndim == 2 and bounds.shape[1] == 2 and bounds.size:
             widths = np.abs(np.diff(np.asarray(bounds.values, float), axis=1))
             return float(np.median(widths)) * unit
     return 0.0
 
 
-def _seconds_in(unit: str) -> float:
+def _unit_seconds(unit: str) -> float:
     """Return the seconds in a unit of time; 0 if it is none."""
     change = unit_change(unit, "s")
     return 0.0 if change is None else change[0]
@@ -396,7 +409,7 @@ _NEAR = re.compile(
 _PAST = re.compile(r"re-?analysis|multi-?year|hindcast|delayed[ _-]time|(?<![a-z])(my|rep|dt)(?![a-z])", re.I)
 
 
-def told_kind(raw: xr.Dataset, path: str) -> str:
+def describe_kind(raw: xr.Dataset, path: str) -> str:
     """Return a remark where heading or name of a file say that it is an analysis, a forecast or near real time."""
     more = ("product_id", "processing_level", "experiment", "summary", "field_type", "name")
     keys = ("title", "id", "source", "product", *more)
@@ -416,7 +429,7 @@ def iso_seconds(text: str) -> float:
     return sum(int(count) * unit for count, unit in zip(match.groups(), _ISO_SECONDS, strict=True) if count)
 
 
-def _length_in(text: str, words: tuple[tuple[re.Pattern[str], float], ...]) -> float:
+def _stated_length(text: str, words: tuple[tuple[re.Pattern[str], float], ...]) -> float:
     return next((seconds for pattern, seconds in words if pattern.search(text.lower())), 0.0)
 
 
@@ -431,29 +444,29 @@ def in_mid_month(ds: xr.Dataset) -> xr.Dataset:
     """Return monthly means with their stamps in the middle of the month, whatever day the file wrote."""
     months = ds["time"].values.astype("datetime64[M]")
     start, end = months.astype("datetime64[ns]"), (months + 1).astype("datetime64[ns]")
-    return _standing_for(ds, (end - start) / np.timedelta64(1, "s"), start + (end - start) / 2)
+    return _centre_means(ds, (end - start) / np.timedelta64(1, "s"), start + (end - start) / 2)
 
 
-def _standing_for(ds: xr.Dataset, seconds: NDArray[np.float64], dates: Any) -> xr.Dataset:
+def _centre_means(ds: xr.Dataset, seconds: NDArray[np.float64], dates: Any) -> xr.Dataset:
     """Return means of so many seconds each, in the middle of them."""
     ds = ds.assign_coords({"time": ("time", dates, ds["time"].attrs), MEAN_OF: ("time", seconds, {"units": "s"})})
     return ds.assign_attrs(averaging_seconds=float(np.median(seconds)))
 
 
-def means_at_middle(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
+def place_means(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
     """Put means without bounds where they hold, and say so, once all records of all files are known.
 
     Months stamped on their first or last day are put in mid-month, days stamped 00:00 at noon of the day that begins there:
     thus the common services and tools write them. As values of the stamp they would be half an interval off in any case.
     """
-    said = str(ds.attrs.get("means", ""))
+    means = str(ds.attrs.get("means", ""))
     if MEAN_OF in ds.coords or float(ds.attrs.get("averaging_seconds", 0.0)) > 0.0:
         return ds
     records = ds["time"].values
-    shown = usual_interval(records)
+    interval = usual_interval(records)
     # The shorter of what the records show and what the file states: gaps make the first too long.
-    step = min((s for s in (shown, float(ds.attrs.get("stated_seconds", 0.0))) if s > 0.0), default=0.0)
-    of_months = bool(re.fullmatch(r"GRIB_stepType avg\w+", said))  # the hourly kind is plain "avg"
+    step = min((s for s in (interval, float(ds.attrs.get("stated_seconds", 0.0))) if s > 0.0), default=0.0)
+    of_months = bool(re.fullmatch(r"GRIB_stepType avg\w+", means))  # the hourly kind is plain "avg"
     days = records.astype("datetime64[D]")
     months = records.astype("datetime64[M]")
     first = bool((days == months.astype(days.dtype)).all())
@@ -461,20 +474,20 @@ def means_at_middle(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
     last = bool((days + 1 == (months + 1).astype(days.dtype)).all())
     stamp = f"on the {'first' if first else 'last'} of the month"
     by_month = MONTH[0] <= step <= MONTH[1] or (of_months and not step)
-    if not said:
+    if not means:
         if first and by_month and records.size > 1 and not known and "longest_step" not in ds.attrs:
             return noted(
                 ds, doubt=f"records {stamp}, taken as values of these dates: are they means? Then write bounds of time"
             )
         return ds
-    if of_months and 0.0 < shown <= SECONDS_PER_DAY:
+    if of_months and 0.0 < interval <= SECONDS_PER_DAY:
         raise ForcingError(
-            f"monthly means by hour of the day ({said}), which are no course in time", where=named(ds),
+            f"monthly means by hour of the day ({means}), which are no course in time", where=named(ds),
             remedy="Give the monthly means of all hours, or hourly data",
         )  # fmt: skip
     if by_month and (first or last):
         return noted(
-            in_mid_month(ds), told=f"monthly means ({said}) without bounds, stamped {stamp}, are put in mid-month"
+            in_mid_month(ds), told=f"monthly means ({means}) without bounds, stamped {stamp}, are put in mid-month"
         )
     # Seconds into the day; a stamp in the middle of its interval needs no change.
     into = np.asarray((records - days.astype(records.dtype)) / np.timedelta64(1, "s"))
@@ -485,13 +498,14 @@ def means_at_middle(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
             return in_mid_month(ds)
         middle[:] = np.nan
     elif step == SECONDS_PER_DAY and not into.any():
-        ds = _standing_for(ds, np.full(records.size, step), records + np.timedelta64(12, "h"))
+        ds = _centre_means(ds, np.full(records.size, step), records + np.timedelta64(12, "h"))
         return noted(
-            ds, told=f"daily means ({said}) without bounds, stamped 00:00, are put at noon of the day that begins there"
+            ds,
+            told=f"daily means ({means}) without bounds, stamped 00:00, are put at noon of the day that begins there",
         )
     elif 0.0 < step < SECONDS_PER_DAY:
         into = into % step
     if step and bool((into == middle).all()):
-        return _standing_for(ds, np.full(records.size, step), records)
+        return _centre_means(ds, np.full(records.size, step), records)
     over = f"over about {step / 3600.0:.3g} h" if step else "over a time that nothing says"
-    return noted(ds, doubt=f"means ({said}) {over} without bounds are taken as values of their stamps")
+    return noted(ds, doubt=f"means ({means}) {over} without bounds are taken as values of their stamps")

@@ -1,6 +1,6 @@
 """Where a field holds in the vertical, by whatever coordinate says it: read and judged, never dropped unseen.
 
-Winds must be those at 10 m, currents must begin near the surface. What a coordinate means is known from its units, its
+Winds must be those at 10 m, currents must begin near the surface. The meaning of a coordinate follows from its units, its
 standard name and its name, in this order.
 """
 
@@ -14,9 +14,9 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.cf import bounds_of, coordinates_of, role_of_name, standard_name, units_of
+from riftberg.products.cf import find_bounds, find_coordinates, read_units, role_by_name, standard_name
 from riftberg.products.quantities import QUANTITIES, conversion, labelled, unit_change
-from riftberg.products.vectors import on_points_of, plane_of
+from riftberg.products.vectors import horizontal_dims, interpolate_like
 from riftberg.state import Floats
 
 Kind = Literal["depth", "height", "pressure", "sigma", "number"]
@@ -36,18 +36,18 @@ _TOLD = re.compile(
 )
 
 
-def judged(
+def judge_levels(
     ds: xr.Dataset, name: str, field: xr.DataArray, quantity: str, *, where: str
 ) -> tuple[xr.DataArray, list[str]]:
-    """Return a field on ``depth`` or without levels, and what should be known of it."""
+    """Return a field on ``depth`` or without levels, and remarks on it."""
     _judge_words(field, name, quantity, where)
-    levels = [c for c, role, _ in coordinates_of(ds, name) if role == "level" and set(ds[c].dims) <= set(field.dims)]
+    levels = [c for c, role, _ in find_coordinates(ds, name) if role == "level" and set(ds[c].dims) <= set(field.dims)]
     remarks: list[str] = []
     # A dimension is one of levels if a coordinate along it says so, or, without any, by its name.
     dims = [
         dim
         for dim in map(str, field.dims)
-        if dim in {str(d) for c in levels for d in ds[c].dims} or role_of_name(dim) == "level"
+        if dim in {str(d) for c in levels for d in ds[c].dims} or role_by_name(dim) == "level"
     ]
     if len(dims) > 1:
         raise ForcingError(
@@ -56,7 +56,7 @@ def judged(
         )  # fmt: skip
     scalars = [c for c in levels if ds[c].ndim == 0]
     # A level of the air beside a field of the sea belongs to another variable of the same file.
-    native = [c for c in levels if not _of_air(ds[c], quantity)]
+    native = [c for c in levels if not _is_air_level(ds[c], quantity)]
     for scalar in scalars:
         if scalar not in native and (native or quantity == "ssh"):  # of the other variables of the file
             remarks.append(f"{scalar} = {_level_value(ds[scalar]):g} says nothing of {name}")
@@ -77,9 +77,9 @@ def judged(
     return field, remarks + more
 
 
-def kind_of(axis: xr.DataArray) -> Kind:
-    """Return what a vertical coordinate counts."""
-    units, metadata, name = units_of(axis).strip().lower(), standard_name(axis), str(axis.name).lower()
+def level_kind(axis: xr.DataArray) -> Kind:
+    """Return the kind of a vertical coordinate."""
+    units, metadata, name = read_units(axis).strip().lower(), standard_name(axis), str(axis.name).lower()
     # Units say most, then the standard name, and only then the name.
     if units in _PRESSURES or metadata in ("air_pressure", "pressure"):
         return "pressure"
@@ -103,11 +103,11 @@ def kind_of(axis: xr.DataArray) -> Kind:
     return "number"
 
 
-def _of_air(axis: xr.DataArray, quantity: str) -> bool:
+def _is_air_level(axis: xr.DataArray, quantity: str) -> bool:
     """Tell whether a level of a field of the sea can only be one of the air: a pressure, a sigma above 0, a height."""
     if quantity not in (*_WATER, "ssh"):
         return False
-    kind, above = kind_of(axis), float(np.nanmax(np.asarray(axis.values, float), initial=-np.inf)) > 0.0
+    kind, above = level_kind(axis), float(np.nanmax(np.asarray(axis.values, float), initial=-np.inf)) > 0.0
     return kind == "pressure" or (kind in ("sigma", "height") and above)
 
 
@@ -141,9 +141,9 @@ def _judge_words(field: xr.DataArray, name: str, quantity: str, where: str) -> N
         raise _no_surface_wind(name, f"at {match[1]} m or hPa by its name", where)
 
 
-def _no_surface_wind(name: str, place: str, where: str) -> ForcingError:
+def _no_surface_wind(name: str, level: str, where: str) -> ForcingError:
     return ForcingError(
-        f"{name} is the wind {place}, not that at 10 m", where=where, remedy="Give a file of the wind at 10 m"
+        f"{name} is the wind {level}, not that at 10 m", where=where, remedy="Give a file of the wind at 10 m"
     )
 
 
@@ -154,7 +154,7 @@ def _level_value(axis: xr.DataArray) -> float:
 
 def _edges(ds: xr.Dataset, axis: str) -> Floats | None:
     """Return the edges of the layers that a vertical coordinate stands for, lowest and highest number of them all."""
-    bounds = bounds_of(ds, ds[axis])
+    bounds = find_bounds(ds, ds[axis])
     if bounds is None or bounds.dtype.kind not in "iuf":
         return None
     edges = np.abs(np.asarray(bounds.values, float))
@@ -163,8 +163,8 @@ def _edges(ds: xr.Dataset, axis: str) -> Floats | None:
 
 def _judge_single(axis: xr.DataArray, edges: Floats | None, name: str, quantity: str, where: str) -> list[str]:
     """Refuse a field on a single level elsewhere than it is needed; return a remark where the level is worth one."""
-    kind, value, units = kind_of(axis), _level_value(axis), units_of(axis)
-    place = f"{axis.name} = {value:g} {units if units != '1' else ''}".rstrip()
+    kind, value, units = level_kind(axis), _level_value(axis), read_units(axis)
+    level = f"{axis.name} = {value:g} {units if units != '1' else ''}".rstrip()
     if quantity in WINDS:
         if kind in ("height", "depth") and WIND_HEIGHTS[0] <= abs(value) * _metres(units) <= WIND_HEIGHTS[1]:
             return []
@@ -175,7 +175,7 @@ def _judge_single(axis: xr.DataArray, edges: Floats | None, name: str, quantity:
             and "height" in str(axis.name).lower()
         ):
             return []
-        raise _no_surface_wind(name, f"at {place}", where)
+        raise _no_surface_wind(name, f"at {level}", where)
     if quantity in _WATER or quantity == "ssh":
         if kind in ("depth", "height"):
             depth = abs(value) * _metres(units)
@@ -185,14 +185,14 @@ def _judge_single(axis: xr.DataArray, edges: Floats | None, name: str, quantity:
                 return [f"{name} is the mean from {top:.3g} to {bottom:.3g} m: taken for all depths"]
             if depth <= SURFACE:
                 return [f"{name} holds at {depth:.3g} m: taken as the surface"] if depth > 0.0 else []
-            raise _too_deep(name, place, where)
+            raise _too_deep(name, level, where)
         # The uppermost of ten layers or more has its middle at -0.05.
         if kind == "sigma" and abs(value) <= 0.06:
-            return [f"{name} is of the uppermost layer ({place})"]
+            return [f"{name} is of the uppermost layer ({level})"]
         if kind == "number" and not units and str(axis.name).lower().startswith(("lev", "k")) and value in (0.0, 1.0):
             return [f"{name} is of level {value:g}: taken as the uppermost"]
         raise ForcingError(
-            f"{name} holds at {place}, and nothing says that this is the surface", where=where,
+            f"{name} holds at {level}, and nothing says that this is the surface", where=where,
             remedy=f"If it is, write so into the file: {axis.name} = 0 with units m and positive down",
         )  # fmt: skip
     return []
@@ -203,9 +203,9 @@ def _metres(units: str) -> float:
     return (unit_change(units, "m") or (1.0, 0.0))[0]
 
 
-def _too_deep(name: str, place: str, where: str) -> ForcingError:
+def _too_deep(name: str, level: str, where: str) -> ForcingError:
     return ForcingError(
-        f"{name} begins at {place}; between there and the surface nothing is known", where=where,
+        f"{name} begins at {level}; between there and the surface nothing is known", where=where,
         remedy=f"Give levels from the surface on (the first at {SURFACE:g} m or less)",
     )  # fmt: skip
 
@@ -224,13 +224,13 @@ def _several(
     field: xr.DataArray, axis: xr.DataArray, edges: Floats | None, name: str, dim: str, quantity: str, where: str
 ) -> tuple[xr.DataArray, list[str]]:
     """Return a field with several levels: all of a current, temperature or salinity; of a wind the one at 10 m."""
-    kind, values = kind_of(axis), np.asarray(axis.values, float)
+    kind, values = level_kind(axis), np.asarray(axis.values, float)
     if quantity in WINDS:
-        metres = np.abs(values) * _metres(units_of(axis))
+        metres = np.abs(values) * _metres(read_units(axis))
         right = np.flatnonzero((metres >= WIND_HEIGHTS[0]) & (metres <= WIND_HEIGHTS[1]))
         if kind not in ("height", "depth") or right.size != 1:
-            some = ", ".join(f"{value:g}" for value in values[:6])
-            raise _no_surface_wind(name, f"on {values.size} levels ({axis.name} = {some} {units_of(axis)})", where)
+            listed = ", ".join(f"{value:g}" for value in values[:6])
+            raise _no_surface_wind(name, f"on {values.size} levels ({axis.name} = {listed} {read_units(axis)})", where)
         return field.isel({dim: int(right[0])}, drop=True).drop_vars(str(axis.name), errors="ignore"), [
             f"{name} is taken at 10 m of {values.size} heights"
         ]
@@ -247,7 +247,7 @@ def _several(
             raise _too_deep(name, f"{axis.name} = {values.max():g}", where)
         return field.isel({dim: int(values.argmax())}, drop=True), [f"{name} is of the uppermost layer"]
     depth = depths(axis, where=where)
-    top = float(depth.min()) if edges is None else float(edges[0]) * _metres(units_of(axis))
+    top = float(depth.min()) if edges is None else float(edges[0]) * _metres(read_units(axis))
     if top > SURFACE:
         raise _too_deep(name, f"{axis.name} = {depth.min():g} m", where)
     field = field.drop_vars(str(axis.name), errors="ignore").rename({dim: "depth"} if dim != "depth" else {})
@@ -257,15 +257,15 @@ def _several(
 
 def depths(axis: xr.DataArray, *, where: str) -> Floats:
     """Return the depths (m, positive) of an axis of levels; refuse one that counts something else."""
-    kind, values, units = kind_of(axis), np.asarray(axis.values, float), units_of(axis)
+    kind, values, units = level_kind(axis), np.asarray(axis.values, float), read_units(axis)
     # 0, 1, 2, ... or 1, 2, 3, ... without units are numbers of rows.
     counted = values.size > 1 and any(np.array_equal(values, np.arange(values.size) + first) for first in (0, 1))
     if not np.isfinite(values).all():
         raise ForcingError(f"the levels {axis.name} are not all numbers", where=where, remedy="Correct the file")
     if kind in ("pressure", "sigma") or (not units and counted) or (kind == "number" and units):
-        some = ", ".join(f"{value:g}" for value in values[:4])
+        listed = ", ".join(f"{value:g}" for value in values[:4])
         raise ForcingError(
-            f"the levels {axis.name} = {some} ... {units or '(no units)'} are no depths in metres", where=where,
+            f"the levels {axis.name} = {listed} ... {units or '(no units)'} are no depths in metres", where=where,
             remedy="Turn them into depths first (cdo intlevel or xgcm), or write their units",
         )  # fmt: skip
     factor, _ = conversion(QUANTITIES["depth_below_surface"], units or "m", where=f"{where}, axis {axis.name}")
@@ -300,7 +300,7 @@ UPPERMOST = 0.1
 """An uppermost level within this share of the water is at the surface."""
 
 
-def on_depths(ds: xr.Dataset, field: xr.DataArray, axis: xr.DataArray, place: Any, *, where: str) -> xr.DataArray:
+def on_depths(ds: xr.Dataset, field: xr.DataArray, axis: xr.DataArray, locate: Any, *, where: str) -> xr.DataArray:
     """Return a placed field on ``depth`` instead of ``s_level``; NaN below the sea floor."""
     s = np.asarray(axis.values, float)
     if s.min() < -1.0 - 1e-6 or s.max() > 1e-6 or s.max() < -UPPERMOST:
@@ -309,8 +309,8 @@ def on_depths(ds: xr.Dataset, field: xr.DataArray, axis: xr.DataArray, place: An
             remedy="Give a file with the uppermost levels",
         )  # fmt: skip
     floor, stretch, critical, kind = _terms(ds, axis, where)
-    h = place(floor)
-    h = h if plane_of(h) == plane_of(field) and _same_points(h, field) else on_points_of(h, field)
+    h = locate(floor)
+    h = h if horizontal_dims(h) == horizontal_dims(field) and _same_points(h, field) else interpolate_like(h, field)
     water = np.asarray(h.values, float)
     column = (slice(None), *([None] * water.ndim))
     share, bend = s[column], stretch[column]
@@ -320,7 +320,7 @@ def on_depths(ds: xr.Dataset, field: xr.DataArray, axis: xr.DataArray, place: An
         depth = -(critical * share + (water - critical) * bend) if kind == "g1" else -share * water
     order = np.argsort(-s)
     targets = np.array([d for d in DEPTHS if d <= np.nanmax(h.values)] or [0], float)
-    plane = plane_of(field)
+    plane = horizontal_dims(field)
 
     def apply(values: Floats) -> Floats:
         return _interpolated(np.take(values, order, axis=-1 - len(plane)), depth[order], np.asarray(h.values), targets)
@@ -388,12 +388,12 @@ def _interpolated(values: Floats, depth: Floats, floor: Floats, targets: Floats)
         upper = np.minimum(lower + 1, len(depth) - 1)
         top, bottom = (np.take_along_axis(depth, k[None], axis=0)[0] for k in (lower, upper))
         with np.errstate(invalid="ignore", divide="ignore"):
-            part = np.clip(np.where(bottom > top, (target - top) / (bottom - top), 0.0), 0.0, 1.0)
+            share = np.clip(np.where(bottom > top, (target - top) / (bottom - top), 0.0), 0.0, 1.0)
         index = [
             k[(None,) * (lead + 1)] * np.ones((*values.shape[:lead], 1, *k.shape), np.int64) for k in (lower, upper)
         ]
         a, b = (np.take_along_axis(values, k, axis=lead)[(slice(None),) * lead + (0,)] for k in index)
-        columns.append(np.where(floor >= target, (1.0 - part) * a + part * b, np.nan))
+        columns.append(np.where(floor >= target, (1.0 - share) * a + share * b, np.nan))
     return np.stack(columns, axis=lead)
 
 

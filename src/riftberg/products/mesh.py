@@ -64,7 +64,7 @@ class Places(NamedTuple):
     eta: Floats  # Coordinates in the cell along the columns and along the rows, 0 to 1
 
 
-def mesh_of(ds: xr.Dataset | xr.DataArray) -> Mesh:
+def build_mesh(ds: xr.Dataset | xr.DataArray) -> Mesh:
     """Return the mesh of a canonical dataset, or of a field that has been placed."""
     if {"y", "x"} <= set(ds.dims):
         ds = ds.transpose(..., "y", "x")
@@ -108,20 +108,20 @@ class Located:
         """
         row, column, next_row, next_column, xi, eta = self.places
         if isinstance(self.mesh, NodeMesh):
-            found = np.where(row < 0, np.nan, self.mesh.smooth(field[..., 0, :], self.lon, self.lat))
-            return np.asarray(found.reshape(*field.shape[:-2], *self.shape))
+            result = np.where(row < 0, np.nan, self.mesh.smooth(field[..., 0, :], self.lon, self.lat))
+            return np.asarray(result.reshape(*field.shape[:-2], *self.shape))
         total, share = np.zeros((2, *field.shape[:-2], row.size))
         next_row, next_column = np.minimum(next_row, field.shape[-2] - 1), np.minimum(next_column, field.shape[-1] - 1)
         for j, across in ((row, 1.0 - eta), (next_row, eta)):
             for i, along in ((column, 1.0 - xi), (next_column, xi)):
                 value = field[..., j, i]
-                known = np.isfinite(value)
-                total += np.where(known, value, 0.0) * (across * along)
-                share += known * (across * along)
+                finite = np.isfinite(value)
+                total += np.where(finite, value, 0.0) * (across * along)
+                share += finite * (across * along)
         # A share below this is rounding of a weight that ought to be zero.
         inside = (row >= 0) & (share > 1e-9)
-        found = np.divide(total, share, out=np.full(total.shape, np.nan), where=inside)
-        return np.asarray(found.reshape(*field.shape[:-2], *self.shape))
+        result = np.divide(total, share, out=np.full(total.shape, np.nan), where=inside)
+        return np.asarray(result.reshape(*field.shape[:-2], *self.shape))
 
 
 @kernel
@@ -149,23 +149,23 @@ def bracket(axis: Floats, at: float) -> tuple[int, float]:
 
 
 @kernel
-def find_on_axes(x_axis: Floats, y_axis: Floats, around: int, x: Floats, y: Floats, places: Places) -> None:
-    """Find the cell around each position on two axes; ``around``: columns after which the first follows again, or 0."""
+def find_on_axes(x_axis: Floats, y_axis: Floats, wrap: int, x: Floats, y: Floats, cells: Places) -> None:
+    """Find the cell around each position on two axes; ``wrap``: columns after which the first follows again, or 0."""
     for n in range(x.size):
         column, xi = bracket(x_axis, x[n])
         row, eta = bracket(y_axis, y[n])
         inside = xi == xi and eta == eta
-        places.row[n], places.column[n] = row if inside else -1, column
-        places.next_row[n] = min(row + 1, y_axis.size - 1)
-        places.next_column[n] = (column + 1) % around if around > 0 else min(column + 1, x_axis.size - 1)
-        places.xi[n], places.eta[n] = xi, eta
+        cells.row[n], cells.column[n] = row if inside else -1, column
+        cells.next_row[n] = min(row + 1, y_axis.size - 1)
+        cells.next_column[n] = (column + 1) % wrap if wrap > 0 else min(column + 1, x_axis.size - 1)
+        cells.xi[n], cells.eta[n] = xi, eta
 
 
-def _on_axes(x_axis: Floats, y_axis: Floats, around: int, x: Floats, y: Floats) -> Places:
+def _on_axes(x_axis: Floats, y_axis: Floats, wrap: int, x: Floats, y: Floats) -> Places:
     """Return the cells around positions on two axes."""
-    places = Places(*np.empty((4, x.size), np.int64), *np.empty((2, x.size)))
-    find_on_axes(x_axis, y_axis, around, x, y, places)
-    return places
+    cells = Places(*np.empty((4, x.size), np.int64), *np.empty((2, x.size)))
+    find_on_axes(x_axis, y_axis, wrap, x, y, cells)
+    return cells
 
 
 class AxesMesh:
@@ -173,17 +173,17 @@ class AxesMesh:
 
     def __init__(self, lon: Floats, lat: Floats) -> None:
         repeated = abs(lon[-1] - lon[0] - 360.0) < 1e-6  # the first meridian stands at the end once more
-        around = lon.size - repeated if goes_round(lon) else 0
+        wrap = lon.size - repeated if goes_round(lon) else 0
         self._lat = np.ascontiguousarray(lat)
-        self._lon = np.append(lon, lon[0] + 360.0) if around == lon.size else np.ascontiguousarray(lon)
-        self.points = ProductPoints(*np.meshgrid(lon, lat), around)
+        self._lon = np.append(lon, lon[0] + 360.0) if wrap == lon.size else np.ascontiguousarray(lon)
+        self.points = ProductPoints(*np.meshgrid(lon, lat), wrap)
 
     def locate(self, lon: Floats, lat: Floats) -> Places:
         """Return the places of positions."""
         middle = 0.5 * (self._lon[0] + self._lon[-1])
         # On the branch about the middle of the axis: half a turn either way.
-        near = lon - 360.0 * np.floor((lon - middle + 180.0) / 360.0)
-        return _on_axes(self._lon, self._lat, self.points.columns, near, np.ascontiguousarray(lat, np.float64))
+        shifted = lon - 360.0 * np.floor((lon - middle + 180.0) / 360.0)
+        return _on_axes(self._lon, self._lat, self.points.columns, shifted, np.ascontiguousarray(lat, np.float64))
 
 
 class ProjectedMesh:
@@ -228,11 +228,11 @@ class CurvilinearMesh:
     """
 
     def __init__(self, lon: Floats, lat: Floats) -> None:
-        known = np.isfinite(lon) & np.isfinite(lat)
-        lon, lat = (np.ascontiguousarray(np.where(known, q, np.nan)) for q in (lon, lat))
-        around = lon.shape[1] if goes_round_in_x(unit_vectors(lon, lat)) else 0
-        self.points = ProductPoints(lon, lat, around)
-        self._known = np.flatnonzero(known)
+        valid = np.isfinite(lon) & np.isfinite(lat)
+        lon, lat = (np.ascontiguousarray(np.where(valid, q, np.nan)) for q in (lon, lat))
+        wrap = lon.shape[1] if goes_round_in_x(unit_vectors(lon, lat)) else 0
+        self.points = ProductPoints(lon, lat, wrap)
+        self._known = np.flatnonzero(valid)
 
     @cached_property
     def _nodes(self) -> NodeMesh:
@@ -260,9 +260,9 @@ class NodeMesh:
         self.points = ProductPoints(lon[None, :], lat[None, :], 0)
         self._tree = cKDTree(unit_vectors(lon, lat))
         # Five hundred nodes tell the usual distance as well as millions.
-        some = np.linspace(0, lon.size - 1, min(lon.size, 500)).astype(int)
-        apart = self._tree.query(unit_vectors(lon[some], lat[some]), k=min(2, lon.size))[0]
-        self._usual = float(np.median(apart[:, -1])) if lon.size > 1 else np.inf
+        sample = np.linspace(0, lon.size - 1, min(lon.size, 500)).astype(int)
+        distances = self._tree.query(unit_vectors(lon[sample], lat[sample]), k=min(2, lon.size))[0]
+        self._usual = float(np.median(distances[:, -1])) if lon.size > 1 else np.inf
 
     def nearest(self, lon: Floats, lat: Floats) -> tuple[Floats, Ints]:
         """Return distance (in radii of the Earth) and number of the node nearest to each position."""
@@ -277,10 +277,10 @@ class NodeMesh:
 
     def smooth(self, values: Floats, lon: Floats, lat: Floats) -> Floats:
         """Return a field (..., nodes) at positions: the known of the nearest nodes, weighted by distance**-2."""
-        distance, near = self._tree.query(np.nan_to_num(unit_vectors(lon, lat)), k=min(FOR_MEAN, values.shape[-1]))
-        distance, near = distance.reshape(lon.size, -1), near.reshape(lon.size, -1)
-        weight = np.where(np.isnan(values[..., near]), 0.0, 1.0 / np.maximum(distance, 1e-9) ** 2)
-        total, share = (np.nan_to_num(values[..., near]) * weight).sum(axis=-1), weight.sum(axis=-1)
+        distance, nodes = self._tree.query(np.nan_to_num(unit_vectors(lon, lat)), k=min(FOR_MEAN, values.shape[-1]))
+        distance, nodes = distance.reshape(lon.size, -1), nodes.reshape(lon.size, -1)
+        weight = np.where(np.isnan(values[..., nodes]), 0.0, 1.0 / np.maximum(distance, 1e-9) ** 2)
+        total, share = (np.nan_to_num(values[..., nodes]) * weight).sum(axis=-1), weight.sum(axis=-1)
         return np.asarray(np.divide(total, share, out=np.full(total.shape, np.nan), where=share > 0.0))
 
     def spacing(self) -> Floats:
@@ -294,16 +294,16 @@ class NodeMesh:
 
         ``lon``, ``lat``: positions, degrees.
         """
-        _, near = self._tree.query(unit_vectors(lon, lat), k=min(FOR_PLANE, values.size))
-        turn = (self.points.lon[0][near] - lon[:, None] + 180.0) % 360.0 - 180.0
+        _, nodes = self._tree.query(unit_vectors(lon, lat), k=min(FOR_PLANE, values.size))
+        turn = (self.points.lon[0][nodes] - lon[:, None] + 180.0) % 360.0 - 180.0
         east = EARTH_RADIUS_A68 * np.deg2rad(turn) * np.cos(np.deg2rad(lat[:, None]))
-        north = EARTH_RADIUS_A68 * np.deg2rad(self.points.lat[0][near] - lat[:, None])
+        north = EARTH_RADIUS_A68 * np.deg2rad(self.points.lat[0][nodes] - lat[:, None])
         # Nodes without a value, such as those on land, take no part: their rows are 0 on both sides.
-        known = np.isfinite(values[near])
-        count = np.maximum(known.sum(axis=1, keepdims=True), 1)
-        means = [np.where(known, q, 0.0).sum(axis=1, keepdims=True) / count for q in (east, north, values[near])]
+        finite = np.isfinite(values[nodes])
+        count = np.maximum(finite.sum(axis=1, keepdims=True), 1)
+        means = [np.where(finite, q, 0.0).sum(axis=1, keepdims=True) / count for q in (east, north, values[nodes])]
         x, y, level = (
-            np.where(known, q - mean, 0.0) for q, mean in zip((east, north, values[near]), means, strict=True)
+            np.where(finite, q - mean, 0.0) for q, mean in zip((east, north, values[nodes]), means, strict=True)
         )
         # Across nodes that lie on one line, or nearly, the slope is 0: a few beside land must not tell it from noise.
         slope = np.linalg.pinv(np.stack([x, y], axis=-1), rcond=0.05) @ level[..., None]
@@ -339,15 +339,15 @@ def find_quadrilaterals(
 
     ``lon``, ``lat``: places, degrees.
     """
-    x, y, around = points.lon, points.lat, points.columns
+    x, y, wrap = points.lon, points.lat, points.columns
     rows, columns = x.shape
     for n in range(lon.size):
         near_row, near_column = row[n], column[n]
         # Of several quadrilaterals that hold the place, or nearly, the one in which it lies deepest.
         row[n], best = -1, BEYOND + 1e-9
         # The nearest point is a corner of the cell in question, or of one beside it in a skewed grid.
-        first = near_column - 2 if around > 0 else max(near_column - 2, 0)
-        behind = near_column + 2 if around > 0 else min(near_column + 2, columns - 1)
+        first = near_column - 2 if wrap > 0 else max(near_column - 2, 0)
+        behind = near_column + 2 if wrap > 0 else min(near_column + 2, columns - 1)
         for j in range(max(near_row - 2, 0), min(near_row + 2, rows - 1)):
             for candidate in range(first, behind):
                 i = candidate % columns
@@ -401,26 +401,26 @@ def window(
         box = np.meshgrid(np.linspace(west, east, 73), np.linspace(max(south, -90.0), min(north, 90.0), 73))
         x, y = to_projection(ds.attrs["crs_wkt"], *box)
         columns = slice_around(ds["x"].values, np.nanmin(x), np.nanmax(x))
-        part = ds.isel(y=slice_around(ds["y"].values, np.nanmin(y), np.nanmax(y)), x=columns)
+        subset = ds.isel(y=slice_around(ds["y"].values, np.nanmin(y), np.nanmax(y)), x=columns)
     elif "node" in ds.dims:
-        part = _scattered(ds, west, east, south, north)
+        subset = _scattered(ds, west, east, south, north)
     elif "y" in ds.dims:
-        part = _curvilinear(ds, west, east, south, north)
+        subset = _curvilinear(ds, west, east, south, north)
     else:
-        near = longitudes_near(ds, west, east)
-        columns = slice_around(near["lon"].values, west, east)
-        part = near.isel(lat=slice_around(near["lat"].values, south, north), lon=columns)
-    if not all(part.sizes[name] for name in ("lat", "lon", "y", "x", "node") if name in part.dims):
+        shifted = longitudes_near(ds, west, east)
+        columns = slice_around(shifted["lon"].values, west, east)
+        subset = shifted.isel(lat=slice_around(shifted["lat"].values, south, north), lon=columns)
+    if not all(subset.sizes[name] for name in ("lat", "lon", "y", "x", "node") if name in subset.dims):
         raise ForcingError(
             f"nothing lies in {box_text(west, east, south, north)}: the data cover {extent_text(ds)}{nominal_axes(ds)}",
             where=str(ds.attrs.get("source", "")),
             remedy="Give a file that covers the box; check the sign of west longitudes",
         )
-    if "crs_wkt" in ds.attrs and not {"lat", "lon"} <= set(part.variables):
-        x, y = np.meshgrid(part["x"].values, part["y"].values)
+    if "crs_wkt" in ds.attrs and not {"lat", "lon"} <= set(subset.variables):
+        x, y = np.meshgrid(subset["x"].values, subset["y"].values)
         degrees = to_degrees(ds.attrs["crs_wkt"], x, y)
-        part = part.assign_coords(lon=(("y", "x"), degrees[0], EAST), lat=(("y", "x"), degrees[1], NORTH))
-    return window_in_time(part, time) if time is not None and "time" in part.dims else part
+        subset = subset.assign_coords(lon=(("y", "x"), degrees[0], EAST), lat=(("y", "x"), degrees[1], NORTH))
+    return window_in_time(subset, time) if time is not None and "time" in subset.dims else subset
 
 
 def slice_around(axis: Floats, low: float, high: float) -> slice:
@@ -451,9 +451,9 @@ def _scattered(ds: xr.Dataset, west: float, east: float, south: float, north: fl
     spacing = REACH * NodeMesh(lon, lat).spacing()
     # Towards the pole a degree of longitude is short; 0.02 keeps it finite there.
     beyond = spacing / np.maximum(np.cos(np.deg2rad(lat)), 0.02)
-    near = (lat >= south - spacing) & (lat <= north + spacing) & (lon >= west - beyond) & (lon <= east + beyond)
-    part = ds.assign_coords(lon=("node", lon, ds["lon"].attrs))
-    return part.isel(node=np.flatnonzero(near))
+    inside = (lat >= south - spacing) & (lat <= north + spacing) & (lon >= west - beyond) & (lon <= east + beyond)
+    shifted = ds.assign_coords(lon=("node", lon, ds["lon"].attrs))
+    return shifted.isel(node=np.flatnonzero(inside))
 
 
 def _curvilinear(ds: xr.Dataset, west: float, east: float, south: float, north: float) -> xr.Dataset:
@@ -490,7 +490,7 @@ def _straightened(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
 
 
 def extent_text(ds: xr.Dataset) -> str:
-    """Return what a canonical dataset covers in space, in words."""
+    """Return the extent of a canonical dataset in space, in words."""
     if "lat" not in ds.coords:
         return "a projected grid without positions"
     lat, lon = ds["lat"].values, ds["lon"].values
@@ -502,7 +502,7 @@ def window_in_time(ds: xr.Dataset, time: tuple[Any, Any], margin: float = 0.0) -
     """Return the records of a time, widened by a margin (s), and one more on each side; `ForcingError` if there is none."""
     spare = np.timedelta64(round(margin), "s")
     first, last = (
-        utc(moment).astype("datetime64[us]") + way * spare for moment, way in zip(time, (-1, 1), strict=True)
+        utc(moment).astype("datetime64[us]") + sign * spare for moment, sign in zip(time, (-1, 1), strict=True)
     )
     records = ds["time"].values.astype(first.dtype)
     begins, ends = cover_of(ds)

@@ -25,7 +25,7 @@ import xarray as xr
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.products.cf import USUAL_NAMES, role_of
+from riftberg.products.cf import USUAL_NAMES, find_role
 from riftberg.products.oceans import depth_from_elevation
 from riftberg.products.place import is_nominal_name
 from riftberg.products.product import Evidence, Heading, Product, Source, noted, without_single
@@ -50,15 +50,15 @@ def _stated_here(heading: Heading) -> str:
 
 def _is_ncep_r2(heading: Heading) -> bool:
     words = _stated_here(heading)
-    named = any(word in words for word in ("reanalysis-2", "reanalysis 2", "ncep/doe", "reanalysis2"))
-    return named or (("uwnd" in heading.names or "vwnd" in heading.names) and heading.sizes.get("level", 0) == 1)
+    is_named = any(word in words for word in ("reanalysis-2", "reanalysis 2", "ncep/doe", "reanalysis2"))
+    return is_named or (("uwnd" in heading.names or "vwnd" in heading.names) and heading.sizes.get("level", 0) == 1)
 
 
 def _is_ncep_r1(heading: Heading) -> bool:
     words = _stated_here(heading)
-    named = any(word in words for word in ("nmc reanalysis", "ncep reanalysis", "ncep/ncar"))
+    is_named = any(word in words for word in ("nmc reanalysis", "ncep reanalysis", "ncep/ncar"))
     winds = bool({"uwnd", "vwnd"} & heading.names) and {"lat", "lon"} <= set(heading.sizes)
-    return (named or winds) and not _is_ncep_r2(heading)
+    return (is_named or winds) and not _is_ncep_r2(heading)
 
 
 def _at_ten_metres(ds: xr.Dataset) -> xr.Dataset:
@@ -194,7 +194,7 @@ def _one_version(ds: xr.Dataset) -> xr.Dataset:
         # With both names, ``time`` is the start of the forecast and not the date of the values.
         ds = ds.drop_vars("time", errors="ignore").rename({"valid_time": "time"})
     if ds.sizes.get("number", 1) > 1:
-        ds = without_single(ds, "number", what="This is an ensemble: ask for the product type 'reanalysis'")
+        ds = without_single(ds, "number", remedy="This is an ensemble: ask for the product type 'reanalysis'")
     return ds.drop_vars("expver", errors="ignore")
 
 
@@ -230,15 +230,15 @@ def _with_grid(ds: xr.Dataset) -> xr.Dataset:
     where = str(ds.encoding.get("source", ""))
     if {"lat_rho", "lon_rho"} <= set(ds.variables) or not where or is_address(where):
         return ds
-    wanted = ("lat_rho", "lon_rho", "lat_u", "lon_u", "lat_v", "lon_v", "angle", "h")
+    fields = ("lat_rho", "lon_rho", "lat_u", "lon_u", "lat_v", "lon_v", "angle", "h")
     sizes = {dim: size for dim, size in ds.sizes.items() if str(dim).startswith(("xi_", "eta_"))}
-    grid = grid_of(
-        ds, ("*[gG][rR][dD]*.nc*", "*[gG][rR][iI][dD]*.nc*"), wanted,
+    grid = find_grid(
+        ds, ("*[gG][rR][dD]*.nc*", "*[gG][rR][iI][dD]*.nc*"), fields,
         lambda other: all(other.sizes.get(dim, size) == size for dim, size in sizes.items()),
     )  # fmt: skip
     if grid is not None:
-        held = {name: grid[name] for name in grid.variables if name not in ds.variables}
-        return noted(_shared_dims(ds, ds.assign(held)), told=grid.attrs["told"])
+        added = {name: grid[name] for name in grid.variables if name not in ds.variables}
+        return noted(_shared_dims(ds, ds.assign(added)), told=grid.attrs["told"])
     raise ForcingError(
         "has no positions (lat_rho, lon_rho): they are in the grid file of the model", where=where,
         remedy="Put the grid file (*_grd.nc) of the same size into the same folder",
@@ -257,7 +257,7 @@ def _shared_dims(original: xr.Dataset, ds: xr.Dataset) -> xr.Dataset:
 
 
 def _staggered(ds: xr.Dataset) -> xr.Dataset:
-    """Give u and v positions half-way between those of the cells where the file leaves them out or holds zeros."""
+    """Give u and v positions half-way between the cells where the file leaves them out or holds zeros."""
     for name, axis in (("u", "xi_"), ("v", "eta_")):
         if name not in ds.variables or not {"lat_rho", "lon_rho"} <= set(ds.variables):
             continue
@@ -270,14 +270,14 @@ def _staggered(ds: xr.Dataset) -> xr.Dataset:
         expected = list(ds["lat_rho"].shape)
         expected[shift] -= 1
         if [ds.sizes[dim] for dim in dims] == expected:
-            made = {}
-            for own, rho in ((lat, "lat_rho"), (lon, "lon_rho")):
+            positions = {}
+            for target, rho in ((lat, "lat_rho"), (lon, "lon_rho")):
                 values = np.asarray(ds[rho].values, float)
                 halves = [np.take(values, range(k, k + expected[shift]), axis=shift) for k in (0, 1)]
                 # The short way round, for the two may stand on either side of the seam.
                 step = (halves[1] - halves[0] + 180.0) % 360.0 - 180.0
-                made[own] = (tuple(dims), halves[0] + 0.5 * step, ds[rho].attrs)
-            ds = ds.drop_vars([lat, lon], errors="ignore").assign_coords(made)
+                positions[target] = (tuple(dims), halves[0] + 0.5 * step, ds[rho].attrs)
+            ds = ds.drop_vars([lat, lon], errors="ignore").assign_coords(positions)
             ds[name].encoding["coordinates"] = f"{lon} {lat}"
     return ds
 
@@ -457,48 +457,50 @@ _SAME = ("h", "mask_rho", "mask_u", "mask_v")
 """Fields of a grid that output often repeats, by which a grid is known to be its own."""
 
 
-def grid_of(
-    ds: xr.Dataset, patterns: Sequence[str], wanted: Sequence[str], fits: Callable[[xr.Dataset], bool]
+def find_grid(
+    ds: xr.Dataset, patterns: Sequence[str], fields: Sequence[str], fits: Callable[[xr.Dataset], bool]
 ) -> xr.Dataset | None:
-    """Return what the one grid file beside a file gives; None if there is none."""
+    """Return the fields of the one grid file beside a file; None if there is none."""
     where = str(ds.encoding.get("source", ""))
     folder = Path(where).parent
-    own = Path(str(ds.attrs.get("grd_file", ""))).name
-    stated = bool(own) and (folder / own).is_file()
+    grid_name = Path(str(ds.attrs.get("grd_file", ""))).name
+    stated = bool(grid_name) and (folder / grid_name).is_file()
     files = sorted({path for pattern in patterns for path in folder.glob(pattern)} - {Path(where)})
     alike: dict[str, xr.Dataset] = {}
     proven: dict[str, xr.Dataset] = {}
     others: list[str] = []
-    for path in [folder / own] if stated else files:
+    for path in [folder / grid_name] if stated else files:
         try:
             # Times of a grid file matter to nobody, and those of a stray file may be none.
             with open_lazily(path, decode_times=False) as opened:
-                if not set(wanted[:2]) <= set(opened.variables):
+                if not set(fields[:2]) <= set(opened.variables):
                     continue
-                both = [name for name in _SAME if name in ds.variables and name in opened.variables]
-                shared = [name for name in both if 0 < ds[name].ndim == opened[name].ndim]
+                common = [name for name in _SAME if name in ds.variables and name in opened.variables]
+                shared = [name for name in common if 0 < ds[name].ndim == opened[name].ndim]
                 if not fits(opened) or not all(_alike(ds[name], opened[name]) for name in shared):
                     others.append(path.name)
                     continue
-                held = opened[[name for name in wanted if name in opened.variables]].load().reset_coords()
+                loaded = opened[[name for name in fields if name in opened.variables]].load().reset_coords()
         except Exception:  # a neighbour that cannot be read is no grid of this file
             others.append(path.name)
             continue
-        (proven if shared or stated else alike)[path.name] = held
+        (proven if shared or stated else alike)[path.name] = loaded
     # Grids that share a field with the file go before those of the same size only.
     fitting = proven or alike
     names, remedy = ", ".join(fitting or others), "Put its own grid file, and no other, into the same folder"
     if not fitting and not others:
         return None
     if not fitting:
-        what = f"the grid files beside it are those of another grid, or cannot be read: {names}"
-        raise ForcingError(what, where=where, remedy=remedy)
+        fault = f"the grid files beside it are those of another grid, or cannot be read: {names}"
+        raise ForcingError(fault, where=where, remedy=remedy)
     # Of the same size is no proof where the file names a grid that is not there.
-    if own and not proven:
-        what = f"its positions are in its grid file {own}, which is not beside it; {names} may be that of another"
-        raise ForcingError(what, where=where, remedy=remedy)
+    if grid_name and not proven:
+        fault = (
+            f"its positions are in its grid file {grid_name}, which is not beside it; {names} may be that of another"
+        )
+        raise ForcingError(fault, where=where, remedy=remedy)
     first = next(iter(fitting.values()))
-    if not all(_alike(grid[name], first[name]) for grid in fitting.values() for name in wanted[:2]):
+    if not all(_alike(grid[name], first[name]) for grid in fitting.values() for name in fields[:2]):
         raise ForcingError(f"{len(fitting)} different grids beside it fit: {names}", where=where, remedy=remedy)
     by = "named in the file" if stated else "of the same sea floor or mask" if proven else "of the same size"
     return first.assign_attrs(told=f"positions are those of the grid file {next(iter(fitting))}, {by}")
@@ -520,23 +522,23 @@ def with_static_grid(ds: xr.Dataset) -> xr.Dataset:
         try:
             with open_lazily(path, decode_times=False) as opened:
                 names = [name for name in opened.variables if re.match(r"geol(at|on)", str(name))]
-                held = opened[names].load().reset_coords()
+                loaded = opened[names].load().reset_coords()
         except Exception:  # a neighbour that cannot be read is no grid of this file
             continue
-        rows = {dim: _rows_of(held, ds, dim) for dim in axes if dim in held.dims and dim in held.variables}
-        chosen = held.isel({dim: index for dim, index in rows.items() if index is not None})
-        fitting = [n for n in names if all(rows.get(dim) is not None for dim in held[n].dims)]
+        rows = {dim: _find_rows(loaded, ds, dim) for dim in axes if dim in loaded.dims and dim in loaded.variables}
+        chosen = loaded.isel({dim: index for dim, index in rows.items() if index is not None})
+        fitting = [n for n in names if all(rows.get(dim) is not None for dim in loaded[n].dims)]
         if fitting:
             ds = ds.assign({n: (chosen[n].dims, chosen[n].values, chosen[n].attrs) for n in fitting})
             return noted(ds, told=f"true positions are those of the grid file {path.name}, by its axes")
     return ds
 
 
-def _rows_of(grid: xr.Dataset, ds: xr.Dataset, dim: Hashable) -> Ints | None:
+def _find_rows(grid: xr.Dataset, ds: xr.Dataset, dim: Hashable) -> Ints | None:
     """Return at which rows of a grid the values of an axis stand; None if one stands at none."""
-    apart = np.abs(np.subtract.outer(ds[dim].values.astype(float), grid[dim].values.astype(float)))
-    rows = np.argmin(apart, axis=1)
-    return rows if apart.min(axis=1).max(initial=0.0) < 1e-4 else None
+    differences = np.abs(np.subtract.outer(ds[dim].values.astype(float), grid[dim].values.astype(float)))
+    rows = np.argmin(differences, axis=1)
+    return rows if differences.min(axis=1).max(initial=0.0) < 1e-4 else None
 
 
 def _alike(a: xr.DataArray, b: xr.DataArray) -> bool:
@@ -562,9 +564,9 @@ def _is_a68a(heading: Heading) -> bool:
     """Tell the bare style: fields named as in the model, no units; by its name or grid, for others have no units too."""
     if not _has_a68a_name(heading) and {name: heading.sizes.get(name) for name in _A68A_GRID} != _A68A_GRID:
         return False
-    held = _A68A_FIELDS & heading.names
-    bare = held and all(
-        "units" not in heading.variables[name] and "Unit" not in heading.variables[name] for name in held
+    present = _A68A_FIELDS & heading.names
+    bare = present and all(
+        "units" not in heading.variables[name] and "Unit" not in heading.variables[name] for name in present
     )
     alone = not (USUAL_NAMES - _A68A_FIELDS) & heading.names  # a file of others has fields that these never have
     return (
@@ -575,19 +577,21 @@ def _is_a68a(heading: Heading) -> bool:
     )
 
 
-def _positioned(ds: xr.Dataset) -> xr.Dataset:
-    """Give the file its latitudes and longitudes, those of cell centres where the field lives there."""
+def _add_positions(ds: xr.Dataset) -> xr.Dataset:
+    """Give the file its latitudes and longitudes, at cell centres where the field lives there."""
     centred = bool(_AT_CENTRES & set(map(str, ds.data_vars)))
     if {"actual_lon", "actual_lat"} <= set(ds.variables) and centred:
         lon, lat = ds["actual_lon"].values, ds["actual_lat"].values
         return ds.drop_vars(["actual_lon", "actual_lat"]).assign_coords(lon=("lon", lon), lat=("lat", lat))
-    along = {role_of(name, variable) for name, variable in ds.variables.items() if {"lat", "lon"} & set(variable.dims)}
+    along = {
+        find_role(name, variable) for name, variable in ds.variables.items() if {"lat", "lon"} & set(variable.dims)
+    }
     if {"lon", "lat"} <= set(ds.variables) or {"lat", "lon"} <= along:  # its own, or those of other variables
         return ds
     where = str(ds.encoding.get("source", ""))
     size = ds.sizes["lat"], ds.sizes["lon"]
-    wanted = ("longitude", "latitude")
-    grid = grid_of(ds, ("*_grid.nc",), wanted, lambda other: other["latitude"].shape == size) if where else None
+    names = ("longitude", "latitude")
+    grid = find_grid(ds, ("*_grid.nc",), names, lambda other: other["latitude"].shape == size) if where else None
     if grid is None and not _has_a68a_name(Heading.of(ds)):
         return ds  # not a file of the experiment: what it lacks is said in general words
     if grid is None:
@@ -607,18 +611,18 @@ def _dated(ds: xr.Dataset) -> xr.Dataset:
     if ds.sizes["time"] == 1:
         return ds.isel(time=0, drop=True)
     where = str(ds.encoding.get("source", ""))
-    named = re.search(rf"({'|'.join(_MONTHS)})(\d{{4}}).*hourly", Path(where).name, re.IGNORECASE)
-    if named is None:
+    match = re.search(rf"({'|'.join(_MONTHS)})(\d{{4}}).*hourly", Path(where).name, re.IGNORECASE)
+    if match is None:
         remedy = "Write time units on it, or keep the original name with month and HOURLY (dec2020_HOURLY)"
         raise ForcingError("has records without dates", where=where, remedy=remedy)
-    units = f"hours since {named[2]}-{1 + _MONTHS.index(named[1].lower()):02d}-01 00:00:00"
+    units = f"hours since {match[2]}-{1 + _MONTHS.index(match[1].lower()):02d}-01 00:00:00"
     hours = np.arange(ds.sizes["time"])
     return ds.assign_coords(time=("time", hours, {"units": units, "calendar": "standard"}))
 
 
 def _mend_a68a(ds: xr.Dataset) -> xr.Dataset:
     """Give the file the positions and dates that it leaves out."""
-    return _dated(_positioned(ds))
+    return _dated(_add_positions(ds))
 
 
 def _without_zeros(ds: xr.Dataset) -> xr.Dataset:

@@ -10,7 +10,7 @@ import xarray as xr
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.products.dates import in_mid_month
 from riftberg.products.place import projected
-from riftberg.products.product import DAY, Evidence, Heading, Product, Source, noted, stamped_at_noon, without_single
+from riftberg.products.product import DAY, Evidence, Heading, Product, Source, noted, stamp_noon, without_single
 from riftberg.products.quantities import QUANTITIES, labelled
 from riftberg.products.records import usual_interval
 
@@ -35,7 +35,7 @@ def _drop_year_axis(ds: xr.Dataset) -> xr.Dataset:
     OSCAR is a mean over the top 30 m.
     """
     ds = ds.drop_vars("year", errors="ignore")
-    return without_single(ds, "depth", "year", what="OSCAR v1 has one level at 15 m; give the original file")
+    return without_single(ds, "depth", "year", remedy="OSCAR v1 has one level at 15 m; give the original file")
 
 
 def _by_coordinate(ds: xr.Dataset) -> xr.Dataset:
@@ -68,7 +68,7 @@ OSCAR_V2 = Product(
     matches=_is_oscar_v2,
     sources=_OSCAR_CURRENTS,
     reshape=_by_coordinate,
-    finish=stamped_at_noon,
+    finish=stamp_noon,
     averaging=DAY,
     notes=(*_OSCAR_NOTES, "daily means: stamps put at 12:00 UTC", "file order is (time, longitude, latitude)"),
 )
@@ -199,11 +199,11 @@ def _in_mid_day_or_month(ds: xr.Dataset) -> xr.Dataset:
         doubt = (
             "one record, and nothing in the file tells whether it is the mean of a day or of a month: taken as a day"
         )
-        return noted(stamped_at_noon(ds), doubt=doubt)
+        return noted(stamp_noon(ds), doubt=doubt)
     if step < SECONDS_PER_DAY:  # hourly products are instants at their stamp
         return ds.assign_attrs(averaging_seconds=0.0)
     if step < 20 * SECONDS_PER_DAY:
-        return stamped_at_noon(ds)
+        return stamp_noon(ds)
     return in_mid_month(ds)
 
 
@@ -269,10 +269,10 @@ _ORAS5_LEVELS = ("deptht", "depthu", "depthv")
 
 
 def _is_oras5(heading: Heading) -> bool:
-    """Tell ORAS5 from other output of NEMO by heading or name: its records are months, those of others may be hours."""
+    """Tell ORAS5 from other output of NEMO by heading or name: its records are months, where others may have hours."""
     words = heading.says("title", "source", "summary", "product", "id", "references") + heading.source.lower()
-    named = "oras5" in words or "oras-5" in words or "_monthly_highres_" in words
-    return named and bool(_ORAS5_NAMES & heading.names) and {"nav_lat", "nav_lon"} <= heading.names
+    is_named = "oras5" in words or "oras-5" in words or "_monthly_highres_" in words
+    return is_named and bool(_ORAS5_NAMES & heading.names) and {"nav_lat", "nav_lon"} <= heading.names
 
 
 def _with_nemo_axes_named(ds: xr.Dataset) -> xr.Dataset:
@@ -341,7 +341,7 @@ OSISAF = Product(
     sources=(Source("ice_fraction", ("ice_conc",), "%"),),
     reshape=lambda ds: projected(ds, _standard_projection(ds)),
     variants=(("EASE2, 25 km", "documentation"),),
-    finish=stamped_at_noon,
+    finish=stamp_noon,
     averaging=DAY,
     notes=("daily, stamped 12:00 UTC", "percent in the file, fraction here"),
 )

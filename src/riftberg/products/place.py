@@ -1,4 +1,4 @@
-"""The horizontal place of a field: which of its coordinates are its positions, what kind of grid they make, and its axes.
+"""The horizontal place of a field: which of its coordinates are its positions, the kind of grid that they make, and its axes.
 
 Numbers of rows and columns are never positions: a dimension counts as a position only through a coordinate with values.
 """
@@ -13,7 +13,7 @@ import xarray as xr
 
 from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
-from riftberg.products.cf import NAMED, coordinates_of, role_of_name, standard_name, units_of
+from riftberg.products.cf import NAMED, find_coordinates, read_units, role_by_name, standard_name
 from riftberg.products.product import noted
 from riftberg.products.quantities import unit_change
 from riftberg.state import Floats
@@ -57,13 +57,13 @@ STRAIGHT = 1e-5
 """Two-dimensional positions that differ by less (degrees) along a row or column make ordinary axes."""
 
 
-def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str, point: str = "t") -> xr.DataArray:
+def place_field(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str, point: str = "t") -> xr.DataArray:
     """Return a field on ``lat`` and ``lon``, on ``y`` and ``x`` with positions, or on ``node``.
 
     The point of a cell ("t", "u" or "v") decides where a file has positions of several and the field names none.
     """
     field, rest = _without_singles(ds, name, field, where)
-    coordinates = list(coordinates_of(ds, name))
+    coordinates = list(find_coordinates(ds, name))
     projected = _projected(ds, name, field, rest, coordinates)
     if projected is not None:
         return projected
@@ -81,7 +81,7 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str, po
         # By way of names that no file has: a file may call its columns lat.
         bare = bare.rename({str(north.dims[0]): "lat_", str(east.dims[0]): "lon_"}).rename(lat_="lat", lon_="lon")
         bare = bare.assign_coords(lat=("lat", north.values, NORTH), lon=("lon", east.values, EAST))
-        return _south_of_seam(bare, aside, where) if aside else bare
+        return _cut_at_seam(bare, aside, where) if aside else bare
     if north.ndim == 1:
         bare = bare.rename({str(north.dims[0]): "node"})
         return bare.assign_coords(lat=("node", north.values, NORTH), lon=("node", east.values, EAST))
@@ -104,8 +104,8 @@ def _without_origin(
     # One point may well lie at (0, 0); several cannot.
     if int(nowhere.sum()) > 1:
         north, east = north.where(~nowhere), east.where(~nowhere)
-    known = np.isfinite(north.values) & np.isfinite(east.values)
-    if known.sum() < 4 or (np.ptp(north.values[known]) == 0.0 and np.ptp(east.values[known]) == 0.0):
+    valid = np.isfinite(north.values) & np.isfinite(east.values)
+    if valid.sum() < 4 or (np.ptp(north.values[valid]) == 0.0 and np.ptp(east.values[valid]) == 0.0):
         raise ForcingError(
             f"{lat} and {lon} hold no positions: they are the same everywhere", where=where,
             remedy="Take the positions from the grid file of the model",
@@ -114,22 +114,22 @@ def _without_origin(
 
 
 def _without_singles(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:
-    """Drop dimensions of length one that are no place; refuse longer ones that are none; return those of place."""
-    places = {
+    """Drop dimensions of length one that are no place; refuse longer ones that are none; return the horizontal dimensions."""
+    place_dims = {
         str(dim)
-        for c, role, _ in coordinates_of(ds, name) if role in ("lat", "lon", "x", "y")
+        for c, role, _ in find_coordinates(ds, name) if role in ("lat", "lon", "x", "y")
         for dim in ds[c].dims
     }  # fmt: skip
     rest = [str(dim) for dim in field.dims if dim not in ("time", "depth", "s_level")]
     for dim in list(rest):
-        place = dim in places or role_of_name(dim) in ("lat", "lon")
-        if field.sizes[dim] == 1 and not place:
+        is_horizontal = dim in place_dims or role_by_name(dim) in ("lat", "lon")
+        if field.sizes[dim] == 1 and not is_horizontal:
             field = field.isel({dim: 0}, drop=True)
             rest.remove(dim)
-    extra = [dim for dim in rest if dim not in places and role_of_name(dim) not in ("lat", "lon")]
+    extra = [dim for dim in rest if dim not in place_dims and role_by_name(dim) not in ("lat", "lon")]
     if len(rest) > 2:
         culprit = extra[0] if extra else rest[0]
-        kind = " (members of an ensemble)" if role_of_name(culprit) == "member" else ""
+        kind = " (members of an ensemble)" if role_by_name(culprit) == "member" else ""
         raise ForcingError(
             f"{name} has {field.sizes[culprit]} entries along the dimension {culprit}{kind}", where=where,
             remedy=f"Choose one first: ncks -d {culprit},0 FILE OUT, or in Python ds.isel({culprit}=0)",
@@ -176,8 +176,8 @@ def _pair(
             return lat, lon, ""
         for north, east in true:
             if off := _aside(ds, (lat, lon), (north, east), where):
-                said = f"positions are those of {north} and {east}: the axes {lat} and {lon} lie up to {off:.2g} degrees aside"
-                return north, east, said
+                remark = f"positions are those of {north} and {east}: the axes {lat} and {lon} lie up to {off:.2g} degrees aside"
+                return north, east, remark
         if true:
             return lat, lon, ""
     mapping = str(ds[name].attrs.get("grid_mapping", ds[name].encoding.get("grid_mapping", "")))
@@ -185,7 +185,7 @@ def _pair(
     for c in [c for c, *_ in coordinates if ds[c].dims in {(dim,) for dim in rest}]:
         true_name = standard_name(ds[c]) in ("latitude", "longitude")
         if NAMED not in ds[c].attrs and (
-            _ROTATED.search(_said(ds, c)) or (turned and role_of_name(c) and not true_name)
+            _ROTATED.search(_said(ds, c)) or (turned and role_by_name(c) and not true_name)
         ):
             raise ForcingError(
                 f"{c} is an axis of a rotated grid: its numbers are no latitudes and longitudes", where=where,
@@ -209,7 +209,7 @@ def _pair(
 def _choice(
     ds: xr.Dataset, name: str, best: tuple[Any, ...], fitting: list[tuple[Any, ...]], undecided: int, where: str
 ) -> str:
-    """Return a remark where positions of other points of the cells lie beside those taken; refuse what nothing decides."""
+    """Return a remark where positions of other points of the cells lie beside those taken; refuse where nothing decides."""
     lat, lon = best[5:]
     positions = [_checked_degrees(ds[c], where) for c in (lat, lon)]
     for other in sorted(fitting)[1:]:
@@ -239,29 +239,33 @@ def is_nominal_name(name: str) -> bool:
 
 
 def _is_nominal(ds: xr.Dataset, lat: str, lon: str) -> bool:
-    """Tell whether axes are nominal by their names or descriptions; what has a standard name is a position."""
+    """Tell whether axes are nominal by their names or descriptions; an axis with a standard name is a position."""
     names = [c for c in (lat, lon) if standard_name(ds[c]) not in ("latitude", "longitude")]
     return any(
         _NOMINAL.search(text) for c in names for text in (c.lower(), str(ds[c].attrs.get("long_name", "")).lower())
     )
 
 
-def _south_of_seam(field: xr.DataArray, said: str, where: str) -> xr.DataArray:
+def _cut_at_seam(field: xr.DataArray, remark: str, where: str) -> xr.DataArray:
     """Return a field on nominal axes where these are positions, with a remark; refuse one that lies beyond."""
     rows = np.flatnonzero(field["lat"].values <= SEAM)
     remedy = (
         "Put the grid file of the model with those of all points (geolat, geolon: *static*.nc) into the same folder"
     )
     if rows.size < min(2, field.sizes["lat"]):
-        raise ForcingError(said, where=where, remedy=remedy)
+        raise ForcingError(remark, where=where, remedy=remedy)
     cut = " and nothing is read" if rows.size < field.sizes["lat"] else ""
-    return field.isel(lat=rows).assign_attrs(placed=f"{said}{cut}. {remedy}")
+    return field.isel(lat=rows).assign_attrs(placed=f"{remark}{cut}. {remedy}")
 
 
 def nominal_axes(ds: xr.Dataset) -> str:
     """Return the remark on nominal axes of a canonical dataset, behind a blank; empty if its positions are true."""
     return next(
-        (f" ({said.split('. ')[0]})" for said in str(ds.attrs.get("told", "")).split("; ") if "nominal axes" in said),
+        (
+            f" ({remark.split('. ')[0]})"
+            for remark in str(ds.attrs.get("told", "")).split("; ")
+            if "nominal axes" in remark
+        ),
         "",
     )
 
@@ -273,11 +277,11 @@ def _aside(ds: xr.Dataset, axes: tuple[str, str], pair: tuple[str, str], where: 
     lat, lon = (np.where((lat == 0.0) & (lon == 0.0), np.nan, values) for values in (lat, lon))
     north, east = (np.asarray(ds[c].values, float) for c in axes)
     off = np.hypot(lat - north[:, None], ((lon - east + 180.0) % 360.0 - 180.0) * np.cos(np.deg2rad(lat)))
-    known = np.isfinite(lat) & np.isfinite(lon)
-    if known.sum() < 4 or (np.ptp(lat[known]) == 0.0 and np.ptp(lon[known]) == 0.0):
+    valid = np.isfinite(lat) & np.isfinite(lon)
+    if valid.sum() < 4 or (np.ptp(lat[valid]) == 0.0 and np.ptp(lon[valid]) == 0.0):
         return 0.0
-    largest = float(np.nan_to_num(off[known], nan=360.0).max())
-    return largest if largest > EXACT * step_of(north) + 1e-4 else 0.0
+    largest = float(np.nan_to_num(off[valid], nan=360.0).max())
+    return largest if largest > EXACT * median_step(north) + 1e-4 else 0.0
 
 
 def _checked_degrees(variable: xr.DataArray, where: str) -> xr.DataArray:
@@ -285,7 +289,7 @@ def _checked_degrees(variable: xr.DataArray, where: str) -> xr.DataArray:
     values = variable.values.astype(float)
     if variable.dtype == np.float32:  # the noise beyond the sixth decimal is of single precision
         values = np.round(values, 6)
-    units = units_of(variable)
+    units = read_units(variable)
     if units.lower().startswith("rad"):
         values = np.rad2deg(values)
     if _SOUTH_OR_WEST.fullmatch(units.strip()):
@@ -314,7 +318,7 @@ def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: x
         raise ForcingError(
             f"{lat} neither rises nor falls throughout", where=where, remedy=f"Sort it: ds.sortby('{lat}')"
         )
-    bare = all(not units_of(ds[name]) and not standard_name(ds[name]) for name in (lat, lon))
+    bare = all(not read_units(ds[name]) and not standard_name(ds[name]) for name in (lat, lon))
     counted = all(
         any(np.array_equal(axis.values, np.arange(axis.size) + first) for first in (0, 1)) for axis in (north, east)
     )
@@ -339,13 +343,13 @@ def _straight(lat: Floats, lon: Floats) -> tuple[Floats, Floats] | None:
     return (axis, lon[0]) if distinct and ((steps > 0.0).all() or (steps < 0.0).all()) else None
 
 
-def mapping_of(ds: xr.Dataset, name: str) -> xr.Variable | None:
+def find_mapping(ds: xr.Dataset, name: str) -> xr.Variable | None:
     """Return the variable that describes the map projection of a field, if there is one."""
     mapping = str(ds[name].attrs.get("grid_mapping", ds[name].encoding.get("grid_mapping", ""))).split(":")[0].strip()
     if mapping in ds.variables:
         return ds.variables[mapping]
-    named = [v for v in ds.variables.values() if v.ndim == 0 and "grid_mapping_name" in v.attrs]
-    return named[0] if len(named) == 1 else None
+    mappings = [v for v in ds.variables.values() if v.ndim == 0 and "grid_mapping_name" in v.attrs]
+    return mappings[0] if len(mappings) == 1 else None
 
 
 def _projected(
@@ -367,17 +371,17 @@ def _projected(
     if set(roles.values()) != {"x", "y"} or set(roles) != set(rest):
         return None
     ready = "crs_wkt" in ds.attrs
-    mapping = mapping_of(ds, name)
-    crs = ds.attrs["crs_wkt"] if ready else crs_of_mapping(mapping) if mapping is not None else None
-    units = {kind: units_of(ds[axes[dim]]).strip().lower() for dim, kind in roles.items()}
+    mapping = find_mapping(ds, name)
+    crs = ds.attrs["crs_wkt"] if ready else read_crs(mapping) if mapping is not None else None
+    units = {kind: read_units(ds[axes[dim]]).strip().lower() for dim, kind in roles.items()}
     degrees = all(unit.startswith("deg") for unit in units.values())
     if crs is None:
         return None
-    both = [
+    candidates = [
         [c for c, role, _ in coordinates if role == kind and set(ds[c].dims) == set(rest)] for kind in ("lat", "lon")
     ]
-    factor = {kind: metres_in(unit or "m") for kind, unit in units.items()}
-    if not degrees and not all(factor.values()) and (ready or crs.is_projected) and (ready or not all(both)):
+    factor = {kind: unit_in_metres(unit or "m") for kind, unit in units.items()}
+    if not degrees and not all(factor.values()) and (ready or crs.is_projected) and (ready or not all(candidates)):
         wrong = next(unit for kind, unit in units.items() if not factor[kind])
         raise ForcingError(
             f"the axes of the map of {name} count {wrong!r}, which is no length", where=str(ds.encoding.get("source", "")),
@@ -385,7 +389,7 @@ def _projected(
         )  # fmt: skip
     if not ready:  # lengths on a map or degrees on a rotated pole; bare counts of rows and columns are neither
         rotated = bool(getattr(crs, "is_derived", False)) and not crs.is_projected
-        if not (rotated if degrees else crs.is_projected and all(map(metres_in, units.values()))):
+        if not (rotated if degrees else crs.is_projected and all(map(unit_in_metres, units.values()))):
             return None
     x_dim, y_dim = (next(dim for dim in rest if roles[dim] == kind) for kind in ("x", "y"))
     x, y = (ds[axes[dim]].values.astype(float) for dim in (x_dim, y_dim))
@@ -393,7 +397,7 @@ def _projected(
     bare = bare.rename({x_dim: "x_", y_dim: "y_"}).rename(x_="x", y_="y").transpose(..., "y", "x")
     if not degrees:
         x, y = x * factor["x"], y * factor["y"]
-    pair = tuple(names[0] for names in both) if all(both) else ()
+    pair = tuple(names[0] for names in candidates) if all(candidates) else ()
     radius = ready or mapping is None or not {*RADII, *_TEXTS}.isdisjoint(mapping.attrs)
     off = _distance(ds, crs, x, y, pair, (y_dim, x_dim)) if pair else 0.0
     spacing = max((float(abs(axis[1] - axis[0])) for axis in (x, y) if axis.size > 1), default=0.0)
@@ -407,10 +411,10 @@ def _projected(
         )
     if pair and off > EXACT * spacing + CLOSE:
         why = "" if radius else ", whose radius of the Earth is not given"
-        said = f"the latitudes and longitudes of the file are taken, {off / 1000.0:.1f} km from its projection{why}"
+        remark = f"the latitudes and longitudes of the file are taken, {off / 1000.0:.1f} km from its projection{why}"
         lat, lon = (_checked_degrees(ds[c].transpose(y_dim, x_dim), name).values for c in pair)
         bare = bare.assign_coords(lat=(("y", "x"), lat, NORTH), lon=(("y", "x"), lon, EAST))
-        return bare.assign_attrs(placed=said)
+        return bare.assign_attrs(placed=remark)
     if degrees:  # of a rotated pole
         lon, lat = to_degrees(crs, *np.meshgrid(x, y))
         return bare.assign_coords(lat=(("y", "x"), lat, NORTH), lon=(("y", "x"), lon, EAST))
@@ -419,8 +423,8 @@ def _projected(
         values = ds[position].transpose(y_dim, x_dim).values
         placed = placed.assign_coords({kind: (("y", "x"), values, attributes)})
     if not radius and not pair:
-        said = "the projection states no radius of the Earth: WGS84 is taken, a sphere would lead some 10 km aside"
-        placed = placed.assign_attrs(placed=said)
+        remark = "the projection states no radius of the Earth: WGS84 is taken, a sphere would lead some 10 km aside"
+        placed = placed.assign_attrs(placed=remark)
     return placed.assign_attrs(crs_wkt=crs if ready else crs.to_wkt())
 
 
@@ -438,8 +442,8 @@ def _distance(ds: xr.Dataset, crs: Any, x: Floats, y: Floats, pair: tuple[str, .
 # Fields on a map projection: axes in metres, positions by pyproj.
 
 
-def metres_in(unit: str) -> float:
-    """Return the metres in a unit of map axes, also with a number before it (100 km); 0 for what is no length."""
+def unit_in_metres(unit: str) -> float:
+    """Return the metres in a unit of map axes, also with a number before it (100 km); 0 if it is no length."""
     return 0.0 if (change := unit_change(unit, "m")) is None else change[0]
 
 
@@ -453,12 +457,12 @@ RADII = frozenset((
 
 
 def projected(ds: xr.Dataset, fallback: str) -> xr.Dataset:
-    """Note the projection of a product's map as ``crs_wkt``: that of its grid mapping, else the fallback."""
+    """Note the projection of a product's map as ``crs_wkt``: from its grid mapping, else the fallback."""
     from pyproj import CRS
 
     mappings = [v for v in ds.variables.values() if v.ndim == 0 and "grid_mapping_name" in v.attrs]
-    known = [crs for crs in map(crs_of_mapping, mappings) if crs is not None]
-    return ds.assign_attrs(crs_wkt=(known[0] if known else CRS.from_user_input(fallback)).to_wkt())
+    projections = [crs for crs in map(read_crs, mappings) if crs is not None]
+    return ds.assign_attrs(crs_wkt=(projections[0] if projections else CRS.from_user_input(fallback)).to_wkt())
 
 
 def _transformer(crs: Any) -> Any:
@@ -483,17 +487,17 @@ def to_degrees(crs: Any, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     return np.asarray(lon, float), np.asarray(lat, float)
 
 
-def crs_of_mapping(mapping: xr.Variable) -> Any:
+def read_crs(mapping: xr.Variable) -> Any:
     """Return the projection that a grid mapping variable describes; None if pyproj understands none of its words."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
     attributes = _plain_attributes(mapping.attrs)
     texts = [attributes[key] for key in _TEXTS if key in attributes]
-    ways = [(cast(Any, CRS).from_cf, attributes), *((cast(Any, CRS).from_user_input, t) for t in texts)]
+    readings = [(cast(Any, CRS).from_cf, attributes), *((cast(Any, CRS).from_user_input, t) for t in texts)]
     if not RADII & set(attributes):  # a text may say which; without one the library takes WGS84
-        ways = [*ways[1:], ways[0]]
-    for reading, stated in ways:
+        readings = [*readings[1:], readings[0]]
+    for reading, stated in readings:
         try:
             return reading(stated)
         except (CRSError, KeyError, ValueError, TypeError, AttributeError):
@@ -586,14 +590,14 @@ def _ascending(ds: xr.Dataset, name: str) -> xr.Dataset:
     return ds.isel({name: slice(None, None, -1)}) if values.size > 1 and values[0] > values[-1] else ds
 
 
-def step_of(values: Floats) -> float:
+def median_step(values: Floats) -> float:
     """Return the median spacing of an axis; 0 for a single value."""
     return float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 0.0
 
 
 def goes_round(lon: Floats) -> bool:
     """Tell whether ascending longitudes (degrees) cover the whole circle."""
-    step = step_of(lon)
+    step = median_step(lon)
     return bool(lon.size > 1 and lon[-1] - lon[0] + 1.5 * step >= 360.0)
 
 

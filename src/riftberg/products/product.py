@@ -1,4 +1,4 @@
-"""What a product is: how it is recognised, which fields it holds, and what must be mended on the way in."""
+"""Definition of a product: how it is recognised, which fields it holds, and how it is mended on the way in."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ DAY = np.timedelta64(86400, "s")
 
 
 def unchanged(ds: xr.Dataset) -> xr.Dataset:
-    """Return the dataset as it is."""
+    """Return the dataset unchanged."""
     return ds
 
 
 @dataclass(frozen=True)
 class Heading:
-    """What a file says of itself before any of its values is read: by this alone its product is recognised."""
+    """Metadata of a file, read before any of its values: by these alone its product is recognised."""
 
     variables: Mapping[str, Mapping[Hashable, Any]]  # Attributes of each variable
     sizes: Mapping[str, int]  # Lengths of the dimensions
@@ -102,25 +102,25 @@ class Product:
         return tuple(source.quantity for source in self.sources)
 
     def checked(self, names: Iterable[Hashable] | None = None) -> str:
-        """Say what the reader was checked against, by quantity (of ``names`` only) and by layout where these differ."""
+        """Describe the evidence for the reader, by quantity (of ``names`` only) and by layout where these differ."""
         chosen = set(self.gives if names is None else map(str, names))
-        held: dict[Evidence, list[str]] = {}
+        by_evidence: dict[Evidence, list[str]] = {}
         for source in self.sources:
             if source.quantity in chosen:
-                held.setdefault(source.evidence or self.evidence, []).append(source.quantity)
-        single = len(held) < 2
-        kinds = [f"{EVIDENCE[kind]}" + ("" if single else f" ({', '.join(q)})") for kind, q in held.items()]
+                by_evidence.setdefault(source.evidence or self.evidence, []).append(source.quantity)
+        single = len(by_evidence) < 2
+        kinds = [f"{EVIDENCE[kind]}" + ("" if single else f" ({', '.join(q)})") for kind, q in by_evidence.items()]
         others = [f"{name}: {EVIDENCE[kind]}" for name, kind in self.variants]
         return "; ".join([*(kinds or [EVIDENCE[self.evidence]]), *others])
 
 
 def noted(ds: xr.Dataset, **remarks: str) -> xr.Dataset:
     """Return the dataset with remarks (``told``, ``doubt``, ``unread``) behind those that it has."""
-    said = {key: "; ".join(filter(None, (str(ds.attrs.get(key, "")), remark))) for key, remark in remarks.items()}
-    return ds.assign_attrs({key: text for key, text in said.items() if text})
+    merged = {key: "; ".join(filter(None, (str(ds.attrs.get(key, "")), remark))) for key, remark in remarks.items()}
+    return ds.assign_attrs({key: text for key, text in merged.items() if text})
 
 
-def stamped_at_noon(ds: xr.Dataset) -> xr.Dataset:
+def stamp_noon(ds: xr.Dataset) -> xr.Dataset:
     """Return daily means with their stamp at 12:00 UTC, the middle of the day, whatever hour the file wrote."""
     if "time" not in ds.dims:
         return ds
@@ -128,7 +128,7 @@ def stamped_at_noon(ds: xr.Dataset) -> xr.Dataset:
     return ds.assign_coords(time=("time", noon, ds["time"].attrs))
 
 
-def without_single(ds: xr.Dataset, *names: str, what: str = "") -> xr.Dataset:
+def without_single(ds: xr.Dataset, *names: str, remedy: str = "") -> xr.Dataset:
     """Drop dimensions of length one and their coordinates; longer ones are an error that says which file is wanted."""
     for name in names:
         if name in ds.dims:
@@ -136,7 +136,7 @@ def without_single(ds: xr.Dataset, *names: str, what: str = "") -> xr.Dataset:
                 raise ForcingError(
                     f"dimension {name!r} has {ds.sizes[name]} entries",
                     where=str(ds.encoding.get("source", "")),
-                    remedy=what,
+                    remedy=remedy,
                 )
             ds = ds.isel({name: 0}, drop=True)
     return ds.drop_vars([name for name in names if name in ds.variables and name not in ds.dims])

@@ -1,6 +1,6 @@
 """The canonical quantities: names, units, CF names, signs, limits; and the change of units into them.
 
-A new quantity is a row of `QUANTITIES`: how it is found in files, what is believed of it and where to get it follow.
+A new quantity is a row of `QUANTITIES`: how it is found in files, its believable values and its sources follow.
 """
 
 from __future__ import annotations
@@ -187,23 +187,23 @@ _READ_TOO: Final = {
 }  # fmt: skip
 
 
-def unit_change(units: str, wanted: str) -> tuple[float, float] | None:
+def unit_change(units: str, target: str) -> tuple[float, float] | None:
     """Return factor and offset that turn units, however a file writes them, into those that are wanted; None for others."""
     key = " ".join(units.split()).lower()
-    if key == wanted.lower():
+    if key == target.lower():
         return _SAME
-    for names, way in _NAMED.get(wanted, ()):
+    for names, change in _NAMED.get(target, ()):
         if key in names:
-            return way
+            return change
     number = re.match(r"(?:(\d+\.?\d*(?:e[-+]?\d+)?)|10(?:\^|\*\*)?([-+]\d+))\s*\*?\s*(?=[a-z])", key)
     scale = 1.0 if number is None else float(number[1] or f"1e{number[2]}")  # of "100 km" and "1e-2 m/s"
     key = key[number.end() :] if number else key
     try:
         # "m.s-1" and "meters per second" are those of "m s-1", and a full stop at the end is none of a number.
-        parts = re.sub(r"(?<=[a-z])\.(?=[a-z])", " ", key.rstrip(".").replace(" per ", "/"))
+        text = re.sub(r"(?<=[a-z])\.(?=[a-z])", " ", key.rstrip(".").replace(" per ", "/"))
         given, ours = (
-            parse_unit(re.sub(r"[a-z]+", lambda word: _SPELLED.get(word[0], word[0]), parts)),
-            parse_unit(wanted),
+            parse_unit(re.sub(r"[a-z]+", lambda word: _SPELLED.get(word[0], word[0]), text)),
+            parse_unit(target),
         )
     except ValueError:
         return None
@@ -216,15 +216,15 @@ def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, fl
     if change is None:
         read_too = f"(read too: {_READ_TOO[quantity.units]})"
         if units.strip():
-            what, remedy = (
+            fault, remedy = (
                 f"units {units!r} are not known",
                 f"Convert it to {quantity.units} and write that into the file",
             )
         else:
-            what = "the file gives no units"
+            fault = "the file gives no units"
             remedy = f"If it is in {quantity.units}, write that into the file: ncatted -a units,NAME,c,c,'{quantity.units}' FILE"
         raise ForcingError(
-            f"{what} for {quantity.name} ({quantity.long_name})", where=where, remedy=f"{remedy} {read_too}"
+            f"{fault} for {quantity.name} ({quantity.long_name})", where=where, remedy=f"{remedy} {read_too}"
         )
     return change
 
@@ -252,7 +252,7 @@ def labelled(data: xr.DataArray, quantity: Quantity) -> xr.DataArray:
 
 
 def unlikely(name: str, low: float, high: float) -> str:
-    """Return what is wrong with values of a field from ``low`` to ``high``; empty if they are believable."""
+    """Return the fault of values of a field from ``low`` to ``high``; empty if they are believable."""
     quantity = QUANTITIES[name]
     least, most = quantity.range
     if name == "ice_fraction" and most < high <= 100.5:

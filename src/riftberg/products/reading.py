@@ -18,21 +18,21 @@ from riftberg.products.cf import (
     NAMED,
     above_ellipsoid,
     by_standard_name,
-    coordinates_of,
+    find_coordinates,
+    find_role,
     is_height,
-    role_of,
-    role_of_name,
+    misnamed_fields,
+    read_units,
+    role_by_name,
     standard_name,
     statistic,
     strange_height,
-    turned_away,
-    units_of,
-    unread,
+    unread_fields,
 )
-from riftberg.products.dates import dated, declared_mean, stated_interval, told_kind
-from riftberg.products.levels import LEVEL, judged, on_depths
+from riftberg.products.dates import date_field, declared_mean, describe_kind, stated_interval
+from riftberg.products.levels import LEVEL, judge_levels, on_depths
 from riftberg.products.models import with_static_grid
-from riftberg.products.place import positioned, tidy_axes
+from riftberg.products.place import place_field, tidy_axes
 from riftberg.products.product import Product, noted
 from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF, REMARKS, VECTORS
@@ -45,7 +45,7 @@ from riftberg.products.repair import (
     without_flags,
     without_land,
 )
-from riftberg.products.sea_ice import thickness_of_ice
+from riftberg.products.sea_ice import true_ice_thickness
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 from riftberg.system.input_files import check_file, hidden, is_address, is_folder, reading, whole_address
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily, whole_size
@@ -101,10 +101,10 @@ def is_zarr(path: str) -> bool:
     """Tell whether ``path`` names a Zarr store (a folder, a zip of one, or an address)."""
     if is_address(path):
         return ".zarr" in path or path.startswith(BUCKETS)
-    place = Path(path)
-    if place.is_file():
+    file = Path(path)
+    if file.is_file():
         return _zipped(path) is not None
-    return place.suffix == ".zarr" or any((place / mark).exists() for mark in _MARKS)
+    return file.suffix == ".zarr" or any((file / mark).exists() for mark in _MARKS)
 
 
 def _zipped(path: str) -> str | None:
@@ -124,12 +124,12 @@ def check_readable(path: str) -> None:
     check_file(path, remedy="Check the name and the folder", kind=ForcingError, missing="the file does not exist")
     with file.open("rb") as stream:
         head = stream.read(64)
-    for opening, what, remedy in _OPENINGS:
+    for opening, kind, remedy in _OPENINGS:
         if head.lstrip().startswith(opening):
-            raise ForcingError(f"this is {what}", where=path, remedy=remedy)
-    if (whole := whole_size(path)) is not None and whole > file.stat().st_size:
+            raise ForcingError(f"this is {kind}", where=path, remedy=remedy)
+    if (full_size := whole_size(path)) is not None and full_size > file.stat().st_size:
         raise ForcingError(
-            f"the file is cut short: {file.stat().st_size} of {whole} bytes are there",
+            f"the file is cut short: {file.stat().st_size} of {full_size} bytes are there",
             where=path,
             remedy="Fetch or copy it again",
         )
@@ -196,13 +196,13 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
         warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
         # Listing a store of the second format, zarr-python stumbles over that format's own marks.
         warnings.filterwarnings("ignore", message=r"Object at \.z\w+ is not recognized")
-        place: Any = whole_address(path)
+        store: Any = whole_address(path)
         if not is_address(path) and Path(path).is_file():
             from zarr.storage import ZipStore
 
-            place = ZipStore(path, mode="r")
+            store = ZipStore(path, mode="r")
             options = {"group": _zipped(path) or None, "consolidated": False, **options}
-        return noted_as_open(xr.open_zarr(place, decode_cf=False, **{"chunks": None, **options}))
+        return noted_as_open(xr.open_zarr(store, decode_cf=False, **{"chunks": None, **options}))
 
 
 def read(path: str, product: Product) -> list[xr.Dataset]:
@@ -213,11 +213,15 @@ def read(path: str, product: Product) -> list[xr.Dataset]:
 
 
 def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dataset]:
-    """Return what `read` does of a dataset that is open already, decoded or not."""
+    """Do the same as `read` for a dataset that is open already, decoded or not."""
     for repair in REPAIRS:
         raw = repair(raw, path)
     # Coordinates that the user names say what they are.
-    named = {product.names[key]: said for key, said in COORDINATES.items() if product.names.get(key) in raw.variables}
+    extra = {
+        product.names[key]: attributes
+        for key, attributes in COORDINATES.items()
+        if product.names.get(key) in raw.variables
+    }
     levels = product.names.get("depth")
     # Levels lie along one dimension, or change in place.
     if levels in raw.variables and levels not in raw.dims and raw[levels].ndim == 2:
@@ -225,39 +229,43 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
             f"{levels} is a map, but depth names the levels of a field", where="names, depth",
             remedy=f"The depth of the sea floor is depth_below_surface: {levels}",
         )  # fmt: skip
-    raw = _with_attributes(raw, {name: {**raw[name].attrs, **said} for name, said in named.items()}) if named else raw
+    raw = (
+        _with_attributes(raw, {name: {**raw[name].attrs, **attributes} for name, attributes in extra.items()})
+        if extra
+        else raw
+    )
     decoded = _decoded(product.mend(raw))
     if product.member is not None:
         # A file with fewer members begins anew, so that files of two ensembles go together.
-        one = {dim: product.member % size for dim, size in members_in(decoded).items()}
-        decoded = decoded.isel(one, drop=True)
+        member = {dim: product.member % size for dim, size in member_dimensions(decoded).items()}
+        decoded = decoded.isel(member, drop=True)
     ds = product.reshape(within_valid_range(decoded))
     ds.encoding["source"] = path
     ds = with_static_grid(ds)
     # The undecoded heading says these: decoding takes units and bounds out of the attributes.
-    stated, kind = stated_interval(raw, path), told_kind(raw, path) if product.kind_matters else ""
-    parts = []
-    for part in gathered(ds, product, where=path):
-        part = noted(tidy_axes(part, where=path), told=kind)
-        if "time" in part.dims and stated:
-            part = part.assign_attrs(stated_seconds=stated)
-        part = product.finish(part)
-        kept = ("crs_wkt", "stated_seconds", "longest_step", "means", *REMARKS)
-        averaging = part.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))
-        part = part.copy(deep=False)
-        part.attrs = {
+    stated, kind = stated_interval(raw, path), describe_kind(raw, path) if product.kind_matters else ""
+    datasets = []
+    for dataset in gather_fields(ds, product, where=path):
+        dataset = noted(tidy_axes(dataset, where=path), told=kind)
+        if "time" in dataset.dims and stated:
+            dataset = dataset.assign_attrs(stated_seconds=stated)
+        dataset = product.finish(dataset)
+        keys = ("crs_wkt", "stated_seconds", "longest_step", "means", *REMARKS)
+        averaging = dataset.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))
+        dataset = dataset.copy(deep=False)
+        dataset.attrs = {
             "Conventions": "CF-1.11",
             "product": product.name,
             "title": product.title,
             "source": path,
             "citation": product.citation,
-            "reader_checked_against": product.checked(part.data_vars),
+            "reader_checked_against": product.checked(dataset.data_vars),
             "averaging_seconds": float(averaging),
             "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
-            **{key: part.attrs[key] for key in kept if key in part.attrs},
+            **{key: dataset.attrs[key] for key in keys if key in dataset.attrs},
         }
-        parts.append(part)
-    return parts
+        datasets.append(dataset)
+    return datasets
 
 
 def _decoded(raw: xr.Dataset) -> xr.Dataset:
@@ -268,20 +276,20 @@ def _decoded(raw: xr.Dataset) -> xr.Dataset:
         warnings.filterwarnings("ignore", message="Unable to decode time axis", category=xr.SerializationWarning)
         warnings.filterwarnings("ignore", message=".*has multiple fill values", category=xr.SerializationWarning)
         warnings.filterwarnings("ignore", category=FutureWarning)
-        kept: dict[Hashable, dict[str, Any]] = {}
+        undecoded: dict[Hashable, dict[str, Any]] = {}
         try:
             decoded = xr.decode_cf(raw, decode_timedelta=False)
         except (ValueError, OverflowError):
             # Dates that cannot be decoded are reported where they matter; the rest of the file is read, other dates too.
             counting = {n: v for n, v in raw.variables.items() if " since " in str(v.attrs.get("units", ""))}
-            kept = {n: v.attrs for n, v in counting.items() if not _decodes(raw, n)}
-            bare = {n: {key: value for key, value in attrs.items() if key != "units"} for n, attrs in kept.items()}
-            for name, bounds in [(n, v.attrs.get("bounds")) for n, v in counting.items() if n not in kept]:
+            undecoded = {n: v.attrs for n, v in counting.items() if not _decodes(raw, n)}
+            bare = {n: {key: value for key, value in attrs.items() if key != "units"} for n, attrs in undecoded.items()}
+            for name, bounds in [(n, v.attrs.get("bounds")) for n, v in counting.items() if n not in undecoded]:
                 if bounds in raw.variables and not _decodes(raw, name, bounds):  # no dates, and none that are needed
                     bare[name] = {key: value for key, value in raw.variables[name].attrs.items() if key != "bounds"}
             decoded = xr.decode_cf(_with_attributes(raw, bare), decode_timedelta=False)
         decoded.encoding.update(raw.encoding)
-        return _with_attributes(decoded, kept) if kept else decoded
+        return _with_attributes(decoded, undecoded) if undecoded else decoded
 
 
 def _decodes(raw: xr.Dataset, *names: Hashable) -> bool:
@@ -293,7 +301,7 @@ def _decodes(raw: xr.Dataset, *names: Hashable) -> bool:
 
 
 def _with_attributes(ds: xr.Dataset, attributes: Mapping[Hashable, dict[str, Any]]) -> xr.Dataset:
-    """Return the dataset with other attributes of some variables; what was decoded into the encoding stays there."""
+    """Return the dataset with other attributes of some variables; entries decoded into the encoding stay there."""
     changed = ds.copy()
     for name, attrs in attributes.items():
         decoded = {key for key in attrs if key in changed.variables[name].encoding}
@@ -312,13 +320,13 @@ _NOT_OF_THE_SEA = frozenset({"ua", "va", "taux", "tauy", "depth_below_surface"})
 """Fields that are known over land too."""
 
 
-def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset]:
+def gather_fields(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset]:
     """Return the canonical fields of a decoded file, one dataset for each grid and set of dates."""
     groups: dict[tuple[object, ...], dict[str, xr.DataArray]] = {}
     levels: dict[tuple[object, ...], bytes] = {}
     remarks_by_field: dict[tuple[object, ...], list[str]] = {}
     wkt: dict[tuple[object, ...], str] = {}
-    said: dict[tuple[object, ...], str] = {}
+    means_by_key: dict[tuple[object, ...], str] = {}
     chosen = list(_chosen(ds, product, where))
     for quantity, name, remark in chosen:
         field, remarks = _canonical(ds, product, quantity, name, where)
@@ -334,45 +342,51 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
         if depth and levels.setdefault(key, depth) != depth:
             key = (*key, depth)
         key = (*key, MEAN_OF in field.coords, bool(means))
-        said.setdefault(key, means)
+        means_by_key.setdefault(key, means)
         wkt[key] = str(field.attrs.pop("crs_wkt", ""))
         groups.setdefault(key, {})[quantity] = field
         remarks_by_field.setdefault(key, []).extend(filter(None, [remark, *remarks]))
     headings = " ".join(str(ds.attrs.get(key, "")) for key in ("title", "id", "product", "summary")).lower()
-    parts: list[xr.Dataset] = []
+    datasets: list[xr.Dataset] = []
     for key, fields in groups.items():
         if "ice_thickness" in fields:
             field = fields["ice_thickness"]
             cover = next((others["ice_fraction"] for others in groups.values() if "ice_fraction" in others), None)
-            fields["ice_thickness"], remarks = thickness_of_ice(field, ds[str(field.attrs["original_name"])], cover)
+            fields["ice_thickness"], remarks = true_ice_thickness(field, ds[str(field.attrs["original_name"])], cover)
             remarks_by_field[key].extend(remarks)
-        part = xr.Dataset(fields)
-        away = turned_away(ds.drop_vars(product.names.values(), errors="ignore")) if product.select is not None else ""
-        told = "; ".join(dict.fromkeys(filter(None, [str(ds.attrs.get("told", "")), *remarks_by_field[key], away])))
-        attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": told}
-        if not parts:  # what concerns the whole file is said once
-            attributes["unread"] = "; ".join(unread(ds, [q for q, _, _ in chosen], [name for _, name, _ in chosen]))
+        dataset = xr.Dataset(fields)
+        misleading = (
+            misnamed_fields(ds.drop_vars(product.names.values(), errors="ignore")) if product.select is not None else ""
+        )
+        text = "; ".join(
+            dict.fromkeys(filter(None, [str(ds.attrs.get("told", "")), *remarks_by_field[key], misleading]))
+        )
+        attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": text}
+        if not datasets:  # what concerns the whole file is said once
+            attributes["unread"] = "; ".join(
+                unread_fields(ds, [q for q, _, _ in chosen], [name for _, name, _ in chosen])
+            )
         methods = [
             str(ds[str(field.attrs["original_name"])].attrs.get("cell_methods", "")) for field in fields.values()
         ]
         # Instants may be days apart in what a file holds: their interval shows nothing of the product's.
         if "hourly" in headings or any("time: point" in method for method in methods):
             attributes["longest_step"] = SECONDS_PER_DAY
-        if MEAN_OF in part.coords and part[MEAN_OF].values.any():
-            attributes["averaging_seconds"] = float(np.median(part[MEAN_OF].values))
+        if MEAN_OF in dataset.coords and dataset[MEAN_OF].values.any():
+            attributes["averaging_seconds"] = float(np.median(dataset[MEAN_OF].values))
         attributes |= {name: ds.attrs[name] for name in ("averaging_seconds",) if name in ds.attrs}
-        attributes["means"] = said[key]
-        parts.append(part.assign_attrs({name: value for name, value in attributes.items() if value}))
-    return parts
+        attributes["means"] = means_by_key[key]
+        datasets.append(dataset.assign_attrs({name: value for name, value in attributes.items() if value}))
+    return datasets
 
 
 def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str, str, str]]:
     """Yield quantity, variable and remark for each canonical field in the file."""
     if missing := [name for name in product.names.values() if name not in ds.variables]:
-        held = sorted(map(str, ds.variables))
+        names = sorted(map(str, ds.variables))
         raise ForcingError(
             f"there is no variable {missing[0]!r}", where=where,
-            remedy=f"{nearest(missing[0], held)}It holds {', '.join(held)}",
+            remedy=f"{nearest(missing[0], names)}It holds {', '.join(names)}",
         )  # fmt: skip
     choice = [(quantity, name, "") for quantity, name in product.names.items() if quantity in QUANTITIES]
     if product.select is not None:
@@ -380,23 +394,23 @@ def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str,
         choice += [(quantity, name, remark) for quantity, (name, remark) in selected.items()]
     else:
         for source in product.sources:
-            held = [name for name in source.names if name in ds.variables]
-            if held and source.quantity not in {quantity for quantity, _, _ in choice}:
-                others = ", ".join(held[1:])
-                remark = f"{source.quantity} is taken from {held[0]}; {others} could be it too" if others else ""
-                choice.append((source.quantity, held[0], remark))
+            names = [name for name in source.names if name in ds.variables]
+            if names and source.quantity not in {quantity for quantity, _, _ in choice}:
+                others = ", ".join(names[1:])
+                remark = f"{source.quantity} is taken from {names[0]}; {others} could be it too" if others else ""
+                choice.append((source.quantity, names[0], remark))
         # What the product does not know and the file holds all the same, by standard name and with units.
-        found = {quantity for quantity, _, _ in choice}
+        quantities = {quantity for quantity, _, _ in choice}
         for quantity in QUANTITIES:
-            name = "" if quantity in found else by_standard_name(ds, quantity)
-            if name and units_of(ds[name]) and name not in product.left_out:
+            name = "" if quantity in quantities else by_standard_name(ds, quantity)
+            if name and read_units(ds[name]) and name not in product.left_out:
                 choice.append((quantity, name, f"{quantity} is taken from {name} by its standard name"))
     if not choice:
-        held = sorted(map(str, ds.data_vars))
-        others = f" ({away})" if (away := turned_away(ds)) else ""
+        names = sorted(map(str, ds.data_vars))
+        others = f" ({misleading})" if (misleading := misnamed_fields(ds)) else ""
         raise ForcingError(
             f"holds no field that {product.name} offers ({', '.join(product.gives)}); it has "
-            f"{', '.join(held) or 'nothing'}{others}",
+            f"{', '.join(names) or 'nothing'}{others}",
             where=where,
             remedy=NAMING
             if product.name == "cf"
@@ -408,9 +422,9 @@ def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str,
 def _canonical(
     ds: xr.Dataset, product: Product, quantity: str, name: str, where: str
 ) -> tuple[xr.DataArray, list[str]]:
-    """Return one field, placed and in canonical units, and what should be known of it."""
+    """Return one field, placed and in canonical units, and remarks on it."""
     source = next((s for s in product.sources if s.quantity == quantity), None)
-    units = units_of(ds[name]) or (source.units if source is not None else "")
+    units = read_units(ds[name]) or (source.units if source is not None else "")
     if other := statistic(ds[name], quantity):
         raise ForcingError(
             f"{name} is no {QUANTITIES[quantity].long_name} at its dates but a statistic of it: {other}", where=where,
@@ -423,36 +437,36 @@ def _canonical(
         )  # fmt: skip
     attributes = dict(ds[name].attrs)
     # In this order: the dimensions that dates, members and levels leave over are those of the place.
-    field, when = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
+    field, when = date_field(ds, name, where=where, moves=quantity != "depth_below_surface")
     field = without_flags(ds[name], field)
     field = field if quantity in _NOT_OF_THE_SEA else without_land(ds, field)
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
-    one = _one_member(ds, name, field, where)
-    field, remarks = judged(ds, name, field, quantity, where=where)
+    notes = _one_member(ds, name, field, where)
+    field, remarks = judge_levels(ds, name, field, quantity, where=where)
     point = "t" if quantity not in COMPONENTS else "u" if quantity in dict(VECTORS) else "v"
-    field = positioned(ds, name, field, where=where, point=point)
+    field = place_field(ds, name, field, where=where, point=point)
 
-    def place(other: str) -> xr.DataArray:
+    def locate(other: str) -> xr.DataArray:
         # ANGLET, gcost and cos_rot stand in the middle of the cells, ANGLE where the components stand.
-        there = "t" if other.lower().endswith("t") else point
-        return positioned(ds, other, dated(ds, other, where=where, moves=False)[0], where=where, point=there)
+        target = "t" if other.lower().endswith("t") else point
+        return place_field(ds, other, date_field(ds, other, where=where, moves=False)[0], where=where, point=target)
 
     wkt, placed = field.attrs.get("crs_wkt", ""), str(field.attrs.pop("placed", ""))
     field = field.assign_attrs({**attributes, **({"crs_wkt": wkt} if wkt else {})})
     if quantity in COMPONENTS and not is_true(field, name):
-        field = with_angle(ds, field, name, place, where=where)
+        field = with_angle(ds, field, name, locate, where=where)
         if product.select is not None and not standard_name(ds[name]):
-            one.append(
+            notes.append(
                 f"{name} has no standard name: it is taken along its grid, not as a component to true east or north"
             )
     if LEVEL in field.dims:
-        axes = [c for c, role, _ in coordinates_of(ds, name) if role == "level" and ds[c].ndim == 1]
+        axes = [c for c, role, _ in find_coordinates(ds, name) if role == "level" and ds[c].ndim == 1]
         axis = min(axes, key=lambda c: c not in ds[name].dims)  # that of the levels, where a file has more
-        field = on_depths(ds, field, ds[axis], place, where=where)
+        field = on_depths(ds, field, ds[axis], locate, where=where)
     if product.select is not None and quantity == "depth_below_surface" and is_height(ds[name], name):
         field = (-field).where(field < 0.0)
         if strange_height(ds[name]):
-            one.append(
+            notes.append(
                 f"{name} ({standard_name(ds[name])}) is taken as a height, positive up: where negative, there is water"
             )
     # `canonicalise` leaves the attributes of the quantity alone: what else must be known is kept aside and put back.
@@ -461,31 +475,31 @@ def _canonical(
     field = canonicalise(field, QUANTITIES[quantity], units, where=f"{where}, variable {name}")
     if quantity == "wave_direction" and standard_name(ds[name]) == TO_DIRECTION:
         field = ((field + 180.0) % 360.0).assign_attrs(field.attrs)
-    noted = {
+    origin = {
         "original_name": name,
         "original_units": units,
         "along": along,
         "crs_wkt": wkt,
         VALID: attributes.get(VALID),
     }
-    field.attrs |= {key: value for key, value in noted.items() if value or key == "original_units"}
-    if not units_of(ds[name]) and units and QUANTITIES[quantity].units not in ("1", "1e-3"):
+    field.attrs |= {key: value for key, value in origin.items() if value or key == "original_units"}
+    if not read_units(ds[name]) and units and QUANTITIES[quantity].units not in ("1", "1e-3"):
         remarks = [*remarks, f"{name} has no units in the file: {units} is taken, as {product.name} writes it"]
-    return field, [*one, *remarks, *filter(None, [when, placed])]
+    return field, [*notes, *remarks, *filter(None, [when, placed])]
 
 
-def members_in(ds: xr.Dataset) -> dict[str, int]:
+def member_dimensions(ds: xr.Dataset) -> dict[str, int]:
     """Return the dimensions of members that a file has, with the number of members."""
     return {
         str(dim): int(size) for dim, size in ds.sizes.items()
-        if size > 1 and (role_of(dim, ds[dim].variable) if dim in ds.variables else role_of_name(dim)) == "member"
+        if size > 1 and (find_role(dim, ds[dim].variable) if dim in ds.variables else role_by_name(dim)) == "member"
     }  # fmt: skip
 
 
 def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> list[str]:
     """Return a remark where a field is a member of an ensemble; refuse several."""
     member_remarks: list[str] = []
-    for other, role, _ in coordinates_of(ds, name):
+    for other, role, _ in find_coordinates(ds, name):
         if role != "member" or (ds[other].size != 1 and not set(ds[other].dims) <= set(field.dims)):
             continue
         if ds[other].size > 1:

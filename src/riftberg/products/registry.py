@@ -12,13 +12,13 @@ import xarray as xr
 
 from riftberg.errors import ForcingError, nearest
 from riftberg.products import cf, models, oceans
-from riftberg.products.dates import means_at_middle
+from riftberg.products.dates import place_means
 from riftberg.products.levels import uppermost
 from riftberg.products.product import Heading, Product, noted
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import COORDINATES, NAMING, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
-from riftberg.products.vectors import paired_vectors
+from riftberg.products.vectors import pair_vectors
 from riftberg.system.input_files import at_home, files_matching, hidden, is_address
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
@@ -74,10 +74,10 @@ Choice = str | Product | Mapping[str, str] | None
 
 def check_naming(names: Mapping[str, str], *, where: str = "names") -> dict[str, str]:
     """Return names of variables by quantity or coordinate; `ForcingError` where a key is neither, or a name no text."""
-    known = (*QUANTITIES, *COORDINATES)
+    keys = (*QUANTITIES, *COORDINATES)
     for key, name in names.items():
-        if key not in known:
-            remedy = f"{nearest(str(key), known)}These are {', '.join(known)}"
+        if key not in keys:
+            remedy = f"{nearest(str(key), keys)}These are {', '.join(keys)}"
             raise ForcingError(f"{key!r} is no quantity or coordinate", where=where, remedy=remedy)
         if not isinstance(name, str) or not name:
             raise ForcingError(
@@ -86,7 +86,7 @@ def check_naming(names: Mapping[str, str], *, where: str = "names") -> dict[str,
     return dict(names)
 
 
-def choice_of(product: str | None, names: Mapping[str, str], *, where: str = "names") -> Choice:
+def choose_product(product: str | None, names: Mapping[str, str], *, where: str = "names") -> Choice:
     """Return the product that a user names for a file, the names of its variables, or a product with such names."""
     if not names:
         return product
@@ -98,25 +98,25 @@ def recognise(path: str | Path) -> Product:
     """Return the product that a file belongs to, told by its attributes, variables and dimensions."""
     with closing_files():
         ds = open_raw(str(path), chunked=False)
-        if product := product_of(ds):
+        if product := find_product(ds):
             return product
-        held = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items())
-        away = cf.turned_away(ds)
-    if not held and (group := _group_with_fields(str(path))):
+        variables = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items())
+        strange = cf.misnamed_fields(ds)
+    if not variables and (group := _group_with_fields(str(path))):
         raise ForcingError(
             f"its variables stand in the group {group}, which is not looked into", where=str(path),
             remedy=f"Take them out first: ncks -G : -g {group} FILE OUT",
         )  # fmt: skip
     raise ForcingError(
-        f"the product was not recognised; the file holds {held or 'nothing'}{f' ({away})' if away else ''}",
+        f"the product was not recognised; the file holds {variables or 'nothing'}{f' ({strange})' if strange else ''}",
         where=str(path),
         remedy="Give a file of what a run takes"
-        if away
+        if strange
         else f"{NAMING}. Products that can be named (--product): {', '.join(product.name for product in PRODUCTS)}",
     )
 
 
-def product_of(ds: xr.Dataset) -> Product | None:
+def find_product(ds: xr.Dataset) -> Product | None:
     """Return the product that an open dataset belongs to, told by its attributes, variables and dimensions."""
     return next((product for product in PRODUCTS if belongs(ds, product)), None)
 
@@ -157,17 +157,17 @@ def expand(paths: Paths) -> list[str]:
 @closing_files(only_if_refused=True)
 def open_product(paths: Paths, product: str | Product | None = None, *, levels: bool = False) -> xr.Dataset:
     """Open the files of one product as one canonical dataset, lazily."""
-    parts = open_all(paths, product, levels=levels)
-    if len(parts) > 1:
+    datasets = open_all(paths, product, levels=levels)
+    if len(datasets) > 1:
         served = "; ".join(
-            f"{part.attrs['product']}: {', '.join(map(str, part.data_vars))} {dict(part.sizes)}" for part in parts
+            f"{ds.attrs['product']}: {', '.join(map(str, ds.data_vars))} {dict(ds.sizes)}" for ds in datasets
         )
         raise ForcingError(
-            f"these files make {len(parts)} datasets with different products, grids or records ({served})",
+            f"these files make {len(datasets)} datasets with different products, grids or records ({served})",
             where=", ".join(expand(paths)[:4]),
             remedy="Open each set by itself, or use open_all",
         )
-    return parts[0]
+    return datasets[0]
 
 
 @closing_files(only_if_refused=True)
@@ -188,7 +188,7 @@ def open_named(entries: Iterable[tuple[str, Choice]], member: int | None = None)
     ``entries``: files ((path, choice)); ``member``: of files with members of an ensemble, from 0.
     """
     read_files = (read_named(path, product, number, member) for number, (path, product) in enumerate(entries))
-    return paired_vectors(joined_files([part for parts in read_files for part in parts]))
+    return pair_vectors(joined_files([dataset for datasets in read_files for dataset in datasets]))
 
 
 def read_named(path: str, product: Choice, number: int, member: int | None = None) -> list[tuple[xr.Dataset, Product]]:
@@ -203,34 +203,34 @@ def read_named(path: str, product: Choice, number: int, member: int | None = Non
         chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
     chosen = chosen if member is None else replace(chosen, member=member)
     try:
-        parts = read(path, chosen)
+        datasets = read(path, chosen)
     except ForcingError as error:
         if not isinstance(product, str) or belongs(open_raw(path, chunked=False), chosen):
             raise
-        what = f"{error.what}; it is named {chosen.name} and does not look like it"
+        fault = f"{error.what}; it is named {chosen.name} and does not look like it"
         remedy = f"Name the right product, or none. Of {chosen.name}: {error.remedy}"
-        raise ForcingError(what, where=error.where, remedy=remedy) from error
-    return [(_placed(ds, number), chosen) for ds in parts]
+        raise ForcingError(fault, where=error.where, remedy=remedy) from error
+    return [(_placed(ds, number), chosen) for ds in datasets]
 
 
 def _with_names(ds: xr.Dataset, names: Mapping[str, str]) -> Product:
     """Return the product of a dataset with names of its variables; one that is not recognised is taken by CF."""
-    return replace(product_of(ds) or cf.PRODUCT, names=dict(names))
+    return replace(find_product(ds) or cf.PRODUCT, names=dict(names))
 
 
 def _placed(ds: xr.Dataset, number: int) -> xr.Dataset:
     return ds.assign({name: field.assign_attrs({PLACE: number}) for name, field in ds.data_vars.items()})
 
 
-def joined_files(parts: Sequence[tuple[xr.Dataset, Product]]) -> list[xr.Dataset]:
+def joined_files(files: Sequence[tuple[xr.Dataset, Product]]) -> list[xr.Dataset]:
     """Join files of one product: first those with the same fields in time, then different fields on the same points."""
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
-    products = {product.name: product for _, product in parts}
-    for ds, product in parts:
+    products = {product.name: product for _, product in files}
+    for ds, product in files:
         groups.setdefault((product.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
     # Where means hold follows from the time between the records of all files: these are joined in time first.
-    whole = [(part, products[str(key[0])]) for key, group in groups.items() for part in _concatenated(group)]
-    return _merged([_settled(part, product) for part, product in whole])
+    joined = [(dataset, products[str(key[0])]) for key, group in groups.items() for dataset in _join_in_time(group)]
+    return _merge_fields([_settle_means(dataset, product) for dataset, product in joined])
 
 
 def in_memory(datasets: Sequence[xr.Dataset], names: Mapping[str, str] | None = None) -> list[xr.Dataset]:
@@ -238,28 +238,28 @@ def in_memory(datasets: Sequence[xr.Dataset], names: Mapping[str, str] | None = 
 
     ``names``: of variables by quantity or coordinate; each dataset takes those that it holds.
     """
-    asked = check_naming(names or {})
-    held = list(dict.fromkeys(str(name) for ds in datasets for name in ds.variables))
-    for name in asked.values():
-        if name not in held:
-            remedy = f"{nearest(name, held)}There are {', '.join(held)}"
+    naming = check_naming(names or {})
+    variables = list(dict.fromkeys(str(name) for ds in datasets for name in ds.variables))
+    for name in naming.values():
+        if name not in variables:
+            remedy = f"{nearest(name, variables)}There are {', '.join(variables)}"
             raise ForcingError(f"there is no variable {name!r}", where="names", remedy=remedy)
-    parts = []
+    canonical = []
     for number, ds in enumerate(datasets, 1):
-        product = _with_names(ds, {key: name for key, name in asked.items() if name in ds.variables})
+        product = _with_names(ds, {key: name for key, name in naming.items() if name in ds.variables})
         # What messages and titles call it: its file, its title, or its number.
         title = ds.attrs.get("title")
         titled = " ".join(title.replace("/", " ").split())[:LONGEST_NAME] if isinstance(title, str) else ""
-        called = str(ds.encoding.get("source") or titled or f"dataset {number}")
-        parts += [_settled(part, product) for part in canonical_parts(ds.copy(), product, called)]
-    return paired_vectors(_merged(parts))
+        label = str(ds.encoding.get("source") or titled or f"dataset {number}")
+        canonical += [_settle_means(dataset, product) for dataset in canonical_parts(ds.copy(), product, label)]
+    return pair_vectors(_merge_fields(canonical))
 
 
-def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
+def _settle_means(ds: xr.Dataset, product: Product) -> xr.Dataset:
     """Return joined files with the interval of all their records noted, which a window would no longer show."""
     if "time" not in ds.dims:
         return ds
-    ds = means_at_middle(product.settle(ds), known=product.longest_step is not None)
+    ds = place_means(product.settle(ds), known=product.longest_step is not None)
     _, first = np.unique(ds["time"].values, return_index=True)
     if first.size < ds.sizes["time"]:  # days written 00:00 in one file and 12:00 in another
         lost = ds.sizes["time"] - first.size
@@ -271,91 +271,91 @@ def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
 
 
 def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
-    """Return what tells grids apart: dimensions, and the values of axes and positions."""
+    """Return a key of the grid: dimensions, and the values of axes and positions."""
     dims = [(name, ds.sizes[name]) for name in ("depth", "lat", "lon", "y", "x", "node") if name in ds.dims]
     values = [ds[name].values.tobytes() for name in ("depth", "lat", "lon", "y", "x") if name in ds.coords]
     return (*dims, *values)
 
 
-def _concatenated(parts: list[xr.Dataset]) -> list[xr.Dataset]:
+def _join_in_time(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
     """Join files with the same variables and grid in order of time.
 
     Of files that share dates the one named later counts, from its first to its last record: mixed, the series would jump to
-    and fro between two forecasts. Files without time stay by themselves: of two a run takes the one named later.
+    and fro between two forecasts. Files without time are not joined: of two a run takes the one named later.
     """
-    if len(parts) == 1 or any("time" not in part.dims for part in parts):
-        return parts
-    whole = sorted(parts, key=lambda part: part["time"].values[0])
-    parts, told = _later_counts(parts)
-    if any(MEAN_OF in part.coords for part in parts):
-        parts = [
-            part if MEAN_OF in part.coords
-            else part.assign_coords({MEAN_OF: ("time", np.full(part.sizes["time"], part.attrs["averaging_seconds"]))})
-            for part in parts
+    if len(datasets) == 1 or any("time" not in ds.dims for ds in datasets):
+        return datasets
+    originals = sorted(datasets, key=lambda ds: ds["time"].values[0])
+    datasets, remark = _drop_earlier(datasets)
+    if any(MEAN_OF in ds.coords for ds in datasets):
+        datasets = [
+            ds if MEAN_OF in ds.coords
+            else ds.assign_coords({MEAN_OF: ("time", np.full(ds.sizes["time"], ds.attrs["averaging_seconds"]))})
+            for ds in datasets
         ]  # fmt: skip
-    parts = sorted(parts, key=lambda part: part["time"].values[0])
+    datasets = sorted(datasets, key=lambda ds: ds["time"].values[0])
     same: Any = {"data_vars": "minimal", "coords": "minimal", "compat": "override", "join": "override"}
-    series = xr.concat(parts, dim="time", combine_attrs="override", **same)
-    stated = [part.attrs["stated_seconds"] for part in parts if "stated_seconds" in part.attrs]
+    series = xr.concat(datasets, dim="time", combine_attrs="override", **same)
+    stated = [ds.attrs["stated_seconds"] for ds in datasets if "stated_seconds" in ds.attrs]
     series = series.assign_attrs(stated_seconds=min(stated)) if stated else series
     order = np.argsort(series["time"].values, kind="stable")
-    series = _sourced(series if np.all(np.diff(order) == 1) else series.isel(time=order), whole)
-    last = max(int(field.attrs.get(PLACE, 0)) for part in whole for field in part.data_vars.values())
-    return [noted(_placed(series, last), told=told)]
+    series = _join_sources(series if np.all(np.diff(order) == 1) else series.isel(time=order), originals)
+    last = max(int(field.attrs.get(PLACE, 0)) for ds in originals for field in ds.data_vars.values())
+    return [noted(_placed(series, last), told=remark)]
 
 
-def _later_counts(parts: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:
-    """Take the records out of files that one named later has too, with what lies between them; say so.
+def _drop_earlier(datasets: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:
+    """Where two files overlap in time, keep the one named later for the whole overlap, and note it.
 
     Of OSCAR's issues of one day (final, interim, nrt) the most final counts, in whatever order a pattern names them.
     """
-    dates = [part["time"].values for part in parts]
-    names = [Path(str(part.attrs["source"])).name for part in parts]
+    dates = [dataset["time"].values for dataset in datasets]
+    names = [Path(str(dataset.attrs["source"])).name for dataset in datasets]
     stages = [next((k for k, word in enumerate(STAGES, 1) if f"_{word}_" in name), 0) for name in names]
-    kept = [np.ones(each.size, bool) for each in dates]
-    order = sorted(range(len(parts)), key=lambda k: dates[k][0])
+    masks = [np.ones(each.size, bool) for each in dates]
+    order = sorted(range(len(datasets)), key=lambda k: dates[k][0])
     over: list[tuple[int, int]] = []
-    for place, one in enumerate(order):
-        for other in order[place + 1 :]:
-            if dates[other][0] > dates[one][-1]:
+    for rank, first in enumerate(order):
+        for other in order[rank + 1 :]:
+            if dates[other][0] > dates[first][-1]:
                 break
-            if np.intersect1d(dates[one], dates[other]).size:
-                earlier, later = sorted((one, other))
+            if np.intersect1d(dates[first], dates[other]).size:
+                earlier, later = sorted((first, other))
                 if stages[earlier] > stages[later] > 0:
                     earlier, later = later, earlier
-                kept[earlier] &= (dates[earlier] < dates[later][0]) | (dates[earlier] > dates[later][-1])
+                masks[earlier] &= (dates[earlier] < dates[later][0]) | (dates[earlier] > dates[later][-1])
                 over.append((earlier, later))
     if not over:
-        return parts, ""
+        return datasets, ""
     earlier, later = over[0]
     rule = "the more final" if earlier > later else "the one named later"
-    told = (
+    remark = (
         f"{len(over)} pair(s) of files share dates: of each {rule} counts, such as {names[later]} over {names[earlier]} "
         f"from {minute(dates[later][0])} to {minute(dates[later][-1])}"
     )
-    return [part.isel(time=flags) for part, flags in zip(parts, kept, strict=True) if flags.any()], told
+    return [dataset.isel(time=flags) for dataset, flags in zip(datasets, masks, strict=True) if flags.any()], remark
 
 
-def _merged(parts: list[xr.Dataset]) -> list[xr.Dataset]:
+def _merge_fields(datasets: list[xr.Dataset]) -> list[xr.Dataset]:
     """Merge datasets of one product with different variables on the same grid and records."""
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
-    for part in parts:
-        records = part["time"].values.tobytes() if "time" in part.dims else b""
-        key: tuple[object, ...] = (part.attrs["product"], *_grid_key(part), records)
-        while not records and any(set(other.data_vars) & set(part.data_vars) for other in groups.get(key, [])):
+    for dataset in datasets:
+        records = dataset["time"].values.tobytes() if "time" in dataset.dims else b""
+        key: tuple[object, ...] = (dataset.attrs["product"], *_grid_key(dataset), records)
+        while not records and any(set(other.data_vars) & set(dataset.data_vars) for other in groups.get(key, [])):
             key = (*key, "again")
-        groups.setdefault(key, []).append(part)
+        groups.setdefault(key, []).append(dataset)
     merged = []
     for group in groups.values():
         fields = {name: ds[[name]] for ds in reversed(group) for name in ds.data_vars}  # of two the first
         fresh = [group[0], *(field for name, field in fields.items() if name not in group[0])]
         same: Any = {"compat": "override", "join": "override", "combine_attrs": "override"}
-        merged.append(group[0] if len(group) == 1 else _sourced(xr.merge(fresh, **same), group))
+        merged.append(group[0] if len(group) == 1 else _join_sources(xr.merge(fresh, **same), group))
     return merged
 
 
-def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
+def _join_sources(ds: xr.Dataset, datasets: list[xr.Dataset]) -> xr.Dataset:
     for key in ("told", "unread"):
-        if said := "; ".join(dict.fromkeys(str(part.attrs[key]) for part in parts if key in part.attrs)):
-            ds = ds.assign_attrs({key: said})
-    return ds.assign_attrs(source=", ".join(dict.fromkeys(str(part.attrs["source"]) for part in parts)))
+        if text := "; ".join(dict.fromkeys(str(dataset.attrs[key]) for dataset in datasets if key in dataset.attrs)):
+            ds = ds.assign_attrs({key: text})
+    return ds.assign_attrs(source=", ".join(dict.fromkeys(str(dataset.attrs["source"]) for dataset in datasets)))

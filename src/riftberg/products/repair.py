@@ -1,4 +1,4 @@
-"""Repairs of what a file says about its numbers where xarray does not look: packing and dates as text, valid values, masks."""
+"""Repairs of metadata that xarray does not look at: packing and dates as text, valid values, masks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.cf import role_of_name, standard_name
+from riftberg.products.cf import role_by_name, standard_name
 
 VALID = "valid"
 """Attribute that notes which values of a field are valid by its file."""
@@ -58,14 +58,14 @@ def with_plain_packing(raw: xr.Dataset, where: str) -> xr.Dataset:
 def without_land(ds: xr.Dataset, field: xr.DataArray) -> xr.DataArray:
     """Return a field of the sea without the values where a mask of its file says land, which files write as zeros."""
     for name, mask in ds.variables.items():
-        if mask.ndim > 1 and set(mask.dims) <= set(field.dims) and (said := standard_name(mask)) in (*_SEA, *_LAND):
-            one = _meaning_of_one(mask)
-            of_sea = said in _SEA if one not in (*_WATER, "land") else one in _WATER
+        if mask.ndim > 1 and set(mask.dims) <= set(field.dims) and (standard := standard_name(mask)) in (*_SEA, *_LAND):
+            meaning = _read_meaning(mask)
+            of_sea = standard in _SEA if meaning not in (*_WATER, "land") else meaning in _WATER
             field = field.where(ds[name] > 0 if of_sea else ~(ds[name] >= 1))
     return field
 
 
-def _meaning_of_one(mask: xr.Variable) -> str:
+def _read_meaning(mask: xr.Variable) -> str:
     """Return the word that a mask itself gives for its value 1, in lower case; empty if it gives none.
 
     CROCO writes ``option_1 = "water"`` beside the standard name ``land_binary_mask``.
@@ -103,8 +103,8 @@ def without_flags(original: xr.DataArray, field: xr.DataArray) -> xr.DataArray:
     scale, offset = (float(original.encoding.get(key, usual)) for key, usual in zip(_PACKING, (1.0, 0.0), strict=True))
     for number, meaning in zip(numbers * scale + offset, [*words, *[""] * numbers.size], strict=False):
         # Packed values lie a step apart, others are flags to the last digit of single precision.
-        near = 0.1 * abs(scale) if scale != 1.0 else 1e-6 * abs(number) + 1e-9
-        field = field if _OPEN.search(meaning) else field.where(abs(field - number) > near)
+        tolerance = 0.1 * abs(scale) if scale != 1.0 else 1e-6 * abs(number) + 1e-9
+        field = field if _OPEN.search(meaning) else field.where(abs(field - number) > tolerance)
     return field
 
 
@@ -112,12 +112,12 @@ def _limits(field: xr.DataArray) -> tuple[float, float] | None:
     """Return the limits of valid values as decoded, a little wider for round-off; None where the file gives none."""
     if field.dtype.kind != "f":
         return None
-    both = np.ravel(field.attrs.get("valid_range", ()))
-    if both.size != 2:
-        both = np.array([np.ravel(field.attrs.get(key, np.nan))[0] for key in ("valid_min", "valid_max")])
-    if both.dtype.kind not in "iuf" or not np.isfinite(both.astype(float)).any():
+    pair = np.ravel(field.attrs.get("valid_range", ()))
+    if pair.size != 2:
+        pair = np.array([np.ravel(field.attrs.get(key, np.nan))[0] for key in ("valid_min", "valid_max")])
+    if pair.dtype.kind not in "iuf" or not np.isfinite(pair.astype(float)).any():
         return None
-    low, high = (float(limit) for limit in both)
+    low, high = (float(limit) for limit in pair)
     stored = np.dtype(field.encoding.get("dtype", field.dtype)).kind
     limits = [field.attrs[key] for key in ("valid_range", "valid_min", "valid_max") if key in field.attrs]
     # Limits that are whole numbers, as the packed values are, are meant of these.
@@ -164,14 +164,14 @@ def with_text_dates(ds: xr.Dataset, where: str = "") -> xr.Dataset:
     Text that belongs to a dimension and is no date is noted in ``encoding["texts"]``, by dimension.
     """
     written: dict[str, tuple[tuple[Any, ...], Any, dict[str, Any]]] = {}
-    noted: dict[str, str] = dict(ds.encoding.get("texts", {}))
+    notes: dict[str, str] = dict(ds.encoding.get("texts", {}))
     # The list of coordinates may stand at a variable, at the file, or, decoded already, in an encoding.
-    places = [ds.attrs, ds.encoding, *(kept for v in ds.variables.values() for kept in (v.attrs, v.encoding))]
-    listed = {name for place in places for name in str(place.get("coordinates", "")).split()}
+    attribute_sets = [ds.attrs, ds.encoding, *(attrs for v in ds.variables.values() for attrs in (v.attrs, v.encoding))]
+    listed = {name for attributes in attribute_sets for name in str(attributes.get("coordinates", "")).split()}
     for name in map(str, ds.variables):
         variable = ds.variables[name]
         declared = name in ds.dims or name in ds.coords or name in listed
-        says_when = declared or role_of_name(name) == "time" or standard_name(variable) == "time"
+        says_when = declared or role_by_name(name) == "time" or standard_name(variable) == "time"
         if variable.dtype.kind not in "OSU" or not 0 < variable.size <= _MOST or not says_when:
             continue
         dims_and_texts = _texts(variable)
@@ -181,17 +181,17 @@ def with_text_dates(ds: xr.Dataset, where: str = "") -> xr.Dataset:
         seconds = [date_in_seconds(text) for text in texts]
         if None not in seconds:
             values = np.array(seconds, np.float64)
-            kept = {
+            descriptive = {
                 key: value for key, value in variable.attrs.items() if key in ("standard_name", "long_name", "axis")
             }
-            written[name] = dims, values if dims else values[0], {**kept, **_SINCE_1970}
+            written[name] = dims, values if dims else values[0], {**descriptive, **_SINCE_1970}
         elif len(dims) == 1:
-            noted[str(dims[0])] = f"{name} begins with {texts[0][:40]!r}"
+            notes[str(dims[0])] = f"{name} begins with {texts[0][:40]!r}"
     encoding = dict(ds.encoding)
     if written:
         coords = [name for name in written if name in ds.coords or name in ds.dims]
         ds = ds.drop_vars(list(written)).assign(written).set_coords(coords)
-    ds.encoding = {**encoding, "texts": noted, "written": [*encoding.get("written", ()), *written]}
+    ds.encoding = {**encoding, "texts": notes, "written": [*encoding.get("written", ()), *written]}
     return ds
 
 
@@ -254,9 +254,9 @@ def with_plain_time_units(ds: xr.Dataset, where: str) -> xr.Dataset:
             plain = f"{match[1].lower()} since {match[2]}"
             if (day := _JULIAN_DAY.match(plain)) is not None and variable.dtype.kind in "iuf":
                 first = 2400000.5 + (12 - int(day[1] or 0)) / 24.0
-                told = {key: value for key, value in variable.attrs.items() if key != "calendar"}
+                attributes = {key: value for key, value in variable.attrs.items() if key != "calendar"}
                 ds = ds.assign(
-                    {name: (variable.dims, variable.values - first, {**told, "units": "days since 1858-11-17"})}
+                    {name: (variable.dims, variable.values - first, {**attributes, "units": "days since 1858-11-17"})}
                 )
                 continue
             if EARLY.search(plain):  # years before 1 are counted in two ways, and libraries take one of them
@@ -311,7 +311,7 @@ def _unwritten(values: Any) -> Any:
 
 
 def with_scalar_mappings(ds: xr.Dataset, where: str = "") -> xr.Dataset:
-    """Return a dataset whose grid mappings are scalars: what they hold says nothing, and some programs write text there."""
+    """Return a dataset whose grid mappings are scalars: their values mean nothing, and some programs write text there."""
     listed = " ".join(
         str(v.attrs.get("grid_mapping", v.encoding.get("grid_mapping", ""))) for v in ds.variables.values()
     )

@@ -29,7 +29,7 @@ _WHOLE_AREA: Final = re.compile(
 
 
 def is_per_cell(variable: xr.DataArray | xr.Variable) -> bool:
-    """Tell whether a thickness of sea ice is volume per area of the cell, by its own words; without any it is that of the ice."""
+    """Tell whether a thickness of sea ice is volume per area of the cell, by its own words; without any it is of the ice."""
     methods = str(variable.attrs.get("cell_methods", "")).lower()
     words = " ".join(str(variable.attrs.get(key, "")) for key in ("long_name", "description", "comment")).lower()
     if _OF_ICE.search(methods) or _OF_ICE.search(words):
@@ -37,12 +37,12 @@ def is_per_cell(variable: xr.DataArray | xr.Variable) -> bool:
     return bool(_WHOLE_AREA.search(methods) or _OF_CELL.search(words))
 
 
-def thickness_of_ice(
+def true_ice_thickness(
     field: xr.DataArray, variable: xr.DataArray, concentration: xr.DataArray | None
 ) -> tuple[xr.DataArray, list[str]]:
     """Return the thickness of the ice itself, from a ``field`` of the ``variable`` of a file, and remarks on it.
 
-    ``concentration``: that of the same file, if it has any.
+    ``concentration``: of the same file, if it has any.
     """
     name = str(variable.name)
     if not is_per_cell(variable):

@@ -16,8 +16,8 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
-from riftberg.products.cf import standard_name, units_of
-from riftberg.products.mesh import Located, mesh_of
+from riftberg.products.cf import read_units, standard_name
+from riftberg.products.mesh import Located, build_mesh
 from riftberg.products.place import to_degrees
 from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
@@ -61,7 +61,7 @@ def is_true(field: xr.DataArray, name: str) -> bool:
     return name in _TRUE_NAMES or "eastward" in words or "northward" in words
 
 
-def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, place: Any, *, where: str) -> xr.DataArray:
+def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, locate: Any, *, where: str) -> xr.DataArray:
     """Return a component along the grid with the angle of the grid at its points as the coordinate ``grid_angle``."""
     if "node" in field.dims:
         raise ForcingError(
@@ -72,20 +72,20 @@ def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, place: Any, *, wh
     if "crs_wkt" in field.attrs:  # of the first axis of the map, from points a little before and after
         x, y = np.meshgrid(field["x"].values, field["y"].values)
         small = 1e-3 * max(1.0, float(np.abs(np.diff(field["x"].values)).min(initial=1e9)))
-        before, here, after = (
-            unit_vectors(*to_degrees(field.attrs["crs_wkt"], x + way * small, y)) for way in (-1.0, 0.0, 1.0)
+        behind, here, after = (
+            unit_vectors(*to_degrees(field.attrs["crs_wkt"], x + sign * small, y)) for sign in (-1.0, 0.0, 1.0)
         )
-        angle = _direction(here, after - before)
+        angle = _direction(here, after - behind)
     else:
         lon, lat = np.asarray(field["lon"].values), np.asarray(field["lat"].values)
-        read = _of_file(ds, lon, lat, place)
-        angle = _of_positions(lon, lat, name, where, any_hand=bool(read))
+        read = _read_angles(ds, lon, lat, locate)
+        angle = _grid_direction(lon, lat, name, where, any_hand=bool(read))
         if read:
             # The median, for a few cells at a pole or a seam may point anywhere.
-            apart = [np.nanmedian(np.abs((one - angle + np.pi) % (2.0 * np.pi) - np.pi)) for one in read]
+            misfits = [np.nanmedian(np.abs((candidate - angle + np.pi) % (2.0 * np.pi) - np.pi)) for candidate in read]
             # A small angle in degrees lies near that of any unturned grid: it is believed where it fits closely alone.
-            chosen = int(np.argmin(apart)) if min(apart) < _CLOSE else 0
-            of_file, off = read[chosen], apart[chosen]
+            chosen = int(np.argmin(misfits)) if min(misfits) < _CLOSE else 0
+            of_file, off = read[chosen], misfits[chosen]
             if off > _TOLERANCE:
                 raise ForcingError(
                     f"the angle that the file gives differs from the direction of its grid by {np.rad2deg(off):.0f} degrees",
@@ -104,7 +104,7 @@ def _direction(points: Floats, step: Floats) -> Floats:
     return np.asarray(np.arctan2((step * north).sum(-1), (step * east).sum(-1)))
 
 
-def _of_positions(lon: Floats, lat: Floats, name: str, where: str, *, any_hand: bool) -> Floats:
+def _grid_direction(lon: Floats, lat: Floats, name: str, where: str, *, any_hand: bool) -> Floats:
     """Return the angle of the rows of a grid; refuse a grid whose second axis lies to the right of the first."""
     points = unit_vectors(lon, lat)
     along, across = np.gradient(points, axis=1), np.gradient(points, axis=0)
@@ -118,28 +118,28 @@ def _of_positions(lon: Floats, lat: Floats, name: str, where: str, *, any_hand: 
     return _direction(points, along)
 
 
-def _of_file(ds: xr.Dataset, lon: Floats, lat: Floats, place: Any) -> list[Floats]:
+def _read_angles(ds: xr.Dataset, lon: Floats, lat: Floats, locate: Any) -> list[Floats]:
     """Return the angle (rad) that the file gives, at positions of a component; if it tells no unit, read in both."""
     for name in _ANGLES:
         if name in ds.variables and ds[name].ndim >= 2:
-            angle, units = place(name), units_of(ds[name]).lower()
+            angle, units = locate(name), read_units(ds[name]).lower()
             values = np.asarray(angle.values, float)
             # Radians never come near numbers beyond a turn; below, many files leave the unit out.
             if units.startswith("deg") or np.nanmax(np.abs(values)) > 2.0 * np.pi + 0.1:
                 may_be = [np.deg2rad(values)]
             else:
                 may_be = [values] if units.startswith("rad") else [values, np.deg2rad(values)]
-            there = (_angle_at(angle, np.cos(one), np.sin(one), lon, lat) for one in may_be)
-            return [one for one in there if one is not None]
+            angles = (_interpolate_angle(angle, np.cos(candidate), np.sin(candidate), lon, lat) for candidate in may_be)
+            return [candidate for candidate in angles if candidate is not None]
     for cosine, sine in _COSINES:
         if {cosine, sine} <= set(ds.variables):
-            placed = place(cosine)
-            found = _angle_at(placed, placed.values, place(sine).values, lon, lat)
-            return [] if found is None else [found]
+            placed = locate(cosine)
+            at_points = _interpolate_angle(placed, placed.values, locate(sine).values, lon, lat)
+            return [] if at_points is None else [at_points]
     return []
 
 
-def _angle_at(placed: xr.DataArray, cosine: Floats, sine: Floats, lon: Floats, lat: Floats) -> Floats | None:
+def _interpolate_angle(placed: xr.DataArray, cosine: Floats, sine: Floats, lon: Floats, lat: Floats) -> Floats | None:
     if placed.dims != ("y", "x"):
         return None
     if (
@@ -149,39 +149,39 @@ def _angle_at(placed: xr.DataArray, cosine: Floats, sine: Floats, lon: Floats, l
     ):
         return np.arctan2(sine, cosine)
     # Cosine and sine are brought there apart, for an angle itself jumps by a whole turn somewhere.
-    there = Located(mesh_of(placed), lon, lat)
-    return np.asarray(np.arctan2(there.take(sine), there.take(cosine)))
+    points = Located(build_mesh(placed), lon, lat)
+    return np.asarray(np.arctan2(points.take(sine), points.take(cosine)))
 
 
-def plane_of(field: xr.Dataset | xr.DataArray) -> tuple[str, ...]:
+def horizontal_dims(field: xr.Dataset | xr.DataArray) -> tuple[str, ...]:
     """Return the dimensions of place of a placed field."""
     if "node" in field.dims:
         return ("node",)
     return ("lat", "lon") if "lat" in field.dims else ("y", "x")
 
 
-def on_points_of(field: xr.DataArray, like: xr.DataArray | xr.Dataset) -> xr.DataArray:
+def interpolate_like(field: xr.DataArray, like: xr.DataArray | xr.Dataset) -> xr.DataArray:
     """Return a field on the points of another one: over the known points around, lazily; NaN where there are none."""
     if "lon" not in like.coords:
         raise ForcingError("the components lie on different points of a map", remedy="Give both on the same points")
     lon, lat = np.asarray(like["lon"].values, float), np.asarray(like["lat"].values, float)
-    there = Located(mesh_of(field), *(np.meshgrid(lon, lat) if "lat" in like.dims else (lon, lat)))
+    points = Located(build_mesh(field), *(np.meshgrid(lon, lat) if "lat" in like.dims else (lon, lat)))
     # A staggered grid sticks out by half a cell on one side; grids of two places hardly meet.
-    if there.outside.mean() > 1.0 - _OVERLAP:
+    if points.outside.mean() > 1.0 - _OVERLAP:
         raise ForcingError(
-            f"the grids of {like.name or 'one field'} and {field.name} lie apart: {there.outside.mean():.0%} of the points "
+            f"the grids of {like.name or 'one field'} and {field.name} lie apart: {points.outside.mean():.0%} of the points "
             "of the one are not on the other", remedy="Give both components on grids of the same place",
         )  # fmt: skip
-    places = {name: c for name, c in like.coords.items() if set(c.dims) <= set(plane_of(like))}
-    return regridded(field, there, plane_of(like)).assign_coords(places)
+    coords = {name: c for name, c in like.coords.items() if set(c.dims) <= set(horizontal_dims(like))}
+    return interpolate_field(field, points, horizontal_dims(like)).assign_coords(coords)
 
 
-def regridded(field: xr.DataArray, there: Located, dims: tuple[str, ...]) -> xr.DataArray:
+def interpolate_field(field: xr.DataArray, points: Located, dims: tuple[str, ...]) -> xr.DataArray:
     """Return a field at positions whose dimensions are ``dims``, lazily if it is lazy."""
-    plane = plane_of(field)
+    plane = horizontal_dims(field)
 
     def apply(values: Floats) -> Floats:
-        return there.take(values if len(plane) == 2 else values[..., None, :])
+        return points.take(values if len(plane) == 2 else values[..., None, :])
 
     # Coordinates of the old plane do not belong to the new one, and apply_ufunc would refuse them.
     bare = field.drop_vars([name for name, c in field.coords.items() if set(c.dims) & set(plane)])
@@ -192,34 +192,34 @@ def regridded(field: xr.DataArray, there: Located, dims: tuple[str, ...]) -> xr.
     result: xr.DataArray = xr.apply_ufunc(
         apply, bare, input_core_dims=[list(plane)], output_core_dims=[temporary], dask="parallelized",
         output_dtypes=[np.float64], keep_attrs=True,
-        dask_gufunc_kwargs={"output_sizes": dict(zip(temporary, there.shape, strict=True))},
+        dask_gufunc_kwargs={"output_sizes": dict(zip(temporary, points.shape, strict=True))},
     )  # fmt: skip
     return result.rename(dict(zip(temporary, dims, strict=True)))
 
 
-def paired_vectors(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+def pair_vectors(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     """Bring both components of each vector to the same points, and turn those along a grid to east and north."""
-    parts = list(datasets)
+    paired = list(datasets)
     for east, north in VECTORS:
-        for k, ds in enumerate(parts):
+        for k, ds in enumerate(paired):
             if east not in ds.data_vars:
                 continue
             if north not in ds.data_vars:
-                partner = next((m for m, other in enumerate(parts) if m != k and _fits(ds[east], other, north)), None)
+                partner = next((m for m, other in enumerate(paired) if m != k and _fits(ds[east], other, north)), None)
                 if partner is None:
                     continue
-                other = parts[partner]
+                other = paired[partner]
                 try:
-                    across = on_points_of(other[north], ds[east])
+                    across = interpolate_like(other[north], ds[east])
                 except ForcingError as error:
                     raise ForcingError(error.what, where=named(ds), remedy=error.remedy) from error
                 source = ", ".join(
                     dict.fromkeys([*str(ds.attrs["source"]).split(", "), *str(other.attrs["source"]).split(", ")])
                 )
                 ds = ds.assign({north: across}).assign_attrs(source=source)
-                parts[partner] = other.drop_vars(north)
-            parts[k] = _turned(ds, east, north)
-    for ds in parts:
+                paired[partner] = other.drop_vars(north)
+            paired[k] = _turn_vectors(ds, east, north)
+    for ds in paired:
         for name in [name for pair in VECTORS for name in pair if name in ds.data_vars]:
             if ds[name].attrs.get("along") == "grid":
                 pair = next(pair for pair in VECTORS if name in pair)
@@ -230,7 +230,7 @@ def paired_vectors(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
                     f"({QUANTITIES[partner_name].long_name}) with the same records: without it the vector cannot be turned to "
                     "east and north", where=named(ds), remedy=f"Add the file with the partner of {original}",
                 )  # fmt: skip
-    return [ds.drop_vars("grid_angle", errors="ignore") for ds in parts if ds.data_vars]
+    return [ds.drop_vars("grid_angle", errors="ignore") for ds in paired if ds.data_vars]
 
 
 def _fits(field: xr.DataArray, other: xr.Dataset, name: str) -> bool:
@@ -249,7 +249,7 @@ def _fits(field: xr.DataArray, other: xr.Dataset, name: str) -> bool:
     return True
 
 
-def _turned(ds: xr.Dataset, east: str, north: str) -> xr.Dataset:
+def _turn_vectors(ds: xr.Dataset, east: str, north: str) -> xr.Dataset:
     along = {ds[name].attrs.get("along") for name in (east, north)}
     if along == {None}:
         return ds

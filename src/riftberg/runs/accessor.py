@@ -1,4 +1,4 @@
-"""What is most often read from a run: bergs, fragments and elements, as ``run.riftberg`` of an `xarray.Dataset`.
+"""The most used tables of a run: bergs, fragments and elements, as ``run.riftberg`` of an `xarray.Dataset`.
 
 How far two runs are apart by time is found from the courses of the same berg in both: of a run from its elements, of a
 member of a sweep from the tracks that ``sweep.nc`` holds, which have no heading.
@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from riftberg.errors import InputError, nearest
 from riftberg.ocean.grid import haversine
 from riftberg.plane import near
-from riftberg.runs.layout import called, parameters_of
-from riftberg.runs.tracks import GOES_ON, axis_difference, is_channel, tracks_of, zonal_period
+from riftberg.runs.layout import label_fragment, run_parameters
+from riftberg.runs.tracks import GOES_ON, axis_difference, build_tracks, is_channel, zonal_period
 from riftberg.state import Floats
 from riftberg.system.input_files import value_shown
 
 
 class Table:
-    """A dataset with a data frame and a picture that suit it; all else is that of the dataset."""
+    """A dataset with a data frame and a picture that suit it; it forwards everything else to the dataset."""
 
     picture = ""
 
@@ -35,7 +35,7 @@ class Table:
         self.dataset, self._run = dataset, run
 
     def __getattr__(self, name: str) -> Any:
-        """Return what the dataset has."""
+        """Return an attribute of the dataset."""
         if name.startswith("__") or name == "dataset":
             raise AttributeError(name)
         return getattr(self.dataset, name)
@@ -53,7 +53,7 @@ class Table:
         return iter(self.dataset)
 
     def __dir__(self) -> list[str]:
-        """Name what the dataset has too."""
+        """List the names of the dataset too."""
         return sorted({*super().__dir__(), *dir(self.dataset)})
 
     def __repr__(self) -> str:
@@ -67,7 +67,7 @@ class Table:
         return self.dataset.to_dataframe()
 
     def plot(self, *args: Any, **options: Any) -> Any:
-        """Draw the picture of the table; arguments are those of ``riftberg.draw_tracks`` and its like."""
+        """Draw the picture of the table; arguments as for ``riftberg.draw_tracks`` and its like."""
         # The package offers pictures by name; runs are below them.
         return getattr(importlib.import_module("riftberg"), self.picture)(self._run, *args, **options)
 
@@ -83,7 +83,7 @@ class Tracks(Table):
 
         tracks, size = self.dataset, self.dataset["rowsize"].values
         names = [
-            called(*row)
+            label_fragment(*row)
             for row in zip(*(tracks[k].values.tolist() for k in ("trajectory", "parent", "name")), strict=True)
         ]
         index = pd.MultiIndex.from_arrays(
@@ -136,7 +136,7 @@ class RunAccessor:
         variables = dict(self._run.variables)
         # xarray keeps this accessor with the dataset, whose variables may be replaced.
         if self._tracks is None or not _same(self._tracks[0], variables):
-            self._tracks = variables, Tracks(tracks_of(self._run), self._run)
+            self._tracks = variables, Tracks(build_tracks(self._run), self._run)
         return self._tracks[1]
 
     def compare(self, other: xr.Dataset, berg: str | None = None) -> xr.Dataset:
@@ -161,10 +161,10 @@ class RunAccessor:
         InputError
             If the runs have no date in common, or no such berg.
         """
-        courses = [course_of(run, berg) for run in (self._run, other)]
-        by_time = apart(*courses)
+        courses = [find_course(run, berg) for run in (self._run, other)]
+        by_time = compare_courses(*courses)
         earth = {name: getattr(courses[0], name) for name in ("latlon", "radius", "period")}
-        events = aligned([course.births for course in courses], earth)
+        events = align_breakups([course.births for course in courses], earth)
 
         def column(key: str, missing: Any) -> list[list[Any]]:
             return [[missing if event is None else event[key] for event in row] for row in events]
@@ -205,9 +205,9 @@ class RunAccessor:
         return ElementTable(run[names].rename(trajectory="element"), run)
 
 
-def _same(one: Mapping[Hashable, Any], other: Mapping[Hashable, Any]) -> bool:
+def _same(first: Mapping[Hashable, Any], second: Mapping[Hashable, Any]) -> bool:
     """Whether two datasets share their variables, none of them replaced by another."""
-    return one.keys() == other.keys() and all(one[name] is other[name] for name in one)
+    return first.keys() == second.keys() and all(first[name] is second[name] for name in first)
 
 
 # ---- the same berg of two runs ------------------------------------------------------------------------------------------
@@ -230,100 +230,102 @@ class Course:
 
     def at(self, times: NDArray[np.datetime64]) -> tuple[Floats, Floats, Floats, Floats]:
         """Return position, long axis and area at some times, linear between records; NaN outside of them."""
-        mine, wanted = (t.astype("datetime64[ms]").astype(np.float64) for t in (self.times, times))
-        x, y, area = (np.interp(wanted, mine, a, np.nan, np.nan) for a in (self.x, self.y, self.area))
-        known = np.isfinite(self.azimuth)
+        record_seconds, query_seconds = (t.astype("datetime64[ms]").astype(np.float64) for t in (self.times, times))
+        x, y, area = (np.interp(query_seconds, record_seconds, a, np.nan, np.nan) for a in (self.x, self.y, self.area))
+        has_azimuth = np.isfinite(self.azimuth)
         azimuth = np.full(times.shape, np.nan)
-        if known.any():
-            turning = np.unwrap(self.azimuth[known], period=180.0)
-            azimuth = np.interp(wanted, mine[known], turning, np.nan, np.nan) % 180.0
+        if has_azimuth.any():
+            turning = np.unwrap(self.azimuth[has_azimuth], period=180.0)
+            azimuth = np.interp(query_seconds, record_seconds[has_azimuth], turning, np.nan, np.nan) % 180.0
         return x, y, azimuth, area
 
 
 def own_dates(member: xr.Dataset) -> NDArray[np.datetime64]:
-    """Return the dates of the tracks of a member; where a sweep varies ``start``, ``time`` has those of member 0."""
+    """Return the dates of the tracks of a member; where a sweep varies ``start``, ``time`` has the dates of member 0."""
     later = 1e9 * float(member["start_after"]) if "start_after" in member.coords else 0.0
     return np.asarray(member["time"].values.astype("datetime64[ns]") + np.timedelta64(round(later), "ns"))
 
 
-def course_of(run: xr.Dataset, berg: str | None = None) -> Course:
+def find_course(run: xr.Dataset, berg: str | None = None) -> Course:
     """Return the course of a berg of a run, or of one member of a sweep: the one of a name, or the largest at the start."""
     if "parameters_json" not in run.attrs or ("member" in run.dims):
         raise InputError(
             f"{value_shown(run)} is no run", where="compare",
             remedy="Give what Model.run or riftberg.open_run return, or open_sweep(path).isel(member=3)",
         )  # fmt: skip
-    earth = parameters_of(run).earth
+    earth = run_parameters(run).earth
     x, y = ("lon", "lat") if earth.latlon else ("x", "y")
     if "member" in run.coords:
         start = np.flatnonzero(run["fragment_parent"].values == 0.0)
         rows = start[np.argsort(-run["fragment_area"].values[start], kind="stable")]
         if not rows.size:
             raise InputError("the member has no tracks: it failed or was not run", where="compare")
-        one = run.isel(fragment=rows[0])
-        there = np.isfinite(one[x].values)
-        tracks, name, azimuth = one.isel(time=there), "", np.full(int(there.sum()), np.nan)
+        fragment = run.isel(fragment=rows[0])
+        has_position = np.isfinite(fragment[x].values)
+        tracks, name, azimuth = fragment.isel(time=has_position), "", np.full(int(has_position.sum()), np.nan)
         tracks = tracks.assign_coords(time=own_dates(tracks))
     else:
-        table = tracks_of(run)
+        table = build_tracks(run)
         ends = np.cumsum(table["rowsize"].values)
         names, parents = (table[n].values.tolist() for n in ("name", "parent"))
         bergs = [k for k, parent in enumerate(parents) if parent <= 0]
-        named = [k for k in bergs if names[k] == berg]
-        if berg is not None and not named:
-            known = [names[k] for k in bergs if names[k]]
+        matches = [k for k in bergs if names[k] == berg]
+        if berg is not None and not matches:
+            berg_names = [names[k] for k in bergs if names[k]]
             raise InputError(
                 f"no berg {berg!r}", where="compare, berg",
-                remedy=f"{nearest(berg, known)}Bergs are {', '.join(known) or 'without names'}",
+                remedy=f"{nearest(berg, berg_names)}Bergs are {', '.join(berg_names) or 'without names'}",
             )  # fmt: skip
-        row = max(named or bergs, key=lambda k: (float(table["area"].values[ends[k] - table["rowsize"].values[k]]), -k))
+        row = max(
+            matches or bergs, key=lambda k: (float(table["area"].values[ends[k] - table["rowsize"].values[k]]), -k)
+        )
         tracks = table.isel(index=slice(int(ends[row] - table["rowsize"].values[row]), int(ends[row])))
         name, azimuth = names[row], tracks["azimuth"].values.astype(float)
-    around = zonal_period(parameters_of(run))
+    zonal_span = zonal_period(run_parameters(run))
     lon = tracks[x].values
-    if around > 0.0 and run[x].attrs.get("comment") != GOES_ON:
-        lon = np.unwrap(lon, period=around)
+    if zonal_span > 0.0 and run[x].attrs.get("comment") != GOES_ON:
+        lon = np.unwrap(lon, period=zonal_span)
     columns = ("parent", "birth_time", x, y, "area", "bonds_broken", "grounded")
     births = zip(*(run[f"fragment_{column}"].values.tolist() for column in columns), strict=True)
     dates = run["fragment_birth_time"].values.astype("datetime64[s]").astype(str)
-    found = [
+    breakups = [
         {"time": date, "lon": lon, "lat": lat, "area_km2": area / 1e6, "bonds": int(bonds), "grounded": bool(ground)}
         for date, (parent, _, lon, lat, area, bonds, ground) in zip(dates, births, strict=True) if parent > 0
     ]  # fmt: skip
-    if is_channel(parameters_of(run)):  # births lie beside the track, however often that went round
+    if is_channel(run_parameters(run)):  # births lie beside the track, however often that went round
         at = tracks["time"].values.astype("datetime64[s]").astype(np.float64)
-        for event in found:
+        for event in breakups:
             when = np.datetime64(event["time"], "s").astype(np.float64)
-            event["lon"] = float(near(event["lon"], np.interp(float(when), at, lon), around))
+            event["lon"] = float(near(event["lon"], np.interp(float(when), at, lon), zonal_span))
     return Course(
         name, tracks["time"].values, lon, tracks[y].values, azimuth, tracks["area"].values.astype(float),
-        sorted(found, key=lambda event: event["time"]), earth.latlon, earth.radius, earth.period,
+        sorted(breakups, key=lambda event: event["time"]), earth.latlon, earth.radius, earth.period,
     )  # fmt: skip
 
 
-def apart(one: Course, other: Course) -> dict[str, NDArray[Any]]:
-    """Return what differs between two courses at the records of the first that both have.
+def compare_courses(first: Course, second: Course) -> dict[str, NDArray[Any]]:
+    """Return the differences between two courses at the records of the first that both have.
 
     ``time``; ``distance`` (m); ``rotation`` of the long axis, second less first (degrees, -90 to 90); ``area_first`` and
     ``area_second`` (m2).
     """
-    if one.latlon != other.latlon:
+    if first.latlon != second.latlon:
         raise InputError("one run is in degrees, the other in metres", where="compare", remedy="Give two of a kind")
-    shared = one.times[(one.times >= other.times[0]) & (one.times <= other.times[-1])]
+    shared = first.times[(first.times >= second.times[0]) & (first.times <= second.times[-1])]
     # Between records six hours apart a berg that oscillates with the inertial period is a kilometre off the straight line.
-    both = shared[np.isin(shared, other.times)]
-    shared = both if both.size > 1 else shared
+    common = shared[np.isin(shared, second.times)]
+    shared = common if common.size > 1 else shared
     if not shared.size:
-        spans = " and ".join(f"{str(c.times[0])[:16]} to {str(c.times[-1])[:16]}" for c in (one, other))
+        spans = " and ".join(f"{str(c.times[0])[:16]} to {str(c.times[-1])[:16]}" for c in (first, second))
         raise InputError(f"the runs have no date in common: {spans}", where="compare", remedy="Give runs that overlap")
-    (x1, y1, turn1, area1), (x2, y2, turn2, area2) = one.at(shared), other.at(shared)
+    (x1, y1, turn1, area1), (x2, y2, turn2, area2) = first.at(shared), second.at(shared)
     # One of two bergs that began side by side may have gone round the channel more often.
-    begun = x2[0] - x1[0] - _short_way(x2[0] - x1[0], one.period)
-    on_plane = np.hypot(x2 - x1 - begun, y2 - y1)
-    distance = haversine(x1, y1, x2, y2, one.radius) if one.latlon else on_plane
+    offset = x2[0] - x1[0] - _short_way(x2[0] - x1[0], first.period)
+    on_plane = np.hypot(x2 - x1 - offset, y2 - y1)
+    distance = haversine(x1, y1, x2, y2, first.radius) if first.latlon else on_plane
     rotation = axis_difference(turn2, turn1)
-    found = {"distance": np.asarray(distance), "rotation": rotation, "area_first": area1, "area_second": area2}
-    return {"time": shared, **found}
+    differences = {"distance": np.asarray(distance), "rotation": rotation, "area_first": area1, "area_second": area2}
+    return {"time": shared, **differences}
 
 
 def _short_way(dx: Any, period: float) -> Any:
@@ -342,7 +344,7 @@ WORST: Final = 3.0
 """Cost of a pair at all three limits, and of an event without a partner."""
 
 
-def aligned(runs: Sequence[Sequence[Event]], earth: dict[str, Any]) -> list[list[Event | None]]:
+def align_breakups(runs: Sequence[Sequence[Event]], earth: dict[str, Any]) -> list[list[Event | None]]:
     """Return the break-ups of each run in rows: each row holds the same event of all runs, or None.
 
     ``earth``: parameters of the Earth, as in ``summary.json``: whether places are degrees, its radius and the length of a
@@ -367,19 +369,19 @@ def aligned(runs: Sequence[Sequence[Event]], earth: dict[str, Any]) -> list[list
     return [[mine.get(row) for row in range(len(rows))] for mine in placed]
 
 
-def _cost(one: Event, other: Event, earth: dict[str, Any]) -> float:
+def _cost(first: Event, second: Event, earth: dict[str, Any]) -> float:
     """How unlike two break-ups are, 0 to 3; infinite beyond the limits. Grounded and afloat are never the same."""
-    times = [datetime.fromisoformat(event["time"]) for event in (one, other)]
+    times = [datetime.fromisoformat(event["time"]) for event in (first, second)]
     days = abs((times[1] - times[0]).total_seconds()) / 86400.0
-    places = [(event["lon"], event["lat"]) for event in (one, other)]
+    positions = [(event["lon"], event["lat"]) for event in (first, second)]
     if earth["latlon"]:
-        metres = float(haversine(*places[0], *places[1], earth["radius"]))
+        metres = float(haversine(*positions[0], *positions[1], earth["radius"]))
     else:
-        (x1, y1), (x2, y2) = places
+        (x1, y1), (x2, y2) = positions
         metres = math.hypot(_short_way(x2 - x1, earth.get("period", 0.0)), y2 - y1)
-    larger = abs(math.log(one["area_km2"] / other["area_km2"])) / math.log(TIMES_AS_LARGE)
-    parts = days / DAYS_APART, metres / 1e3 / KILOMETRES_APART, larger
-    return sum(parts) if max(parts) <= 1.0 and one["grounded"] == other["grounded"] else math.inf
+    larger = abs(math.log(first["area_km2"] / second["area_km2"])) / math.log(TIMES_AS_LARGE)
+    differences = days / DAYS_APART, metres / 1e3 / KILOMETRES_APART, larger
+    return sum(differences) if max(differences) <= 1.0 and first["grounded"] == second["grounded"] else math.inf
 
 
 def best_pairs(cost: Floats, alone: float) -> list[tuple[int, int]]:

@@ -1,6 +1,6 @@
-"""What a run file holds besides the state: names, units, and a function of the model that gives the values at each record.
+"""Variables of a run file besides the state: names, units, and a function of the model that gives the values at each record.
 
-Forces as they were applied, the ledgers of momentum, energy, ice and heat, and whatever a user adds, are all of this kind.
+Applied forces, the ledgers of momentum, energy, ice and heat, and the variables of a user are all of this kind.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from riftberg.engines.common.forces.media import FORCES
 from riftberg.errors import RunError
 from riftberg.life.melt import mass_in_bits
 from riftberg.life.motion import GIVERS, bonds_vibrate
-from riftberg.life.process import PROCESSES, SOURCES, melt_of
+from riftberg.life.process import PROCESSES, SOURCES, read_melt
 from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats, Variable
 from riftberg.state.population import by_identifier
@@ -29,7 +29,7 @@ class Derived(NamedTuple):
 
     variables: tuple[Variable, ...]
     of: Callable[[Any], Sequence[Any]]  # Takes the model and returns the values of each variable
-    over: str = "trajectory"  # What the values lie along: the elements, or a dimension of `LABELS`
+    over: str = "trajectory"  # Dimension of the values: the elements, or one of `LABELS`
     mean: bool = False  # Mean of the long steps since the record before, instead of the value at the record
 
 
@@ -40,7 +40,7 @@ LABELS: Final[dict[str, tuple[Sequence[str], str]]] = {
     "process": (PROCESSES, "way in which ice becomes melt water"),
     "total": ((), ""),
 }  # fmt: skip
-"""Dimensions of the ledgers, with their labels and what these are; ``total`` has one entry and none."""
+"""Dimensions of the ledgers, with their labels and the meaning of these; ``total`` has one entry and no label."""
 
 
 # ---- what is written --------------------------------------------------------------------------------------------------
@@ -79,30 +79,30 @@ def own_applied(model: BareModel) -> list[Derived]:
 
 
 def _own_totals(names: Sequence[str]) -> Derived:
-    """Return what each of several laws of the user has given since the start."""
+    """Return impulse and work of each of several laws of the user since the start."""
     variables = tuple(
-        Variable(f"{what}_{name}{axis}", unit, f"{said} {name}, a law of the user, since the start")
+        Variable(f"{quantity}_{name}{axis}", unit, f"{text} {name}, a law of the user, since the start")
         for name in names
-        for what, axis, unit, said in (
+        for quantity, axis, unit, text in (
             ("impulse", "_x", "N s", "eastward momentum given by"), ("impulse", "_y", "N s", "northward momentum given by"),
             ("work", "", "J", "work of"),
         )
     )  # fmt: skip
 
-    return Derived(variables, _motion(lambda b: [value for given in b.own.values() for value in given]), "total")
+    return Derived(variables, _motion(lambda b: [value for totals in b.own.values() for value in totals]), "total")
 
 
-def added(functions: Mapping[str, tuple[str, Callable[[Any], Any]]]) -> list[Derived]:
-    """Return what a user adds: unit and function of the model, by name."""
+def user_variables(functions: Mapping[str, tuple[str, Callable[[Any], Any]]]) -> list[Derived]:
+    """Return the variables of a user: unit and function of the model, by name."""
 
     def checked(name: str, function: Callable[[Any], Any]) -> Callable[[Any], Sequence[Any]]:
         def values(model: BareModel) -> Sequence[Any]:
-            found = np.asarray(function(model), np.float64)
-            if found.shape != (model.elements.size,):
+            array = np.asarray(function(model), np.float64)
+            if array.shape != (model.elements.size,):
                 raise RunError(
-                    f"derived variable {name}: shape {found.shape}, but there are {model.elements.size} elements"
+                    f"derived variable {name}: shape {array.shape}, but there are {model.elements.size} elements"
                 )
-            return (found,)
+            return (array,)
 
         return values
 
@@ -150,12 +150,12 @@ IN_BONDS: Final = Derived((
     Variable("elastic_energy", "J", "elastic energy in bonds"),
     Variable("dissipated_energy", "J", "energy lost in dampers and contacts since the start"),
 ), _motion(lambda b: (b.elastic_now, b.dissipated)), "total")  # fmt: skip
-"""What that ledger has besides where bonds vibrate."""
+"""Further entries of that ledger where bonds vibrate."""
 
 IN_THE_BED: Final = Derived((
     Variable("bed_friction_energy", "J", "work of friction on a bed of sediment since the start"),
 ), _motion(lambda b: (b.rubbed,)), "total")  # fmt: skip
-"""What it has besides on a bed of sediment."""
+"""Further entries on a bed of sediment."""
 
 ICE: Final = (
     Derived((
@@ -179,7 +179,7 @@ FRAGMENT_MELT: Final = "fragment_melt_water"
 """Variable over fragments and processes; it is written anew with the family tree."""
 
 
-def ledgers_of(model: BareModel) -> tuple[Derived, ...]:
+def list_ledgers(model: BareModel) -> tuple[Derived, ...]:
     """Return the ledgers that a model keeps; not all models that may be written keep any."""
     motion: tuple[Derived, ...] = MOTION if model.motion is not None else ()
     if motion and (names := model.laws.several()):
@@ -195,7 +195,7 @@ def ledgers_of(model: BareModel) -> tuple[Derived, ...]:
 
 
 class Means:
-    """Means over the long steps between records of what is derived from each element."""
+    """Means of derived variables over the long steps between records."""
 
     def __init__(self, model: BareModel, derived: Sequence[Derived]) -> None:
         self.derived = [entry for entry in derived if entry.mean]
@@ -222,11 +222,11 @@ class Means:
 
     @property
     def kept(self) -> dict[str, Floats]:
-        """What must be known again to go on: sums (of the unit times s) and length (s) since the record before."""
+        """The state to go on from: sums (of the unit times s) and length (s) since the record before."""
         return {"sums": self._sum.copy(), "seconds": np.array(self._seconds)} if self.derived else {}
 
-    def go_on(self, sums: Floats | None, seconds: Floats | None) -> None:
-        """Take up what was kept, where it is of these elements and quantities."""
+    def take_up(self, sums: Floats | None, seconds: Floats | None) -> None:
+        """Restore the sums of `kept`, where they are of these elements and quantities."""
         if self.derived and seconds is not None and sums is not None and np.size(sums) == self._sum.size:
             self._sum, self._seconds = np.array(sums).reshape(self._sum.shape), float(seconds)
 
@@ -243,7 +243,7 @@ class Means:
 
 
 def values_now(model: BareModel, derived: Sequence[Derived]) -> dict[str, Floats]:
-    """Return what is derived from a model at this moment, by name."""
+    """Return the derived variables of a model at this moment, by name."""
     return {
         v.name: np.atleast_1d(np.asarray(values, np.float64))
         for entry in derived if not entry.mean
@@ -253,7 +253,7 @@ def values_now(model: BareModel, derived: Sequence[Derived]) -> dict[str, Floats
 
 def define_ledgers(file: netCDF4.Dataset, model: BareModel) -> None:
     """Create dimensions and variables of the ledgers that a model keeps."""
-    for entry in ledgers_of(model):
+    for entry in list_ledgers(model):
         if entry.over not in file.dimensions:
             labels, meaning = LABELS[entry.over]
             file.createDimension(entry.over, len(labels) or 1)
@@ -277,4 +277,4 @@ def write_fragment_melt(file: netCDF4.Dataset, model: BareModel) -> None:
     """Write the melt water of all fragments so far, where something melts."""
     if model.life is not None and len(model.fragments.rows):
         numbers = np.array([row.number for row in model.fragments.rows], np.int64)
-        file[FRAGMENT_MELT][: numbers.size] = melt_of(model.remembered, numbers)
+        file[FRAGMENT_MELT][: numbers.size] = read_melt(model.remembered, numbers)

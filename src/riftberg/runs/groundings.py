@@ -1,6 +1,6 @@
 """Stays of bergs on the sea floor in words: as they happen, at the end of a run, and from its file.
 
-What a stay holds stands in `riftberg.engines.common.fragments.grounding_log`.
+`riftberg.engines.common.fragments.grounding_log` defines the contents of a stay.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from riftberg.engines.common.forces.media import on_the_floor
 from riftberg.engines.common.fragments.grounding_log import AFLOAT_TIME, GroundingEvent
 from riftberg.parameters import Parameters, QuasiStaticParameters, Seabed
 from riftberg.physics.floating import draft_of
-from riftberg.runs.layout import called
+from riftberg.runs.layout import label_fragment
 from riftberg.system.process import say
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ DEEP_KEEL: Final = 5.0
 """Depth (m) of a keel below the sea floor from which on a law of drag is told to hold nothing."""
 
 OTHER_BEDS: Final = ("clay", "rock")
-"""Beds for which a run says what the same load could hold."""
+"""Beds for which a run reports how much the same load could hold."""
 
 USUAL_FLEXURAL_STRENGTH: Final = 0.3e6
 """Bending stress (Pa) that glacier ice bears at most (Vaughan 1993: 90 to 320 kPa)."""
@@ -81,13 +81,13 @@ class Stay:
 def list_stays(model: BareModel) -> list[Stay]:
     """Return the stays of a run so far, in order of time."""
     rows = {row.number: row for row in model.fragments.rows}
-    several = sum(row.parent <= 0 for row in rows.values()) > 1
+    several_bergs = sum(row.parent <= 0 for row in rows.values()) > 1
 
     def fragment_name(number: int) -> str:
         row = rows.get(number)
         if row is None:
             return ""
-        return called(number, row.parent, row.name) if row.parent > 0 or row.name or several else ""
+        return label_fragment(number, row.parent, row.name) if row.parent > 0 or row.name or several_bergs else ""
 
     def date(seconds: float) -> str:
         return (model.start + timedelta(seconds=seconds)).isoformat()
@@ -110,32 +110,38 @@ def read_stays(run: xr.Dataset, names: Any) -> list[Stay]:
     if "grounding_time" not in run or run.sizes.get("grounding", 0) == 0:
         return []
     zero, last = np.datetime64(str(run.attrs["start"])), run["time"].values[-1]
-    places = {"lon": "lon" if "grounding_lon" in run else "x", "lat": "lat" if "grounding_lat" in run else "y"}
+    coordinates = {"lon": "lon" if "grounding_lon" in run else "x", "lat": "lat" if "grounding_lat" in run else "y"}
     stays = []
     for k in range(run.sizes["grounding"]):
         began, ended = (run[f"grounding_{name}"].values[k] for name in ("time", "end"))
         values: dict[str, Any] = {
-            name: run[f"grounding_{places.get(name, name)}"].values[k].item()
+            name: run[f"grounding_{coordinates.get(name, name)}"].values[k].item()
             for name in GroundingEvent.__dataclass_fields__
-            if name not in ("time", "end") and f"grounding_{places.get(name, name)}" in run  # earlier versions had less
+            if name not in ("time", "end") and f"grounding_{coordinates.get(name, name)}" in run  # earlier versions had less
         }  # fmt: skip
         values |= {
             name: float((date - zero) / np.timedelta64(1, "s")) for name, date in (("time", began), ("end", ended))
         }
         event = GroundingEvent(**values)
-        held = zero + np.timedelta64(round(event.held), "s")
+        held_since = zero + np.timedelta64(round(event.held), "s")
         dates = str(began)[:19], str(ended)[:19]
         stays.append(
-            Stay(names(event.number), *dates, bool(ended >= last), event, str(held)[:19] if event.held >= 0.0 else "")
+            Stay(
+                names(event.number),
+                *dates,
+                bool(ended >= last),
+                event,
+                str(held_since)[:19] if event.held >= 0.0 else "",
+            )
         )
     return stays
 
 
 def summarize_ground(model: BareModel) -> dict[str, Any]:
-    """Return what the sea floor did in a run, as the summary holds it."""
+    """Return the effects of the sea floor in a run, as the summary holds them."""
     stays, p = list_stays(model), model.parameters
     clearance = model.groundings.clearance
-    found: dict[str, Any] = {
+    summary: dict[str, Any] = {
         "law": p.grounding.law,
         "least_clearance": None if math.isinf(clearance) else clearance,
         "bathymetry_spacing": model.forcing.depth_spacing(),
@@ -145,21 +151,21 @@ def summarize_ground(model: BareModel) -> dict[str, Any]:
     # Pieces that are too small for a stay of their own are aground all the same.
     el = model.elements
     touching = on_the_floor(el.thickness, el.environment.depth, el.keel.floor_load, p.kernel_values())
-    told_of = [stay.event.number for stay in stays if stay.lasts]
-    found["elements_of_small_pieces"] = int((touching & ~np.isin(el.berg, told_of)).sum())
+    listed = [stay.event.number for stay in stays if stay.lasts]
+    summary["elements_of_small_pieces"] = int((touching & ~np.isin(el.berg, listed)).sum())
     if not stays:
-        return found
-    # What is aground now, or where nothing is, what came free last.
-    now = [stay.event for stay in stays if stay.lasts] or [max(stays, key=lambda stay: stay.ended).event]
-    load = sum(row.load for row in now)
-    found |= {
+        return summary
+    # The bergs aground now, or where none is, the one that came free last.
+    last_events = [stay.event for stay in stays if stay.lasts] or [max(stays, key=lambda stay: stay.ended).event]
+    load = sum(row.load for row in last_events)
+    summary |= {
         "first": min(stay.began for stay in stays),
         "hours": sum(stay.event.seconds for stay in stays) / 3600.0,
         "times": sum(stay.event.times for stay in stays),
-        "elements": sum(row.carried for row in now),
+        "elements": sum(row.carried for row in last_events),
         "load": load,
-        "capacity": sum(row.capacity for row in now),
-        "pressing": sum(row.pressing for row in now),
+        "capacity": sum(row.capacity for row in last_events),
+        "pressing": sum(row.pressing for row in last_events),
         **{
             key: max(getattr(stay.event, name) for stay in stays)
             for key, name in (("lift", "lift"), ("bending_stress", "stress"), ("gouge", "gouge"))
@@ -167,9 +173,9 @@ def summarize_ground(model: BareModel) -> dict[str, Any]:
         "way_aground": max(stay.event.way for stay in stays),
     }
     if p.grounding.law == "seabed":
-        found["sediment"] = p.grounding.sediment
-        found["capacity_on"] = {name: load * holding(name) for name in OTHER_BEDS if name != p.grounding.sediment}
-    return found
+        summary["sediment"] = p.grounding.sediment
+        summary["capacity_on"] = {name: load * holding(name) for name in OTHER_BEDS if name != p.grounding.sediment}
+    return summary
 
 
 def holding(sediment: str) -> float:
@@ -196,9 +202,9 @@ def short_date(moment: str) -> str:
 def touch_line(stay: Stay, elements: int, *, latlon: bool) -> str:
     """Return that a berg touched, in a line; ``elements``: how many it has."""
     row, whom = stay.event, f"{stay.name} " if stay.name else ""
-    place = place_text(row.lon, row.lat, latlon=latlon, digits=2)
+    position = place_text(row.lon, row.lat, latlon=latlon, digits=2)
     lifted = f", keel lifted by up to {row.lift:.2g} m" if row.lift > 0.0 else ""
-    return f"{minute_text(stay.began)}  {whom}aground at {place}: {row.elements} of {elements} elements{lifted}"
+    return f"{minute_text(stay.began)}  {whom}aground at {position}: {row.elements} of {elements} elements{lifted}"
 
 
 def free_line(stay: Stay) -> str:
@@ -223,14 +229,14 @@ def stay_words(entry: dict[str, Any], weight: float) -> str:
     inside = (
         f"{entry['elements']} element{'s' if entry['elements'] != 1 else ''}, load {force_text(entry['load'])}{share}"
     )
-    held = f"; the bed can hold {force_text(entry['capacity'])}" if entry["capacity"] > 0.0 else ""
-    pressed = f"{',' if held else ';'} the sea presses with {force_text(entry['pressing'])}"
-    still = (
+    held_text = f"; the bed can hold {force_text(entry['capacity'])}" if entry["capacity"] > 0.0 else ""
+    pressed = f"{',' if held_text else ';'} the sea presses with {force_text(entry['pressing'])}"
+    motion_text = (
         f"; it has stood still since {short_date(entry['held_since'])}"
         if entry.get("held_since")
         else f"; it slides, {_metres(entry['way_aground'])} so far"
     )
-    return f"aground since {short_date(entry['first'])} ({inside}{held}{pressed}{still})"
+    return f"aground since {short_date(entry['first'])} ({inside}{held_text}{pressed}{motion_text})"
 
 
 def title_lines(stays: list[Stay]) -> list[str]:
@@ -239,15 +245,15 @@ def title_lines(stays: list[Stay]) -> list[str]:
         return []
     stay = next((stay for stay in stays if stay.lasts), stays[0])
     row, until = stay.event, "the end" if stay.lasts else short_date(stay.ended)
-    still = f"held since {short_date(stay.held)}" if stay.held else f"slid {_metres(row.way)}"
+    motion_text = f"held since {short_date(stay.held)}" if stay.held else f"slid {_metres(row.way)}"
     more = f"; {len(stays) - 1} more on the sea floor" if len(stays) > 1 else ""
     whom = f"{stay.name} aground" if stay.name else "Aground"
     elements = f"{row.carried} element{'s' if row.carried != 1 else ''}"
-    return [f"{whom} {short_date(stay.began)} to {until}: {elements}, {still}{more}"]
+    return [f"{whom} {short_date(stay.began)} to {until}: {elements}, {motion_text}{more}"]
 
 
 def ground_lines(ground: dict[str, Any]) -> list[str]:
-    """Return what else a run says of the sea floor at its end: other beds, or how near it came."""
+    """Return further lines on the sea floor at the end of a run: other beds, or the least clearance."""
     lines = []
     if small := ground.get("elements_of_small_pieces", 0):
         lines.append(
@@ -283,22 +289,22 @@ def keel_line(model: BareModel) -> str:
     along = scale * (math.cos(math.radians(lat0)) if earth.latlon else 1.0)
     reach = np.linspace(-1.0, 1.0, AROUND_POINTS)
     half_x, half_y = NEARBY + 0.5 * along * np.ptp(el.lon), NEARBY + 0.5 * scale * np.ptp(el.lat)
-    around = np.meshgrid(lon0 + reach * half_x / along, lat0 + reach * half_y / scale)
-    under, near = (np.asarray(model.forcing.depth(*places), float) for places in ((el.lon, el.lat), around))
+    nearby_points = np.meshgrid(lon0 + reach * half_x / along, lat0 + reach * half_y / scale)
+    under, nearby = (np.asarray(model.forcing.depth(*points), float) for points in ((el.lon, el.lat), nearby_points))
     if not np.isfinite(under).any() or not np.nanmin(under) < NO_FLOOR:
         return ""
     spacing = model.forcing.depth_spacing()
     chart = f"the chart, with a node every {_kilometres(spacing)}," if spacing else "the sea floor"
     gap = float(np.nanmin(under)) - draft
-    said = (
+    clearance = (
         f"{gap:.0f} m of water below the keel"
         if gap >= 0.0
         else f"the keel stands {-gap:.0f} m deeper: it starts aground"
     )
-    least = f"; within {NEARBY / 1e3:.0f} km of it at least {np.nanmin(near):.0f} m" if np.isfinite(near).any() else ""
-    return (
-        f"the keel is {draft:.0f} m deep; {chart} has at least {np.nanmin(under):.0f} m under the berg ({said}){least}"
+    least = (
+        f"; within {NEARBY / 1e3:.0f} km of it at least {np.nanmin(nearby):.0f} m" if np.isfinite(nearby).any() else ""
     )
+    return f"the keel is {draft:.0f} m deep; {chart} has at least {np.nanmin(under):.0f} m under the berg ({clearance}){least}"
 
 
 def _kilometres(metres: float) -> str:
@@ -306,42 +312,44 @@ def _kilometres(metres: float) -> str:
 
 
 def why_lines(stays: list[Stay], parameters: Parameters, *, latlon: bool) -> list[str]:
-    """Return in a sentence for each stay where the berg touched, how far it went, and what holds it against what."""
+    """Return a sentence for each stay: where the berg touched, how far it went, and holding and driving forces."""
     lines = []
     for stay in stays:
         row = stay.event
         whom = f"{stay.name} was aground" if stay.name else "Aground"
         until = "the end" if stay.lasts else minute_text(stay.ended)
-        place = place_text(row.lon, row.lat, latlon=latlon, digits=2)
-        said = [f"{whom} {minute_text(stay.began)} to {until}: touched with its {_side(row.towards)} at {place}"]
+        position = place_text(row.lon, row.lat, latlon=latlon, digits=2)
+        clauses = [f"{whom} {minute_text(stay.began)} to {until}: touched with its {_side(row.towards)} at {position}"]
         if row.times > 1:
-            said.append(f"touched {row.times} times and stood for {_length(row.seconds / 86400.0)} in all")
-        said.append(
+            clauses.append(f"touched {row.times} times and stood for {_length(row.seconds / 86400.0)} in all")
+        clauses.append(
             f"stopped within {_metres(row.stopped)}"
             if row.stopped >= 0.0
             else f"slid {_metres(row.way)} and did not stop"
         )
         if row.capacity > 0.0:
-            said.append(f"held by up to {force_text(row.capacity)} against {force_text(row.pressing)}")
+            clauses.append(f"held by up to {force_text(row.capacity)} against {force_text(row.pressing)}")
         else:
             law = parameters.grounding.law
-            said.append(f"the law {law} brakes it and holds nothing; the sea presses with {force_text(row.pressing)}")
+            clauses.append(
+                f"the law {law} brakes it and holds nothing; the sea presses with {force_text(row.pressing)}"
+            )
         if row.stress > 0.0:
-            said.append(bending_words(row.stress, parameters))
-        lines.append("; ".join(said) + ".")
+            clauses.append(bending_words(row.stress, parameters))
+        lines.append("; ".join(clauses) + ".")
     return lines
 
 
 def bending_words(stress: float, parameters: Parameters) -> str:
-    """Return how much the ice bends on the floor, and what it bears; ``stress``: the largest, Pa."""
+    """Return the bending stress of the ice on the floor, and its strength; ``stress``: the largest, Pa."""
     strength = parameters.fracture.flexural_strength if isinstance(parameters, QuasiStaticParameters) else None
-    said = f"bending of the ice {_megapascals(stress)}"
+    text = f"bending of the ice {_megapascals(stress)}"
     if strength is not None:
-        return f"{said} (breaks at {_megapascals(strength)})"
+        return f"{text} (breaks at {_megapascals(strength)})"
     if stress <= USUAL_FLEXURAL_STRENGTH:
-        return said
+        return text
     return (
-        f"{said}, more than it bears (some {_megapascals(USUAL_FLEXURAL_STRENGTH)}; fracture.flexural_strength is off): a berg "
+        f"{text}, more than it bears (some {_megapascals(USUAL_FLEXURAL_STRENGTH)}; fracture.flexural_strength is off): a berg "
         "that has lain there for weeks bears less, with grounding.ice_modulus 0.1 GPa"
     )
 
@@ -350,8 +358,8 @@ def _megapascals(stress: float) -> str:
     return f"{stress / 1e6:.2g} MPa"
 
 
-def _metres(way: float) -> str:
-    return f"{way:.0f} m" if way < 1e4 else f"{way / 1e3:.0f} km"
+def _metres(distance: float) -> str:
+    return f"{distance:.0f} m" if distance < 1e4 else f"{distance / 1e3:.0f} km"
 
 
 def _side(towards: float) -> str:
@@ -368,39 +376,39 @@ class GroundTeller:
         self._deep = self._level = False
 
     def start(self, model: BareModel) -> None:
-        """Take what happened before as told."""
+        """Treat earlier stays as reported."""
         self._told = len(model.groundings.rows)
         self._open = {k for k, row in enumerate(model.groundings.rows) if row.end >= model.time - 1e-6}
 
     def lines(self, model: BareModel) -> list[str]:
-        """Return what is new after a step."""
+        """Return new events after a step."""
         rows = model.groundings.rows
-        said = self._deep_keel(model)
+        news = self._deep_keel(model)
         over = [k for k in sorted(self._open) if model.time - rows[k].end >= AFLOAT_TIME]
         if len(rows) == self._told and not over:
-            return said
+            return news
         stays, berg, latlon = list_stays(model), model.elements.berg, model.parameters.earth.latlon
         for k in range(self._told, len(rows)):
             if k < MOST_TOLD:
-                said.append(touch_line(stays[k], int((berg == rows[k].number).sum()), latlon=latlon))
+                news.append(touch_line(stays[k], int((berg == rows[k].number).sum()), latlon=latlon))
                 self._open.add(k)
-                said += self._level_line(model, rows[k])
+                news += self._level_line(model, rows[k])
             elif k == MOST_TOLD:
-                said.append("More bergs touch the sea floor: see summary.json")
+                news.append("More bergs touch the sea floor: see summary.json")
         self._told = len(rows)
         for k in over:
             self._open.discard(k)
             if (berg == rows[k].number).any():  # else it has melted, or gone to pieces
-                said.append(free_line(stays[k]))
-        return said
+                news.append(free_line(stays[k]))
+        return news
 
     def say(self, model: BareModel) -> None:
-        """Say what is new after a step."""
+        """Print new events after a step."""
         for line in self.lines(model):
             say(line)
 
     def _level_line(self, model: BareModel, row: GroundingEvent) -> list[str]:
-        """Return once what the sea level of files adds to the depth of a chart, which may count from another zero."""
+        """Return once the sea level of files that adds to the depth of a chart, which may count from another zero."""
         if self._level or not model.forcing.has_own_level_datum:
             return []
         self._level = True

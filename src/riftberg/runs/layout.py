@@ -1,7 +1,7 @@
-"""What a run file holds, which of its rows belongs to which element and bond, and whether a file is what it says.
+"""Contents of a run file, which of its rows belongs to which element and bond, and checks that a file is valid.
 
-All commands and `riftberg.runs.run_file.open_run` call `open_checked`, once, when a run file is opened; so what is drawn,
-compared or continued can rely on shapes, types, finite positions and bonds that join elements of the run.
+All commands and `riftberg.runs.run_file.open_run` call `open_checked`, once, when a run file is opened; so pictures,
+comparisons and continued runs can rely on shapes, types, finite positions and bonds that join elements of the run.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ TABLES: Final = (
 
 
 IN_FILE: Final = {"u_sync": "u", "v_sync": "v", "sides": "corners", "first": "bond_first", "second": "bond_second"}
-"""Names in a run file of what the state of the model, which has a ``u`` of each stage of a step, calls otherwise."""
+"""Names in a run file of variables that the state of the model, which has a ``u`` of each stage of a step, calls otherwise."""
 
 
 def in_file(name: str) -> str:
@@ -187,7 +187,7 @@ def element_history() -> tuple[Variable, ...]:
     )
 
 
-def dimensions_of_variables() -> dict[str, tuple[str, ...]]:
+def variable_dimensions() -> dict[str, tuple[str, ...]]:
     """Return the dimensions of every variable of a run file that stands in a registry; positions may be called x and y."""
     dims: dict[str, tuple[str, ...]] = {v.name: ("trajectory", "time") for v in element_history()}
     dims |= {"x": ("trajectory", "time"), "y": ("trajectory", "time")}
@@ -217,7 +217,7 @@ class Layout:
     def taken_up(
         self, shape: dict[str, Floats], latest: dict[str, NDArray[Any]], *, gaps: bool, moving: list[str]
     ) -> None:
-        """Take up the rows (``ids``, ``bond_ids``) of a file that goes on, with what it knows of them."""
+        """Take up the rows (``ids``, ``bond_ids``) of a file that goes on, with its data of them."""
         self.shape, self.latest, self.gaps, self.moving, self._begun = shape, latest, gaps, moving, True
 
     def follow(self, elements: Elements, bonds: Bonds, shape: Sequence[str], latest: Sequence[str]) -> None:
@@ -226,7 +226,7 @@ class Layout:
         if not same:
             self.gaps = self.gaps or self._begun
             self._add(elements, bonds, shape)
-        row = slice(None) if same else _rows_of(elements.id, self.ids)
+        row = slice(None) if same else _locate_rows(elements.id, self.ids)
         for name in shape:
             if name not in self.moving and not np.array_equal(self.shape[name][row], getattr(elements, name)):
                 self.moving.append(name)
@@ -245,43 +245,43 @@ class Layout:
 
     def refresh(self, elements: Elements, bonds: Bonds, names: Sequence[str]) -> None:
         """Take the present state of the bonds; of those that are no more, the last known one is kept."""
-        row, end = _rows_of(bonds.id, self.bond_ids), _rows_of(elements.id, self.ids)
-        known = row < self.bond_ids.size
+        row, end = _locate_rows(bonds.id, self.bond_ids), _locate_rows(elements.id, self.ids)
+        is_stored = row < self.bond_ids.size
         for name in names:
             values = getattr(bonds, name)
             table = np.zeros(self.bond_ids.size, values.dtype)
-            before = self.latest.get(name, table[:0])
-            table[: before.size] = before
+            previous = self.latest.get(name, table[:0])
+            table[: previous.size] = previous
             if name == "status":
-                table[: before.size] = GONE
-            table[row[known]] = (end[values] if name in ("first", "second") else values)[known]
+                table[: previous.size] = GONE
+            table[row[is_stored]] = (end[values] if name in ("first", "second") else values)[is_stored]
             self.latest[name] = table
 
 
-def _rows_of(ids: Ints, rows: Ints) -> Ints:
+def _locate_rows(ids: Ints, rows: Ints) -> Ints:
     """Return the rows in which identifiers stand; one behind the last where they do not."""
     if np.array_equal(ids, rows):
         return np.arange(rows.size)
-    row, there = find_rows(rows, ids)
-    return np.where(there, row, rows.size).astype(np.int64)
+    row, present = find_rows(rows, ids)
+    return np.where(present, row, rows.size).astype(np.int64)
 
 
-def placed(ids: Ints, values: NDArray[Any], rows: Ints, missing: float) -> NDArray[Any]:
+def reorder(ids: Ints, values: NDArray[Any], rows: Ints, missing: float) -> NDArray[Any]:
     """Return values by the rows of other identifiers; ``missing`` where there is no value."""
     if ids is rows or np.array_equal(ids, rows):
         return values
-    row = _rows_of(ids, rows)
+    row = _locate_rows(ids, rows)
     column = np.full(rows.size, missing, values.dtype)
     column[row[row < rows.size]] = values[row < rows.size]
     return column
 
 
-def called(number: int, parent: int, name: str = "") -> str:
-    """Return what a berg or fragment is called: by its name, or by its number."""
+def label_fragment(number: int, parent: int, name: str = "") -> str:
+    """Return a berg or fragment in words: its name, or its number."""
     return name or f"{'fragment' if parent > 0 else 'berg'} {number}"
 
 
-def counted_from(start: Any) -> dict[str, str]:
+def time_units(start: Any) -> dict[str, str]:
     """Return units and calendar of times that count from a date."""
     moment = np.datetime_as_string(np.datetime64(start, "s")).replace("T", " ")
     return {"units": f"seconds since {moment}", "calendar": "proleptic_gregorian"}
@@ -303,8 +303,8 @@ def forcing_title(forcing: Forcing) -> str:
     )
 
 
-def heading_of(run: xr.Dataset, otherwise: str = "Iceberg") -> str:
-    """Return what a run is called in titles: the heading of its experiment, else the name."""
+def run_heading(run: xr.Dataset, otherwise: str = "Iceberg") -> str:
+    """Return a run in titles: the heading of its experiment, else the name."""
     return str(run.attrs.get("heading") or run.attrs.get("experiment") or otherwise)
 
 
@@ -319,7 +319,7 @@ COMMAND, FILE, PLACE = "command", "experiment_file", "data_folder"
 
 def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None = None) -> dict[str, Any]:
     """Return global attributes that let another person understand and repeat the run."""
-    now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    timestamp = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     # The versions of Riftberg, Python and the libraries that decide on numbers.
     versions = {"riftberg": __version__, "python": platform.python_version()}
     for name in LIBRARIES:
@@ -331,8 +331,8 @@ def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None =
         "title": f"Drift and break-up of bonded icebergs: {experiment or 'run'}",
         "experiment": experiment,
         "source": f"Riftberg {__version__}",
-        "history": f"{now} written by Riftberg {__version__}",
-        "date_created": now,
+        "history": f"{timestamp} written by Riftberg {__version__}",
+        "date_created": timestamp,
         "references": "\n".join(citations(model)),
         "start": model.start.isoformat(),
         "forcing": model.forcing.describe(),
@@ -355,26 +355,26 @@ NEEDED: Final = (
     "bond_first", "bond_second", "status", "strength", "break_time", "break_grounded", "normal_stress", "shear_stress",
     *(f"fragment_{name}" for name in ("number", "parent", "birth_time", "elements", "area", "bonds_broken", "grounded")),
 )  # fmt: skip
-"""Variables of a run file that every reader may use; positions besides. What is added later may be missing."""
+"""Variables of a run file that every reader may use; positions besides. Variables added later may be missing."""
 
 _DATES: Final = ("time", "break_time", "fragment_birth_time")
 _DATES_OF_EVENTS: Final = ("contact_time", "contact_end", "grounding_time", "grounding_end")
 _TEXTS: Final = ("fragment_name",)
 _SHAPE_IN_FILE: Final = ("char_dim_name", "original_shape")
-"""What xarray notes of a text in a file, and warns of where a part of the run is written to another file."""
+"""Notes of xarray on a text in a file, of which it warns where a part of the run is written to another file."""
 _CHECKED: Final = (
     "rotation", "u", "v", "spin", "length", "width", "mass", "thickness", "corners", "status",
 )  # fmt: skip
-"""Variables of elements and bonds whose values are read when a run file is opened; those of fragments and collisions all are."""
+"""Variables of elements and bonds whose values are read when a run file is opened, with all of fragments and collisions."""
 
 _ENTRIES: Final = {"trajectory": "element", "time": "record", "contact": "collision"}
-"""What stands along the dimensions of a run file, where it has another name."""
+"""Names of the entries along the dimensions of a run file, where they differ."""
 
 
-def open_checked(file: Path, *, own: bool = False) -> xr.Dataset:
+def open_checked(file: Path, *, trusted: bool = False) -> xr.Dataset:
     """Open a run file and check it; whatever is wrong is said in one sentence.
 
-    ``own``: this process has written it, and its values, which the model has checked, are not read for that again.
+    ``trusted``: this process has written it, and its values, which the model has checked, are not read for that again.
     """
     check_file(file, remedy=RUN_REMEDY)
     with reading(file, "not a NetCDF file, or a damaged one", RUN_REMEDY):
@@ -382,10 +382,10 @@ def open_checked(file: Path, *, own: bool = False) -> xr.Dataset:
     try:
         with reading(file, "a damaged run file", "Make the run again, or name another run.nc"):
             _check_layout(dataset, file)
-            parameters_of(dataset, file)
+            run_parameters(dataset, file)
             read_start(dataset.attrs.get("start"), file)
-            decoded = _with_dates(dataset, file)
-            if not own:
+            decoded = _decode_dates(dataset, file)
+            if not trusted:
                 _check_values(decoded, file)
             return decoded
     except BaseException:
@@ -394,9 +394,9 @@ def open_checked(file: Path, *, own: bool = False) -> xr.Dataset:
 
 
 def _error(
-    what: str, file: Path, place: str = "", remedy: str = "Make the run again, or name another run.nc"
+    problem: str, file: Path, location: str = "", remedy: str = "Make the run again, or name another run.nc"
 ) -> InputError:
-    return InputError(what, where=f"{shown(file)}, {place}" if place else shown(file), remedy=remedy)
+    return InputError(problem, where=f"{shown(file)}, {location}" if location else shown(file), remedy=remedy)
 
 
 def _check_layout(run: xr.Dataset, file: Path) -> None:
@@ -407,11 +407,11 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
         raise _error(
             "a trajectory file, but not of Riftberg: it has no elements, bonds and parameters", file, remedy=RUN_REMEDY
         )
-    places = ("lon", "lat") if "lon" in run.variables else ("x", "y")
-    for name in (*places, *NEEDED):
+    coordinates = ("lon", "lat") if "lon" in run.variables else ("x", "y")
+    for name in (*coordinates, *NEEDED):
         if name not in run.variables:
             raise _error(f"variable {name} is missing", file)
-    for name, dims in dimensions_of_variables().items():
+    for name, dims in variable_dimensions().items():
         if name not in run.variables:
             continue
         variable = run[name]
@@ -435,7 +435,7 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
             raise _error(f"no {word}", file, remedy="The run stopped before its first record: make it again")
 
 
-def parameters_of(run: xr.Dataset, file: Path | None = None) -> Parameters:
+def run_parameters(run: xr.Dataset, file: Path | None = None) -> Parameters:
     """Return the parameters of a run file, or say that its attribute is none."""
     return read_parameters(run.attrs.get("parameters_json"), file or Path(str(run.encoding.get("source", "run"))))
 
@@ -443,21 +443,21 @@ def parameters_of(run: xr.Dataset, file: Path | None = None) -> Parameters:
 def read_parameters(text: Any, file: Path, *, goes_on: bool = False) -> Parameters:
     """Return parameters from the attribute ``parameters_json`` of a file.
 
-    ``goes_on``: a run goes on with them; else they say what it was, and keys of earlier versions are left out.
+    ``goes_on``: a run goes on with them; else they describe it, and keys of earlier versions are left out.
     """
-    place = "attribute parameters_json"
+    location = "attribute parameters_json"
     if not isinstance(text, str):
-        raise _error("missing, or no text", file, place)
+        raise _error("missing, or no text", file, location)
     try:
         values = json.loads(text)
         return from_file(values, goes_on=goes_on)
     except json.JSONDecodeError as error:
-        raise _error("no JSON of parameters", file, place) from error
+        raise _error("no JSON of parameters", file, location) from error
     except (InputError, ValidationError) as error:
         fault = error if isinstance(error, InputError) else explained(error, Parameters)
-        what = f"{fault.where}: {fault.what[:400]}" if fault.where else fault.what[:400]
+        problem = f"{fault.where}: {fault.what[:400]}" if fault.where else fault.what[:400]
         raise _error(
-            f"no parameters of Riftberg ({what})", file, place,
+            f"no parameters of Riftberg ({problem})", file, location,
             f"{fault.remedy + '. ' if goes_on and fault.remedy else ''}"
             "The file is damaged, or was written by another version of Riftberg",
         ) from error  # fmt: skip
@@ -474,7 +474,7 @@ def read_start(text: Any, file: Path) -> datetime:
     return start
 
 
-def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
+def _decode_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
     """Return the run with decoded dates."""
     dates = (*_DATES, *(name for name in _DATES_OF_EVENTS if name in run.variables))
     for name in dates:
@@ -503,7 +503,7 @@ def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
 
 
 def _check_values(run: xr.Dataset, file: Path) -> None:
-    latlon = parameters_of(run, file).earth.latlon
+    latlon = run_parameters(run, file).earth.latlon
     if latlon != ("lon" in run.variables):
         raise _error("positions and the parameter earth.latlon do not agree", file)
     for name, limits in _limits_in_file(latlon).items():
@@ -514,17 +514,17 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
     if "corners" in run and not np.isin(np.nan_to_num(run["corners"].values), (0, 4, 6)).all():  # 0: not known
         raise _error("an element has 4 or 6 corners", file, "variable corners")
     dated = ("fragment_birth_time", "a fragment"), ("contact_time", "a collision"), ("grounding_time", "a grounding")
-    for name, what in dated:
+    for name, subject in dated:
         if name in run.variables and np.isnat(run[name].values).any():
-            raise _error(f"{what} without a time", file, f"variable {name}")
+            raise _error(f"{subject} without a time", file, f"variable {name}")
     number, parent = run["fragment_number"].values, run["fragment_parent"].values
-    place = "variable fragment_number, fragment_parent"
+    location = "variable fragment_number, fragment_parent"
     if len(np.unique(number)) < len(number):
-        raise _error("two fragments have the same number", file, place)
-    known = np.isin(parent, (0, *number)) & (parent != number)
-    if not known.all():
-        k = int(np.argmin(known))
-        raise _error(f"fragment {number[k]} broke off {parent[k]}, which is not in the file", file, place)
+        raise _error("two fragments have the same number", file, location)
+    has_parent = np.isin(parent, (0, *number)) & (parent != number)
+    if not has_parent.all():
+        k = int(np.argmin(has_parent))
+        raise _error(f"fragment {number[k]} broke off {parent[k]}, which is not in the file", file, location)
 
 
 class Allowed(NamedTuple):
@@ -541,7 +541,7 @@ class Allowed(NamedTuple):
             return bad | (values != np.floor(values)) if self.whole and values.dtype.kind == "f" else bad
 
     def demand(self) -> str:
-        """Return in words what is asked of a value."""
+        """Return the limits of a value in words."""
         if self.whole:
             return f"a whole number from {self.least:.0f} to {self.most:.0f}"
         if self.least == ABOVE_0:
@@ -554,9 +554,9 @@ class Allowed(NamedTuple):
 
 
 def _limits_in_file(latlon: bool) -> dict[str, Allowed]:
-    """Return the limits of what is checked in a run file, by name and as the registries have them."""
-    places = {"lon": 1e4, "lat": 90.0} if latlon else dict.fromkeys(("x", "y"), 1e12)
-    limits = {name: Allowed(-most, most) for name, most in places.items()}
+    """Return the limits of the variables that are checked in a run file, by name, from the registries."""
+    position_limits = {"lon": 1e4, "lat": 90.0} if latlon else dict.fromkeys(("x", "y"), 1e12)
+    limits = {name: Allowed(-most, most) for name, most in position_limits.items()}
     states = [v for v in (*ELEMENT_VARIABLES, *BOND_VARIABLES) if in_file(v.name) in _CHECKED]
     for table, variables in (("", states), *TABLES):
         for v in variables:
@@ -574,10 +574,10 @@ def _check_allowed(run: xr.Dataset, name: str, file: Path, limits: Allowed) -> N
     bad = limits.beyond(values) & ~(np.isnan(values) & _absent(run, name, values.shape))
     if bad.any():
         index = tuple(int(k) for k in np.argwhere(bad)[0])
-        place = ", ".join(
+        entry = ", ".join(
             f"{_ENTRIES.get(str(dim), dim)} {k + 1}" for dim, k in zip(run[name].dims, index, strict=True)
         )
-        raise _error(f"{name} is {values[index]:g}, not {limits.demand()}", file, f"variable {name}, {place}")
+        raise _error(f"{name} is {values[index]:g}, not {limits.demand()}", file, f"variable {name}, {entry}")
 
 
 def _absent(run: xr.Dataset, name: str, shape: tuple[int, ...]) -> Any:
@@ -588,22 +588,22 @@ def _absent(run: xr.Dataset, name: str, shape: tuple[int, ...]) -> Any:
     return np.isnan(berg.transpose(*run[name].dims).values)
 
 
-def check_bond_ends(first: Any, second: Any, elements: int, file: Path, place: str) -> None:
+def check_bond_ends(first: Any, second: Any, elements: int, file: Path, location: str) -> None:
     """Refuse bonds that join no two elements of the run."""
     bad = (first < 0) | (second < 0) | (first >= elements) | (second >= elements) | (first == second)
     if bad.any():
         k = int(np.argmax(bad))
         raise _error(
             f"bond {k + 1} joins rows {first[k]:g} and {second[k]:g}, but the elements have rows 0 to {elements - 1}",
-            file, place,
+            file, location,
         )  # fmt: skip
     if first.dtype.kind == "f" and not ((first == np.floor(first)).all() and (second == np.floor(second)).all()):
-        raise _error("rows of elements are whole numbers", file, place)
+        raise _error("rows of elements are whole numbers", file, location)
     low, high = np.minimum(first, second).astype(np.int64), np.maximum(first, second).astype(np.int64)
     pairs, counts = np.unique(low * elements + high, return_counts=True)
     if (counts > 1).any():
         pair = int(pairs[np.argmax(counts > 1)])
-        raise _error(f"two bonds join rows {pair // elements} and {pair % elements}", file, place)
+        raise _error(f"two bonds join rows {pair // elements} and {pair % elements}", file, location)
 
 
 def check_recorded(run: xr.Dataset, names: tuple[str, ...]) -> None:

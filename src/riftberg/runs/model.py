@@ -133,7 +133,7 @@ def last_good(folder: Path, interval: float, check: Callable[[RestartState, Path
 _LOG = logging.getLogger(__name__)
 
 OWN_EXTRAS = ("next_element", "next_bond", "own_laws")
-"""What a restart file holds beside the state that no recorder has left there."""
+"""Entries of a restart file beside the state that no recorder has left there."""
 
 
 class Model(BareModel):
@@ -146,10 +146,10 @@ class Model(BareModel):
     forcing : Forcing
         Ocean, air, sea ice and sea floor.
     parameters : Parameters, optional
-        All parameters; by default those of `Parameters`, which hold for bergs of any size (`A68A_2022` is tuned to one).
+        All parameters; by default `Parameters`, which hold for bergs of any size (`A68A_2022` is tuned to one).
     start : date, optional
         Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp; by default
-        that of the forcing, if it counts from a date.
+        the start of the forcing, if it counts from a date.
     laws : Laws, optional
         A force, a melt law and a fracture criterion of one's own.
 
@@ -231,27 +231,27 @@ class Model(BareModel):
         check_recorders(recorders)
         if output is not None:
             required(output, (str, Path), "the path of a run file", where="Model.run, output")
-        before = self.step_number
+        start_step = self.step_number
         hours = number(every_hours, "h", where="every_hours")
         left = self._count_steps(days, steps) * self.parameters.stepping.time_step
         length, end = left / SECONDS_PER_DAY, self.time + left
         for text in of_records(hours, length, self.parameters):
             _LOG.warning(text)
-        shown, script = self._progress(length, progress), in_script()
+        progress_recorders, script = self._progress(length, progress), in_script()
         with held(), memory_run(output, hours, forces) as writer:
             try:
-                super().advance(days, steps=steps, recorders=[*recorders, writer, *shown])
+                super().advance(days, steps=steps, recorders=[*recorders, writer, *progress_recorders])
             except (KeyboardInterrupt, SystemExit):
                 if output is None and script and writer.path.exists():
                     copy_file(writer.path, INTERRUPTED)
                     output = INTERRUPTED
-                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, end, 'interrupted')}")
+                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescue_state(output, end, 'interrupted')}")
                 raise
             except RiftbergError as error:
-                if self.step_number == before and not isinstance(error, RunError):
+                if self.step_number == start_step and not isinstance(error, RunError):
                     raise  # refused before the first step: there is nothing to save
                 raise RunError(
-                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output, end)}"
+                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescue_state(output, end)}"
                 ) from error
             run = writer.dataset()
         if output is None:
@@ -270,25 +270,25 @@ class Model(BareModel):
         several, as an exchange with an ocean does. ``progress``: as in `run`.
         """
         script = step is None and in_script()
-        shown: list[Recorder] = []
+        progress_recorders: list[Recorder] = []
         if progress or script:
             left = self._count_steps(days, steps) * self.parameters.stepping.time_step
-            shown, end = self._progress(left / SECONDS_PER_DAY, progress), self.time + left
+            progress_recorders, end = self._progress(left / SECONDS_PER_DAY, progress), self.time + left
         with held():
             try:
-                super().advance(days, steps=steps, recorders=[*recorders, *shown], step=step)
+                super().advance(days, steps=steps, recorders=[*recorders, *progress_recorders], step=step)
             except (KeyboardInterrupt, SystemExit):
                 if script:
-                    say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(INTERRUPTED, end, '')}")
+                    say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescue_state(INTERRUPTED, end, '')}")
                 raise
 
     def _progress(self, days: float, progress: bool | None) -> list[Recorder]:
-        """Return what shows how far a run is: what was asked for, and of a script one that shows a run of some length."""
+        """Return the recorders that show progress: the one requested, and in a script one that shows a run of some length."""
         if progress is False or not (progress or in_charge()):
             return []
         return [ProgressRecorder(days, patient=progress is None)]
 
-    def _rescued(self, output: str | Path | None, end: float, why: str = "failed") -> str:
+    def _rescue_state(self, output: str | Path | None, end: float, why: str = "failed") -> str:
         """Save the last good state where there is a place for it, and say how to go on."""
         if output is None:
             return "The model is left at its last good state: save it with model.save(path)"
@@ -305,9 +305,9 @@ class Model(BareModel):
         """Write a restart file from which `resume` goes on bit for bit."""
         required(path, (str, Path), "the path of a restart file", where="Model.save")
         coming = {"next_element": self.population.next_element, "next_bond": self.population.next_bond}
-        given = self.laws.given()
-        own = {"own_laws": np.array([name in given for name in LAW_NAMES], np.int64)} if given else {}
-        return save(self, path, extra={**coming, **own, **self.remembered, **self._stepper.state_dict()})
+        user_laws = self.laws.given()
+        law_flags = {"own_laws": np.array([name in user_laws for name in LAW_NAMES], np.int64)} if user_laws else {}
+        return save(self, path, extra={**coming, **law_flags, **self.remembered, **self._stepper.state_dict()})
 
     @classmethod
     def resume(cls, path: str | Path, forcing: Forcing, *, laws: Laws | None = None) -> Self:
@@ -324,8 +324,8 @@ class Model(BareModel):
         """
         required(path, (str, Path), "the path of a restart file", where="Model.resume")
         state = load_state(path)
-        before = [name for name, was in zip(LAW_NAMES, state.extra.get("own_laws", ()), strict=False) if was]
-        if missing := [name for name in before if laws is None or name not in laws.given()]:
+        saved_laws = [name for name, was in zip(LAW_NAMES, state.extra.get("own_laws", ()), strict=False) if was]
+        if missing := [name for name in saved_laws if laws is None or name not in laws.given()]:
             raise InputError(
                 f"the run had a law of one's own for {' and '.join(missing)}", where=f"{path}, laws",
                 remedy=f"Resume it with laws=Laws({', '.join(f'{name}=...' for name in missing)})",

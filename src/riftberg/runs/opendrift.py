@@ -25,7 +25,7 @@ from riftberg.ocean.cells import FIELD_DEFAULTS
 from riftberg.ocean.series import PAIRS, Series
 from riftberg.physics.floating import draft_of
 from riftberg.runs.accessor import Course
-from riftberg.runs.layout import parameters_of
+from riftberg.runs.layout import run_parameters
 from riftberg.state import Floats, Ints
 from riftberg.system.input_files import check_file, is_seen, reading
 from riftberg.system.netcdf_lock import open_lazily, write_dataset
@@ -77,7 +77,7 @@ class Trajectory:
     size: Size | None  # At the start: melt and rolling change it later; None where the file gives none
     series: Mapping[str, Floats]  # Of values that a reader gave, by Riftberg's names
     depth: float | None  # At the start, m
-    ocean: str  # What gave the current, in the file's own words; the names of files lie
+    ocean: str  # Source of the current, in the file's own words; the names of files lie
     options: Mapping[str, str]  # Of the drift model: sea_surface_slope, vertical_profile, sea_ice_lockin
 
     @property
@@ -120,12 +120,12 @@ class Trajectory:
         return {"length": self.size.length, "width": self.size.width, "thickness": self.size.thickness}
 
     def forcing(self, **options: Any) -> Series:
-        """Return the forcing along the trajectory, the same everywhere; the floor is that at the start.
+        """Return the forcing along the trajectory, the same everywhere; the floor is taken at the start.
 
         Parameters
         ----------
         **options
-            As for `riftberg.Forcing.along`; values given here stand for those of the file, None leaves one out.
+            As for `riftberg.Forcing.along`; values given here replace those in the file, None leaves one out.
 
         Raises
         ------
@@ -146,7 +146,7 @@ class Trajectory:
             raise ForcingError(error.what, where=where, remedy=error.remedy) from error
 
     def course(self) -> Course:
-        """Return the trajectory as the course of a berg, to be compared with that of a run."""
+        """Return the trajectory as the course of a berg, to be compared with a run."""
         size = self.size
         area = np.full(self.times.size, np.nan if size is None else size.length * size.width)
         lon = np.unwrap(self.lon, period=360.0)
@@ -179,7 +179,7 @@ def read_opendrift(path: str | Path) -> list[Trajectory]:
     file, number = file_and_number(path)
     check_file(file, remedy=REMEDY)
     with reading(file, "no trajectories that can be read", REMEDY), open_lazily(file) as ds:
-        return _all_of(ds, file, number)
+        return _read_all(ds, file, number)
 
 
 def trajectories_if_any(path: str | Path) -> list[Trajectory] | None:
@@ -190,27 +190,31 @@ def trajectories_if_any(path: str | Path) -> list[Trajectory] | None:
     with reading(file, "cannot be read", REMEDY), open_lazily(file, decode_times=False) as ds:
         ours = {"parameters_json", "riftberg_version"} & ds.attrs.keys()
         if "opendrift_class" in ds.attrs or (str(ds.attrs.get("featureType", "")) == "trajectory" and not ours):
-            return _all_of(xr.decode_cf(ds), file, number)
+            return _read_all(xr.decode_cf(ds), file, number)
     return None
 
 
-def _all_of(ds: xr.Dataset, file: Path, number: int | None) -> list[Trajectory]:
+def _read_all(ds: xr.Dataset, file: Path, number: int | None) -> list[Trajectory]:
     """Return the trajectories of an open file that have a position, or the one with a number."""
     kind = str(ds.attrs.get("opendrift_class", KIND))
     if kind != KIND:
         raise InputError(f"written by OpenDrift's {kind}, which knows no icebergs", where=str(file), remedy=REMEDY)
     layout = _layout(ds, str(file))
-    found = [one for k in range(layout.trajectories) if (one := _trajectory(ds, layout, k, file.name)) is not None]
+    trajectories = [
+        track for k in range(layout.trajectories) if (track := _trajectory(ds, layout, k, file.name)) is not None
+    ]
     if number is not None:
-        known = [one.number for one in found]
-        found = [one for one in found if one.number == number]
-        if not found:
+        numbers = [track.number for track in trajectories]
+        trajectories = [track for track in trajectories if track.number == number]
+        if not trajectories:
             raise InputError(
-                f"no trajectory {number}", where=str(file), remedy=f"It has {', '.join(map(str, known[:20])) or 'none'}"
+                f"no trajectory {number}",
+                where=str(file),
+                remedy=f"It has {', '.join(map(str, numbers[:20])) or 'none'}",
             )
-    if not found:
+    if not trajectories:
         raise InputError("no trajectory with a position", where=str(file), remedy=REMEDY)
-    return found
+    return trajectories
 
 
 def read_trajectory(path: str | Path, number: int | None = None) -> Trajectory:
@@ -218,15 +222,15 @@ def read_trajectory(path: str | Path, number: int | None = None) -> Trajectory:
     return only_one(read_opendrift(path if number is None else f"{path}#{number}"), path)
 
 
-def only_one(found: list[Trajectory], path: str | Path) -> Trajectory:
+def only_one(trajectories: list[Trajectory], path: str | Path) -> Trajectory:
     """Return the trajectory of a file that has no other."""
-    if len(found) > 1:
-        numbers = ", ".join(str(one.number) for one in found[:20])
+    if len(trajectories) > 1:
+        numbers = ", ".join(str(trajectory.number) for trajectory in trajectories[:20])
         raise InputError(
-            f"{len(found)} trajectories", where=str(path),
-            remedy=f"Name one of {numbers}: trajectory in an experiment file, or {Path(path).name}#{found[0].number}",
+            f"{len(trajectories)} trajectories", where=str(path),
+            remedy=f"Name one of {numbers}: trajectory in an experiment file, or {Path(path).name}#{trajectories[0].number}",
         )  # fmt: skip
-    return found[0]
+    return trajectories[0]
 
 
 def file_and_number(path: str | Path) -> tuple[Path, int | None]:
@@ -284,7 +288,7 @@ def _trajectory(ds: xr.Dataset, layout: _Layout, k: int, source: str) -> Traject
         values = column(*names)
         return None if values is None else np.asarray(values, float)[valid]
 
-    series = {name: values for name in VARIABLES if _given(ds, name)
+    series = {name: values for name in VARIABLES if _was_read(ds, name)
               and (values := known(VARIABLES[name])) is not None and np.isfinite(values).any()}  # fmt: skip
     depth = known(DEPTH)
     depths = np.empty(0) if depth is None else depth[np.isfinite(depth)]
@@ -310,10 +314,12 @@ def _trajectory(ds: xr.Dataset, layout: _Layout, k: int, source: str) -> Traject
     )  # fmt: skip
 
 
-def _given(ds: xr.Dataset, name: str) -> bool:
+def _was_read(ds: xr.Dataset, name: str) -> bool:
     """Whether a reader gave a value, or the other component of its vector; a current of 0 is told where it is used."""
-    both = next((pair for pair in PAIRS if name in pair), (name,))
-    return "uo" in both or any(str(ds.attrs.get(f"reader_{VARIABLES[one]}", "")).strip() != NO_READER for one in both)
+    fields = next((pair for pair in PAIRS if name in pair), (name,))
+    return "uo" in fields or any(
+        str(ds.attrs.get(f"reader_{VARIABLES[field]}", "")).strip() != NO_READER for field in fields
+    )
 
 
 def _meaning(ds: xr.Dataset, status: Floats | None) -> str:
@@ -326,7 +332,7 @@ def _meaning(ds: xr.Dataset, status: Floats | None) -> str:
 
 
 def write_opendrift(run: xr.Dataset, path: str | Path) -> Path:
-    """Write the bergs of a run as OpenDrift writes its results, for its readers and plots, and those of TrajAn.
+    """Write the bergs of a run as OpenDrift writes its results, for the readers and plots of OpenDrift and TrajAn.
 
     Parameters
     ----------
@@ -339,7 +345,7 @@ def write_opendrift(run: xr.Dataset, path: str | Path) -> Path:
     -------
     path
     """
-    parameters, tracks = parameters_of(run), run.riftberg.tracks.dataset
+    parameters, tracks = run_parameters(run), run.riftberg.tracks.dataset
     if not parameters.earth.latlon:
         raise InputError(
             "this run is in metres", where="write_opendrift", remedy="OpenDrift knows longitude and latitude"
@@ -363,8 +369,11 @@ def write_opendrift(run: xr.Dataset, path: str | Path) -> Path:
     ds = xr.Dataset(fields, {"trajectory": ("trajectory", tracks["trajectory"].values), "time": dates})
     ds["trajectory"].attrs["cf_role"] = "trajectory_id"
     ds["status"].attrs = {"flag_values": np.array([0], "i4"), "flag_meanings": "active"}
-    for name, way in (("lon", "east"), ("lat", "north")):
-        ds[name].attrs = {"units": f"degrees_{way}", "standard_name": "longitude" if name == "lon" else "latitude"}
+    for name, direction in (("lon", "east"), ("lat", "north")):
+        ds[name].attrs = {
+            "units": f"degrees_{direction}",
+            "standard_name": "longitude" if name == "lon" else "latitude",
+        }
     step = str(timedelta(seconds=float(np.diff(dates[:2])[0] / np.timedelta64(1, "s")) if dates.size > 1 else 0.0))
     ds.attrs = {
         "Conventions": "CF-1.11", "featureType": "trajectory", "source": "Riftberg", "opendrift_class": KIND,

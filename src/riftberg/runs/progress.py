@@ -72,7 +72,7 @@ class Stopwatch:
 
 
 class ProgressRecorder:
-    """Recorder that shows model date, speed, fragments and broken bonds, and says at once what touches the sea floor.
+    """Recorder that shows model date, speed, fragments and broken bonds, and reports at once bergs that touch the sea floor.
 
     ``days``: length of this run, days; ``patient``: says nothing in a run of seconds, and elsewhere than on a terminal a line a
     minute.
@@ -125,11 +125,11 @@ class ProgressRecorder:
             self._bar.stop()
 
     def _show(self, model: BareModel) -> None:
-        done = model.time / SECONDS_PER_DAY - self._first_day
+        days_done = model.time / SECONDS_PER_DAY - self._first_day
         if self._bar is not None:
-            self._bar.show(done, self.line(model))
+            self._bar.show(days_done, self.line(model))
         else:
-            say(f"{100.0 * done / self.days:5.1f} %  {self.line(model)}")
+            say(f"{100.0 * days_done / self.days:5.1f} %  {self.line(model)}")
 
     def line(self, model: BareModel) -> str:
         """Return the state in one line."""
@@ -159,28 +159,28 @@ class SweepBar:
         elif sys.stderr.isatty():
             self._bar = TerminalBar(total)
 
-    def show(self, done: Mapping[int, str]) -> None:
+    def show(self, statuses_by_member: Mapping[int, str]) -> None:
         """Show how many members have a status."""
-        statuses = list(done.values())
-        told = "".join(f", {n} {word}" for word in ("failed", "unfinished") if (n := statuses.count(word)))
-        text = f"{len(done)} of {self.total} members{told}{self._left(len(done))}"
+        statuses = list(statuses_by_member.values())
+        failures = "".join(f", {n} {word}" for word in ("failed", "unfinished") if (n := statuses.count(word)))
+        text = f"{len(statuses_by_member)} of {self.total} members{failures}{self._left(len(statuses_by_member))}"
         if self._bar is not None:
-            self._bar.show(len(done), text)
-        elif (now := clock.monotonic()) - self._shown >= LOG_SECONDS or len(done) == self.total:
+            self._bar.show(len(statuses_by_member), text)
+        elif (now := clock.monotonic()) - self._shown >= LOG_SECONDS or len(statuses_by_member) == self.total:
             self._shown = now
             say(text)
 
-    def _left(self, done: int) -> str:
+    def _left(self, completed: int) -> str:
         """Return how long the other members will take if they take as long as those that were done since the bar was shown."""
         now = clock.monotonic()
-        began, before = self._first = self._first or (now, done)
-        if done == before or done >= self.total:
+        began, completed_first = self._first = self._first or (now, completed)
+        if completed == completed_first or completed >= self.total:
             return ""
-        minutes = (now - began) / (done - before) * (self.total - done) / 60.0
+        minutes = (now - began) / (completed - completed_first) * (self.total - completed) / 60.0
         return f", {minutes:.0f} min left" if minutes >= 1.5 else f", {60.0 * minutes:.0f} s left"
 
     def stop(self) -> None:
-        """Leave the bar as it stands."""
+        """Leave the bar unchanged on the screen."""
         if self._bar is not None:
             self._bar.stop()
 
@@ -204,12 +204,12 @@ class TerminalBar:
         self._task = self._bar.add_task("", total=total)
         self._bar.start()
 
-    def show(self, done: float, text: str) -> None:
-        """Draw what is done."""
-        self._bar.update(self._task, completed=done, description=text, refresh=True)
+    def show(self, completed: float, text: str) -> None:
+        """Draw the completed share."""
+        self._bar.update(self._task, completed=completed, description=text, refresh=True)
 
     def stop(self) -> None:
-        """Leave the bar as it stands."""
+        """Leave the bar unchanged on the screen."""
         self._bar.stop()
 
 
@@ -219,20 +219,20 @@ class NotebookBar:
     def __init__(self, total: float) -> None:
         from IPython import display
 
-        shown: Any = display  # it has no types
-        self._html, self.total = shown.HTML, total
-        self._handle: Any = shown.display(shown.HTML(self._page(0.0, "")), display_id=True)
+        display_module: Any = display  # it has no types
+        self._html, self.total = display_module.HTML, total
+        self._handle: Any = display_module.display(display_module.HTML(self._page(0.0, "")), display_id=True)
 
-    def _page(self, done: float, text: str) -> str:
+    def _page(self, completed: float, text: str) -> str:
         return (
-            f'<progress value="{done:g}" max="{self.total:g}" style="width:16em"></progress> '
-            f"{100.0 * done / self.total:.0f} % &nbsp; {html.escape(text)}"
+            f'<progress value="{completed:g}" max="{self.total:g}" style="width:16em"></progress> '
+            f"{100.0 * completed / self.total:.0f} % &nbsp; {html.escape(text)}"
         )
 
-    def show(self, done: float, text: str) -> None:
-        """Exchange the bar for one that shows what is done."""
+    def show(self, completed: float, text: str) -> None:
+        """Replace the bar by one that shows the completed share."""
         if self._handle is not None:
-            self._handle.update(self._html(self._page(done, text)))
+            self._handle.update(self._html(self._page(completed, text)))
 
     def stop(self) -> None:
-        """Leave the bar as it stands."""
+        """Leave the bar unchanged on the screen."""

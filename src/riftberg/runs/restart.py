@@ -1,7 +1,7 @@
 """Restart files: the whole state, bit for bit, written so that a crash never leaves half a file.
 
-What is stored follows the registries of `riftberg.state` (``restart=True``); parameters travel as JSON, the family tree
-of the fragments as columns, and whatever else a model needs to go on exactly in ``extra``.
+The stored variables follow the registries of `riftberg.state` (``restart=True``); parameters travel as JSON, the family tree
+of the fragments as columns, and all other arrays that a model needs to go on exactly in ``extra``.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ FORMAT = 7
 
 _Table = TypeVar("_Table", Elements, Bonds)
 DAMAGED: Final = "The file is damaged: resume from another restart"
-"""What helps where a restart file cannot be gone on from."""
+"""Remedy where a run cannot go on from a restart file."""
 
 DIGEST: Final = "digest"
 """Attribute with the checksum over all else in the file."""
@@ -56,7 +56,7 @@ _REMEDY = "Name a restart file that Riftberg wrote (*.restart.nc)"
 
 @dataclass
 class RestartState:
-    """What a restart file holds."""
+    """Contents of a restart file."""
 
     elements: Elements  # The state
     bonds: Bonds  # The state
@@ -81,7 +81,7 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
     """Write the state of ``model`` to ``path``; an earlier file is replaced only by a complete new one."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path, to_disk=True) as part, open_netcdf(part, "w") as file:
+    with replacing(path, to_disk=True) as temporary, open_netcdf(temporary, "w") as file:
         file.setncatts(
             {
                 "title": "Restart file of Riftberg",
@@ -158,8 +158,8 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
         collisions = dict(json.loads(file.contacts_json))
         suppressed = {(int(a), int(b)): float(time) for a, b, time in collisions.get("quiet", [])}
         state = RestartState(
-            elements=_filled(content, "element", ELEMENT_VARIABLES, elements, path),
-            bonds=_filled(content, "bond", BOND_VARIABLES, bonds, path),
+            elements=_fill_table(content, "element", ELEMENT_VARIABLES, elements, path),
+            bonds=_fill_table(content, "bond", BOND_VARIABLES, bonds, path),
             parameters=read_parameters(getattr(file, "parameters_json", None), path, goes_on=True),
             start=read_start(getattr(file, "start", None), path),
             time=float(content["time"]),
@@ -180,20 +180,20 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
 
 def _groundings(text: str) -> GroundingLog:
     """Read the stays on the sea floor."""
-    found = dict(json.loads(text))
-    clearance = found.get("clearance")
+    log = dict(json.loads(text))
+    clearance = log.get("clearance")
     return GroundingLog(
-        [GroundingEvent(**row) for row in found.get("rows", [])], math.inf if clearance is None else float(clearance)
+        [GroundingEvent(**row) for row in log.get("rows", [])], math.inf if clearance is None else float(clearance)
     )
 
 
 def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds) -> None:
     file.createDimension(dim, len(next(iter(arrays.arrays().values()))))
-    kept = [v for v in variables if v.restart]
+    stored_variables = [v for v in variables if v.restart]
     # By this list a reader distinguishes a variable that was lost from one that was added to the registry later.
-    file.setncattr(f"{dim}_variables", " ".join(v.name for v in kept))
-    for v in kept:
-        # No compression and no fill value: the bytes of the arrays, as they are.
+    file.setncattr(f"{dim}_variables", " ".join(v.name for v in stored_variables))
+    for v in stored_variables:
+        # No compression and no fill value: the bytes of the arrays unchanged.
         stored = file.createVariable(f"{dim}_{v.name}", v.dtype, (dim,), fill_value=False)
         stored.setncatts({"units": v.units, "long_name": v.long_name})
         stored[:] = getattr(arrays, v.name)
@@ -219,19 +219,19 @@ def _write_extra(file: netCDF4.Dataset, extra: Mapping[str, Any]) -> None:
 
 
 def _content(
-    group: netCDF4.Dataset, tables: Mapping[str, NDArray[Any]] | None = None, place: str = ""
+    group: netCDF4.Dataset, tables: Mapping[str, NDArray[Any]] | None = None, prefix: str = ""
 ) -> dict[str, Any]:
     """Return the arrays of a file by their names, and its attributes by ``variable:attribute``; fill the arrays of tables."""
-    content = {f"{place}:{name}": group.getncattr(name) for name in group.ncattrs()}
+    content = {f"{prefix}:{name}": group.getncattr(name) for name in group.ncattrs()}
     for name, variable in group.variables.items():
-        values, table = variable[...], (tables or {}).get(f"{place}{name}")
+        values, table = variable[...], (tables or {}).get(f"{prefix}{name}")
         if table is not None and (table.dtype, table.shape) == (values.dtype, values.shape):
             table[...] = values  # and the copy goes: large new arrays cost more than what is read into them
             values = table
-        content[f"{place}{name}"] = values
-        content |= {f"{place}{name}:{key}": variable.getncattr(key) for key in variable.ncattrs()}
+        content[f"{prefix}{name}"] = values
+        content |= {f"{prefix}{name}:{key}": variable.getncattr(key) for key in variable.ncattrs()}
     for name, inner in group.groups.items():
-        content |= _content(inner, place=f"{place}{name}/")
+        content |= _content(inner, prefix=f"{prefix}{name}/")
     return content
 
 
@@ -246,10 +246,10 @@ def _digest(content: Mapping[str, Any]) -> int:
     return total
 
 
-def _filled(
+def _fill_table(
     content: Mapping[str, Any], table: str, variables: Iterable[Variable], arrays: _Table, path: Path
 ) -> _Table:
-    """Return a filled table, unless something is missing; what was added to the registry since keeps its default."""
+    """Return a filled table, unless something is missing; variables added to the registry since keep their default."""
     written = str(content.get(f":{table}_variables", "")).split()
     for v in variables:
         if not v.restart or v.name not in written:
@@ -268,43 +268,43 @@ def _filled(
     return arrays
 
 
-# ---- what can be no state of a run ----------------------------------------------------------------------------------------
+# ---- refusal of impossible states -----------------------------------------------------------------------------------------
 
 
-def _damaged(what: str, path: Path, place: str = "") -> InputError:
-    return InputError(what, where=f"{shown(path)}, {place}" if place else shown(path), remedy=DAMAGED)
+def _damage_error(problem: str, path: Path, location: str = "") -> InputError:
+    return InputError(problem, where=f"{shown(path)}, {location}" if location else shown(path), remedy=DAMAGED)
 
 
 def check_restart(state: RestartState, path: Path) -> None:
     """Refuse a restart that is no state of a run: times, steps, statuses, references and numbers that cannot be."""
     dt = state.parameters.stepping.time_step
     if not math.isfinite(state.time) or not 0.0 <= state.time <= 1e11:
-        raise _damaged(f"time is {state.time:g} s", path, "variable time")
+        raise _damage_error(f"time is {state.time:g} s", path, "variable time")
     if state.step_number < 0 or (state.step_number == 0) != (state.time == 0.0):
-        raise _damaged(f"{state.step_number} steps do not lead to {state.time:g} s", path, "variable step_number")
+        raise _damage_error(f"{state.step_number} steps do not lead to {state.time:g} s", path, "variable step_number")
     if abs(state.step_number * dt - state.time) > 0.5 * dt:
-        raise _damaged(
+        raise _damage_error(
             f"{state.step_number} steps of {dt:g} s do not lead to {state.time:g} s",
             path,
             "variable step_number",
         )
     # A run whose elements have all gone knows the next identifier.
     if state.elements.mass.size == 0 and "next_element" not in state.extra:
-        raise _damaged("no elements", path)
+        raise _damage_error("no elements", path)
     check_fragment_rows(state.fragments, path, "attribute fragments_json")
     check_fragment_rows(state.contacts.rows, path, "attribute contacts_json")
     check_fragment_rows(state.groundings.rows, path, "attribute groundings_json")
     if any(count < 0 for _, count in state.bergs):
-        raise _damaged("a berg with less than no elements", path, "attribute bergs_json")
+        raise _damage_error("a berg with less than no elements", path, "attribute bergs_json")
     bonds, count = state.bonds, state.elements.mass.size
     check_bond_ends(bonds.first, bonds.second, count, path, "variable bond_first, bond_second")
     _check_tables(state, path)
     ids = state.elements.id
     if len(np.unique(ids)) < len(ids):
-        raise _damaged("two elements have the same identifier", path, "variable element_id")
+        raise _damage_error("two elements have the same identifier", path, "variable element_id")
     broken_at = bonds.break_time[~np.isnan(bonds.break_time)]  # NaN: the bond holds
     if ((broken_at < 0.0) | (broken_at > state.time + dt)).any():
-        raise _damaged("a bond that broke before the start, or later than now", path, "variable bond_break_time")
+        raise _damage_error("a bond that broke before the start, or later than now", path, "variable bond_break_time")
     if state.parameters.stepping.scheme == "mts":
         _refuse(state.elements.substeps, Allowed(1, MOST_SUBSTEPS, whole=True), path, "variable element_substeps")
     check_extra(state, path)
@@ -394,7 +394,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "gridded_.+_cells": Bound((None,), 0, MOST_VALUES),
     "gridded_.+_rows": Bound((None, None)),
 }
-"""What a restart file may hold in its group ``extra``, by a pattern of the name. Arrays of a user's own processes, with
+"""Arrays that a restart file may hold in its group ``extra``, by a pattern of the name. Arrays of a user's own processes, with
 other names, may have any shape; they must be numbers."""
 
 
@@ -402,9 +402,9 @@ def check_extra(state: RestartState, path: Path) -> None:
     """Refuse arrays of the group ``extra`` of the wrong shape, kind or size: compiled code indexes memory by some of them."""
     for name, array in state.extra.items():
         values = np.asarray(array)
-        place = f"variable extra/{name}"
+        location = f"variable extra/{name}"
         if values.dtype.kind not in "iuf":
-            raise _damaged(f"numbers are needed, not values of type {values.dtype}", path, place)
+            raise _damage_error(f"numbers are needed, not values of type {values.dtype}", path, location)
     # Sizes by which others are bounded; those that arrays say themselves are added as they are met.
     sizes = {"elements": state.elements.size, "bonds": len(state.bonds.first)}
     sizes["fragments"] = max((row.number for row in state.fragments), default=LARGEST_WHOLE)
@@ -413,33 +413,33 @@ def check_extra(state: RestartState, path: Path) -> None:
     ends = {f"beyond {table}_id": int(ids.max()) + 1 if ids.size else 0
             for table, ids in (("element", state.elements.id), ("bond", state.bonds.id))}  # fmt: skip
     # Names and bounds of the arrays that are known, those first that say how long the others are.
-    found: dict[str, Bound] = {}
+    bounds: dict[str, Bound] = {}
     for pattern, bound in EXTRAS.items():
         for name in state.extra:
             if re.fullmatch(pattern, name):
-                found.setdefault(name, bound)  # the first pattern that fits holds
-    for name, bound in sorted(found.items(), key=lambda item: item[1].least is not None):
-        values, place = np.asarray(state.extra[name]), f"variable extra/{name}"
+                bounds.setdefault(name, bound)  # the first pattern that fits holds
+    for name, bound in sorted(bounds.items(), key=lambda item: item[1].least is not None):
+        values, location = np.asarray(state.extra[name]), f"variable extra/{name}"
         fits = values.ndim == len(bound.shape) and all(
-            wanted is None or size == (sizes.setdefault(wanted, size) if isinstance(wanted, str) else wanted)
-            for wanted, size in zip(bound.shape, values.shape, strict=True)
+            expected is None or size == (sizes.setdefault(expected, size) if isinstance(expected, str) else expected)
+            for expected, size in zip(bound.shape, values.shape, strict=True)
         )
         if not fits:
-            wanted = tuple(
+            expected = tuple(
                 sizes.get(size, size) if isinstance(size, str) else "any" if size is None else size
                 for size in bound.shape
             )
-            raise _damaged(f"shape {values.shape} instead of {wanted}", path, place)
+            raise _damage_error(f"shape {values.shape} instead of {expected}", path, location)
         if bound.least is None:
-            _refuse(values, Allowed(-LARGEST, LARGEST), path, place)
+            _refuse(values, Allowed(-LARGEST, LARGEST), path, location)
         else:
-            least, most = (_resolved(limit, {**sizes, **ends}) for limit in (bound.least, bound.most))
-            _refuse(values, Allowed(least, most, whole=True), path, place)
+            least, most = (_resolve_limit(limit, {**sizes, **ends}) for limit in (bound.least, bound.most))
+            _refuse(values, Allowed(least, most, whole=True), path, location)
         if bound.once and np.unique(values).size < values.size:
-            raise _damaged("two entries are the same", path, place)
+            raise _damage_error("two entries are the same", path, location)
 
 
-def _resolved(limit: float | str | None, sizes: Mapping[str, int]) -> int:
+def _resolve_limit(limit: float | str | None, sizes: Mapping[str, int]) -> int:
     """Return a limit as a number: itself, a size or some times of it, or such a size less one."""
     if not isinstance(limit, str):
         return int(limit or 0)
@@ -449,16 +449,16 @@ def _resolved(limit: float | str | None, sizes: Mapping[str, int]) -> int:
     return int(times or 1) * sizes.get(name, LARGEST_WHOLE) - int(less or 0)
 
 
-def _refuse(values: Any, limits: Allowed, path: Path, place: str) -> None:
-    """Refuse values outside of their limits, and what is no whole number where these belong."""
+def _refuse(values: Any, limits: Allowed, path: Path, location: str) -> None:
+    """Refuse values outside of their limits, and fractions where whole numbers belong."""
     bad = limits.beyond(values)
     if bad.any():
         index = tuple(int(k) for k in np.argwhere(np.atleast_1d(bad))[0])
         entry = f"entry {', '.join(str(k + 1) for k in index)} is {np.atleast_1d(values)[index]:g}"
-        raise _damaged(f"{entry}, not {limits.demand()}", path, place)
+        raise _damage_error(f"{entry}, not {limits.demand()}", path, location)
 
 
-def check_fragment_rows(rows: Sequence[Any], path: Path, place: str) -> None:
+def check_fragment_rows(rows: Sequence[Any], path: Path, location: str) -> None:
     """Refuse rows of fragments or collisions with texts where numbers belong, numbers that are none, or unknown fragments."""
     for k, row in enumerate(rows):
         for name, value in vars(row).items():
@@ -470,7 +470,7 @@ def check_fragment_rows(rows: Sequence[Any], path: Path, place: str) -> None:
                 else isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST
             )  # fmt: skip
             if not good:
-                raise _damaged(f"{name} of row {k + 1} is {value_shown(value)}", path, place)
+                raise _damage_error(f"{name} of row {k + 1} is {value_shown(value)}", path, location)
 
 
 def _check_tables(state: RestartState, path: Path) -> None:
@@ -487,56 +487,61 @@ def _check_tables(state: RestartState, path: Path) -> None:
     for table, variables, arrays in tables:
         for variable in variables:
             name, (least, most) = variable.name, variable.limits
-            values, place = getattr(arrays, name), f"variable {table}_{name}"
+            values, location = getattr(arrays, name), f"variable {table}_{name}"
             if variable.dtype == "i8":
-                _refuse(values, Allowed(least, _resolved(most, sizes), whole=True), path, place)
+                _refuse(values, Allowed(least, _resolve_limit(most, sizes), whole=True), path, location)
             elif name != "break_time":  # NaN while the bond holds
                 bad = Allowed(least, float(most)).beyond(values)
                 # A missing value at the keel means that the one at the surface holds there too.
                 bad &= ~(np.isnan(values) & (name in ("keel_temperature", "keel_salinity")))
                 if bad.any():
                     k = int(np.argmax(bad))
-                    raise _damaged(f"{table} {k + 1} has {name} = {values[k]:g}", path, place)
+                    raise _damage_error(f"{table} {k + 1} has {name} = {values[k]:g}", path, location)
     lat = state.elements.lat
     if state.parameters.earth.latlon and (np.abs(lat) > 90.0).any():
-        raise _damaged(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat")
+        raise _damage_error(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat")
 
 
-def check_same_run(state: RestartState, fresh: Any, path: Path, *, named: str) -> None:
+def check_same_run(state: RestartState, fresh: Any, path: Path, *, experiment: str) -> None:
     """Refuse to go on from the restart of another experiment, ocean or start."""
     remedy = "Name the experiment that it comes from, with the options of that run"
     where = f"--resume {shown(path)}"
     if state.parameters.earth.latlon != fresh.parameters.earth.latlon:
-        raise InputError(f"a restart in other coordinates than {named}", where=where, remedy=remedy)
+        raise InputError(f"a restart in other coordinates than {experiment}", where=where, remedy=remedy)
     if state.start != fresh.start:
         raise InputError(
-            f"a run that started at {state.start:%Y-%m-%d %H:%M}, but {named} starts at {fresh.start:%Y-%m-%d %H:%M}",
+            f"a run that started at {state.start:%Y-%m-%d %H:%M}, but {experiment} starts at {fresh.start:%Y-%m-%d %H:%M}",
             where=where, remedy=remedy,
         )  # fmt: skip
-    ours, theirs = state.elements, fresh.elements
+    saved_elements, fresh_elements = state.elements, fresh.elements
     # The run may have changed the density of the ice (--set), which the named experiment does not know.
     denser = state.parameters.ice.density / fresh.parameters.ice.density
     born = [(row.elements, row.area, row.mass) for row in state.fragments if row.parent <= 0 >= row.birth_time]
-    if born:  # bergs that melt, calve or are added to are recognised by what they were at the start
-        start = theirs.mass.size, (theirs.length * theirs.width).sum(), denser * theirs.mass.sum()
+    if born:  # bergs that melt, calve or are added to are recognised by their state at the start
+        start = (
+            fresh_elements.mass.size,
+            (fresh_elements.length * fresh_elements.width).sum(),
+            denser * fresh_elements.mass.sum(),
+        )
         same = np.allclose(np.sum(born, axis=0), start, rtol=1e-6)
     else:
-        same = ours.mass.size == theirs.mass.size and all(
-            np.allclose(getattr(ours, name), factor * getattr(theirs, name), rtol=1e-6)
+        same = saved_elements.mass.size == fresh_elements.mass.size and all(
+            np.allclose(getattr(saved_elements, name), factor * getattr(fresh_elements, name), rtol=1e-6)
             for name, factor in (("mass", denser), ("length", 1.0), ("width", 1.0))
         )
     if not same:
         raise InputError(
-            f"a berg of {ours.mass.size} elements and {ours.mass.sum() / 1e12:.4g} Gt, but that of {named} has "
-            f"{theirs.mass.size} and {theirs.mass.sum() / 1e12:.4g} Gt",
+            f"a berg of {saved_elements.mass.size} elements and {saved_elements.mass.sum() / 1e12:.4g} Gt, "
+            f"but that of {experiment} has "
+            f"{fresh_elements.mass.size} and {fresh_elements.mass.sum() / 1e12:.4g} Gt",
             where=where, remedy=remedy,
         )  # fmt: skip
-    before, now = (
+    saved_ocean, fresh_ocean = (
         next((line.strip() for line in text.splitlines() if line.strip()), "")
         for text in (state.forcing, fresh.forcing.describe())
     )
-    if before != now:
+    if saved_ocean != fresh_ocean:
         raise InputError(
-            f"a run in another ocean ({value_shown(before)}) than that of {named} ({value_shown(now)})",
+            f"a run in another ocean ({value_shown(saved_ocean)}) than that of {experiment} ({value_shown(fresh_ocean)})",
             where=where, remedy=remedy,
         )  # fmt: skip

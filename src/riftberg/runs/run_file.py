@@ -1,16 +1,16 @@
-"""The trajectory file of a run: one CF-1.11 NetCDF-4 file that xarray, TrajAn and clouddrift open as it is.
+"""The trajectory file of a run: one CF-1.11 NetCDF-4 file that xarray, TrajAn and clouddrift open directly.
 
 Layout
 ------
 The elements of a run share their times, so every variable of an element is a plain table ``(trajectory, time)`` with one
 time axis, the layout that OpenDrift writes and TrajAn calls orthogonal.
-Bonds have their own dimension: what never changes ``(bond)``, stresses ``(bond, time)``. The family tree of the
+Bonds have their own dimension: constants ``(bond)``, stresses ``(bond, time)``. The family tree of the
 fragments lies along ``fragment``.
 
 The group ``tracks`` holds the bergs and fragments, one after the other, as CF contiguous ragged arrays: made of each block of
 records as it is written, and added at the end of the run (`riftberg.runs.tracks`).
 
-Elements that are born in the run get trajectories behind those of the start, in order of birth, without values before
+Elements that are born in the run get trajectories behind the elements of the start, in order of birth, without values before
 their birth; those that are removed have none after their end. Then, and only then, the variables have a fill value.
 ``length``, ``width`` and ``mass`` are tables ``(trajectory)`` unless they change in the run. ``bond_first`` and
 ``bond_second`` are rows of the file.
@@ -20,7 +20,7 @@ Safety
 Records are held for about ``flush_seconds`` of wall time. Then a copy of the file takes them and its name: whoever
 opens the file meets a complete one, nobody who has it open can stop the run, and a run killed at any moment loses its
 last record, or the last second of a run that makes many records in a second. An interrupt loses nothing, because
-``finish`` writes what is held.
+``finish`` writes the held records.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ from riftberg.parameters import QuasiStaticParameters
 from riftberg.runs.derived import (
     APPLIED,
     Means,
-    added,
     define_ledgers,
-    ledgers_of,
+    list_ledgers,
     own_applied,
+    user_variables,
     values_now,
     write_fragment_melt,
 )
@@ -60,15 +60,15 @@ from riftberg.runs.layout import (
     SHAPE,
     TABLES,
     Layout,
-    counted_from,
     define_texts,
     element_history,
     in_file,
     open_checked,
-    placed,
     position_names,
+    reorder,
     run_attributes,
     texts,
+    time_units,
 )
 from riftberg.runs.scene import add_background
 from riftberg.runs.tracks import (
@@ -76,10 +76,10 @@ from riftberg.runs.tracks import (
     GOES_ON,
     ON_BED,
     berg_rows,
-    blocks_of,
     is_channel,
-    lon_of_track,
     ragged,
+    split_blocks,
+    track_longitudes,
     write_tracks,
 )
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
@@ -157,7 +157,7 @@ class RunWriter:
         self.experiment, self.seed = experiment, seed
         self.flush_seconds, self.background = flush_seconds, background
         self.forces, self.goes_on = forces, goes_on
-        self._asked = self._derived = [*([APPLIED] if forces else []), *added(derived or {})]
+        self._asked = self._derived = [*([APPLIED] if forces else []), *user_variables(derived or {})]
         self.records = 0
         self._made = False
         self._held: list[_Record] = []
@@ -167,7 +167,7 @@ class RunWriter:
         self._peak: Floats = np.zeros(0)
         self._peak_ids: Ints = np.zeros(0, np.int64)
         self._layout = Layout()
-        self._tracks: list[dict[str, NDArray[Any]]] = []  # rows of the bergs of what has been written, by block
+        self._tracks: list[dict[str, NDArray[Any]]] = []  # rows of the bergs of written records, by block
         self._add_tracks = True
         self._names: dict[str, str] = {}
         self._attributes: dict[str, Any] = {}
@@ -197,9 +197,9 @@ class RunWriter:
             raise
 
     def record(self, model: BareModel) -> None:
-        """Hold a record where one is due, and write what has been held for long enough."""
+        """Hold a record where one is due, and write records that have been held for long enough."""
         if not np.array_equal(self._peak_ids, model.bonds.id):
-            self._peak = placed(self._peak_ids, self._peak, model.bonds.id, -np.inf)
+            self._peak = reorder(self._peak_ids, self._peak, model.bonds.id, -np.inf)
             self._peak_ids = model.bonds.id.copy()
         np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
         self._means.add(model)
@@ -212,7 +212,7 @@ class RunWriter:
                 self._flush(model)
 
     def finish(self, model: BareModel) -> None:
-        """Write what is held, and the last state even where no record was due."""
+        """Write the held records, and the last state even where no record was due."""
         try:
             if model.time > self._latest + _ROUND:
                 self._take(model)
@@ -221,7 +221,7 @@ class RunWriter:
             self._taken.give_back()
 
     def flush(self, model: BareModel) -> None:
-        """Write what is held, so that the file is complete up to this moment."""
+        """Write the held records, so that the file is complete up to this moment."""
         if self._held:
             self._flush(model)
 
@@ -249,36 +249,36 @@ class RunWriter:
         self._layout.written()
 
     def _remember(self, model: BareModel) -> None:
-        """Leave with the model what the record of this moment holds beyond its state, and when it is due."""
-        kept: dict[str, Any] = {"peak_stress": self._peak.copy(), "times": np.array([model.time, self._next])}
+        """Store in the model the data of the record of this moment beyond its state, and when the next is due."""
+        memory: dict[str, Any] = {"peak_stress": self._peak.copy(), "times": np.array([model.time, self._next])}
         layout = self._layout
-        kept |= {**self._means.kept, "rows_of_elements": layout.ids, "rows_of_bonds": layout.bond_ids}
-        kept["rows_change"] = np.array([layout.gaps, *(name in layout.moving for name in SHAPE)], float)
-        model.remembered.update({self._key(name): value for name, value in kept.items()})
+        memory |= {**self._means.kept, "rows_of_elements": layout.ids, "rows_of_bonds": layout.bond_ids}
+        memory["rows_change"] = np.array([layout.gaps, *(name in layout.moving for name in SHAPE)], float)
+        model.remembered.update({self._key(name): value for name, value in memory.items()})
 
     def _key(self, name: str) -> str:
         return f"record_{name}_every_{self.interval:g}_s"
 
-    def _due_from(self, time: float) -> float:
-        """Return when the first record is due, with those of a run from the start."""
+    def _first_due(self, time: float) -> float:
+        """Return when the first record is due, in step with a run from the start."""
         return time if self.interval <= 0.0 else self.interval * np.ceil((time - _ROUND) / self.interval)
 
     def _take_up(self, model: BareModel) -> None:
-        """Take the first record; one that goes on is that of the run that never stopped, and so are the ones after it."""
-        kept = model.remembered
-        now, due = kept.get(self._key("times"), (np.nan, np.nan))
-        peak = kept.get(self._key("peak_stress"), np.zeros(0))
-        goes_on = now == model.time and peak.shape == model.bonds.normal_stress.shape
+        """Take the first record; where a run goes on, it and the later ones equal those in a run that never stopped."""
+        memory = model.remembered
+        last_time, due = memory.get(self._key("times"), (np.nan, np.nan))
+        peak = memory.get(self._key("peak_stress"), np.zeros(0))
+        goes_on = last_time == model.time and peak.shape == model.bonds.normal_stress.shape
         if goes_on:
             self._peak, self._next = np.array(peak), float(due)
-            self._means.go_on(kept.get(self._key("sums")), kept.get(self._key("seconds")))
+            self._means.take_up(memory.get(self._key("sums")), memory.get(self._key("seconds")))
         elif self.goes_on:
             raise InputError("the restart file does not know its last record", where=str(self.path), remedy=_ANEW)
         else:
             # Where nothing was recorded before, the largest stress known is that of the last long step.
             bonds = model.bonds
             self._peak = np.maximum(bonds.normal_stress, bonds.peak_stress if model.step_number else -np.inf)
-            self._next = self._due_from(model.time)
+            self._next = self._first_due(model.time)
         self._peak_ids = model.bonds.id.copy()
         self._remember(model)
         due = model.time >= self._next - _ROUND
@@ -289,31 +289,33 @@ class RunWriter:
 
     def _take_up_file(self, model: BareModel) -> None:
         """Lay the file out as it was when the state of the model was saved, with the records from before."""
-        kept: dict[str, Any] = model.remembered
-        layout, place = self._layout, f"{self.path}, going on with it"
-        with reading(place, "a damaged run file", _ANEW), open_netcdf(self.path) as old:
+        memory: dict[str, Any] = model.remembered
+        layout, location = self._layout, f"{self.path}, going on with it"
+        with reading(location, "a damaged run file", _ANEW), open_netcdf(self.path) as old:
             old.set_auto_mask(False)
-            gap = missing_records(old["time"][:], kept, self.interval)
+            gap = missing_records(old["time"][:], memory, self.interval)
             if gap:
-                raise InputError(gap, where=place, remedy=_ANEW)
+                raise InputError(gap, where=location, remedy=_ANEW)
             on_bed = ON_BED if model.parameters.grounding.law == "seabed" else ()
             if self.forces != (APPLIED.variables[0].name in old.variables):
                 raise InputError(
-                    f"its records have {'no ' if self.forces else ''}forces", where=place,
+                    f"its records have {'no ' if self.forces else ''}forces", where=location,
                     remedy=f"{'Leave out' if self.forces else 'Give'} --forces, as for the run that made it",
                 )  # fmt: skip
-            layout.ids, layout.bond_ids = kept[self._key("rows_of_elements")], kept[self._key("rows_of_bonds")]
+            layout.ids, layout.bond_ids = memory[self._key("rows_of_elements")], memory[self._key("rows_of_bonds")]
             elements, bonds = layout.ids.size, layout.bond_ids.size
             if not np.array_equal(old["trajectory"][:elements], layout.ids) or old.dimensions["bond"].size < bonds:
-                raise InputError("its elements are not those of the restart file", where=place, remedy="Name another")
-            # What the run was made from, not how it goes on.
+                raise InputError(
+                    "its elements are not those of the restart file", where=location, remedy="Name another"
+                )
+            # The command that made the run, not the one that continues it.
             self._attributes |= {name: old.getncattr(name) for name in (COMMAND, FILE, PLACE) if name in old.ncattrs()}
             if old.getncattr("parameters_json") != self._attributes["parameters_json"]:
                 raise InputError(
-                    "a run with other parameters than those of the restart file", where=place,
+                    "a run with other parameters than those of the restart file", where=location,
                     remedy=_ANEW,
                 )  # fmt: skip
-            change = kept[self._key("rows_change")].tolist()
+            change = memory[self._key("rows_change")].tolist()
             layout.taken_up(
                 {name: _first_seen(old[in_file(name)][:elements]) for name in SHAPE},
                 {name: old[in_file(name)][:bonds] for name in BOND_LATEST},
@@ -322,7 +324,7 @@ class RunWriter:
             self.records = int(np.searchsorted(old["time"][:], model.time - _ROUND))
             self._latest = self._flushed = float(old["time"][self.records - 1])
             rows = {"trajectory": slice(elements), "bond": slice(bonds)}
-            for block in blocks_of(self.records, elements):
+            for block in split_blocks(self.records, elements):
                 columns = {
                     name: variable[tuple(rows.get(dim, block) for dim in variable.dimensions)]
                     for name in (*ELEMENT_COLUMNS, *on_bed, *bond_history(model))
@@ -332,7 +334,7 @@ class RunWriter:
         self._lay_out_anew(model)
 
     def _flush(self, model: BareModel, *, new: bool = False, last: bool = False) -> None:
-        before = clock.monotonic()
+        flush_start = clock.monotonic()
         try:
             if self._layout.outgrown and not new:
                 self._lay_out_anew(model)
@@ -354,7 +356,9 @@ class RunWriter:
         self._held = []
         self._last_flush = clock.monotonic()
         # Files of gigabytes take longer to copy; then records are held longer, so that writing stays a small part.
-        self._pause = max(self.flush_seconds, _PATIENCE * (self._last_flush - before)) if self.flush_seconds else 0.0
+        self._pause = (
+            max(self.flush_seconds, _PATIENCE * (self._last_flush - flush_start)) if self.flush_seconds else 0.0
+        )
 
     def _good(self, model: BareModel) -> str:
         """Say up to when the file holds records."""
@@ -363,14 +367,14 @@ class RunWriter:
         return f"it holds good records up to {model.start + timedelta(seconds=self._flushed):%Y-%m-%d %H:%M}"
 
     def _lay_out_anew(self, model: BareModel) -> None:
-        """Write the file as it was, with room for what has come since."""
-        with replacing(self.path) as part, open_netcdf(self.path) as old, open_netcdf(part, "w") as file:
+        """Write the file again, with room for elements and bonds that have come since."""
+        with replacing(self.path) as temporary, open_netcdf(self.path) as old, open_netcdf(temporary, "w") as file:
             old.set_auto_mask(False)
             file.set_auto_mask(False)
             self._define(file, model)
             block = slice(0, self.records)
             file["time"][block] = old["time"][block]
-            there = np.isfinite(old[self._names.get("lon", "lon")][:, block])
+            has_position = np.isfinite(old[self._names.get("lon", "lon")][:, block])
             for name, variable in old.variables.items():
                 if name not in file.variables or file[name].dimensions[1:] != ("time",):
                     continue  # written with the latest state, or fixed since it was laid out
@@ -378,7 +382,7 @@ class RunWriter:
                 if variable.dimensions[1:] == ("time",):
                     file[name][rows, block] = variable[rows, block]
                 else:
-                    file[name][rows, block] = np.where(there[rows], variable[rows][:, None], np.nan)
+                    file[name][rows, block] = np.where(has_position[rows], variable[rows][:, None], np.nan)
 
     def _write(self, file: netCDF4.Dataset, model: BareModel) -> None:
         # Write the present state of the bonds and the family tree, over the earlier ones.
@@ -400,33 +404,37 @@ class RunWriter:
             self._write_records(file, model, slice(self.records, self.records + len(self._held)))
 
     def _write_records(self, file: netCDF4.Dataset, model: BareModel, block: slice) -> None:
-        layout, held = self._layout, self._held
+        layout, records = self._layout, self._held
         columns: dict[str, NDArray[Any]] = {}
         for v in [*histories(model), *(_REGISTRY[name] for name in SHAPE)]:
             missing = MISSING if v.dtype == "i8" else np.nan
-            columns[v.name] = np.stack([placed(r.ids, r.elements[v.name], layout.ids, missing) for r in held], axis=1)
+            columns[v.name] = np.stack(
+                [reorder(r.ids, r.elements[v.name], layout.ids, missing) for r in records], axis=1
+            )
         for name in bond_history(model):
-            columns[name] = np.stack([placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in held], axis=1)
+            columns[name] = np.stack(
+                [reorder(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in records], axis=1
+            )
         for name, values in columns.items():
             if name not in SHAPE or name in layout.moving:
                 file[self._names.get(name, in_file(name))][:, block] = values
-        for name in held[0].ledger:
-            file[name][:, block] = np.stack([r.ledger[name] for r in held], axis=1)
-        for name in held[0].derived:
-            derived = [placed(r.ids, r.derived[name], layout.ids, np.nan) for r in held]
+        for name in records[0].ledger:
+            file[name][:, block] = np.stack([r.ledger[name] for r in records], axis=1)
+        for name in records[0].derived:
+            derived = [reorder(r.ids, r.derived[name], layout.ids, np.nan) for r in records]
             file[name][:, block] = np.stack(derived, axis=1)
-        times = np.array([r.time for r in held])
+        times = np.array([r.time for r in records])
         file["time"][block] = times
         self._tracks.append(berg_rows(times, layout.latest | columns, model.parameters))
 
 
-def missing_records(times: Floats, kept: Mapping[str, Any], interval: float) -> str:
+def missing_records(times: Floats, memory: Mapping[str, Any], interval: float) -> str:
     """Say which records of a run file are missing before a state that shall go on with it; nothing where all are there.
 
     ``times``: of the records in the file, s; ``interval``: interval of the records that is asked for, s.
     """
-    moment = kept.get(f"record_times_every_{interval:g}_s")
-    if moment is None or f"record_rows_change_every_{interval:g}_s" not in kept:
+    moment = memory.get(f"record_times_every_{interval:g}_s")
+    if moment is None or f"record_rows_change_every_{interval:g}_s" not in memory:
         return f"the run had no records every {interval / 3600.0:g} h"
     due = float(moment[1]) - interval
     if due > -_ROUND and not (times.size and times[-1] >= due - _ROUND):
@@ -448,10 +456,10 @@ class _Record:
     def __init__(self, model: BareModel, peak: Floats, derived: dict[str, Floats], layout: Layout) -> None:
         self.time = float(model.time)
         elements, bonds = model.elements, model.bonds
-        # Identifiers of the layout itself where they are the same: `placed` then need not compare them for each variable.
+        # Identifiers of the layout itself where they are the same: `reorder` then need not compare them for each variable.
         self.ids = layout.ids if np.array_equal(elements.id, layout.ids) else elements.id.copy()
         self.bond_ids = layout.bond_ids if np.array_equal(bonds.id, layout.bond_ids) else bonds.id.copy()
-        moving = dict(zip(("u", "v", "lon"), (*model.velocity(), lon_of_track(model)), strict=True))
+        moving = dict(zip(("u", "v", "lon"), (*model.velocity(), track_longitudes(model)), strict=True))
         self.elements = {
             v.name: moving.get(v.name, getattr(elements, v.name)).astype(_stored_kind(v)) for v in histories(model)
         }
@@ -459,7 +467,7 @@ class _Record:
         self.bonds = {name: getattr(bonds, name).astype("f4") for name in bond_history(model)}
         self.bonds["peak_stress"] = peak.astype("f4")
         self.derived = derived
-        self.ledger = values_now(model, ledgers_of(model))
+        self.ledger = values_now(model, list_ledgers(model))
 
 
 def histories(model: BareModel) -> list[Variable]:
@@ -501,10 +509,10 @@ def open_run(path: str | Path) -> xr.Dataset:
 
 
 def open_own(file: Path) -> xr.Dataset:
-    """Open a run file that this process has just written: what it holds need not be checked again."""
+    """Open a run file that this process has just written: its values need not be checked again."""
     import riftberg.runs.accessor  # noqa: F401  (run.riftberg)
 
-    return open_checked(file, own=True)
+    return open_checked(file, trusted=True)
 
 
 class _RunWithDataset(RunWriter):
@@ -516,7 +524,7 @@ class _RunWithDataset(RunWriter):
         self._in_memory, self._add_tracks = in_memory, not in_memory
 
     def dataset(self) -> xr.Dataset:
-        """Return what has been written."""
+        """Return the written run."""
         dataset = open_own(self.path)
         if self._in_memory:
             dataset.load()
@@ -536,14 +544,14 @@ def memory_run(output: str | Path | None, every_hours: float, forces: bool = Fal
 
 
 def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layout: Layout) -> None:
-    """Create dimensions and variables, and write what never changes."""
+    """Create dimensions and variables, and write the constants."""
     file.setncatts({"Conventions": "CF-1.11", "featureType": "trajectory"})
     file.createDimension("trajectory", len(layout.ids))
     file.createDimension("time", None)
     file.createDimension("bond", len(layout.bond_ids))
     for kind, _ in TABLES:
         file.createDimension(kind, None)
-    about = {"standard_name": "time", "long_name": "time", **counted_from(model.start), "axis": "T"}
+    about = {"standard_name": "time", "long_name": "time", **time_units(model.start), "axis": "T"}
     _create(file, "time", "f8", ("time",), **about)
     # CF before 1.9 knows no 64-bit whole numbers; identifiers that need them are those of no run of ours.
     kind = "i4" if layout.ids.max(initial=0) <= np.iinfo(np.int32).max else "i8"
@@ -552,7 +560,7 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     )
     number[:] = layout.ids
     for name in SHAPE:
-        described = _described(_REGISTRY[name], names)
+        described = _variable_attributes(_REGISTRY[name], names)
         if name in layout.moving:
             _create(
                 file, in_file(name), "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names)
@@ -566,27 +574,27 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     registry = {v.name: v for v in BOND_VARIABLES}
     for name in BOND_LATEST:
         v = registry[name]
-        attributes = _described(v, {})
+        attributes = _variable_attributes(v, {})
         if name == "break_time":
-            attributes |= {**counted_from(model.start), "long_name": "time of breaking, missing while unbroken"}
+            attributes |= {**time_units(model.start), "long_name": "time of breaking, missing while unbroken"}
         if name == "status":
             attributes |= {"flag_meanings": "unbroken broken_in_contact gone"}
         stored = _create(file, in_file(name), "i4" if v.dtype == "i8" else "f8", ("bond",), **attributes)
         if name == "status":
             stored.flag_values = np.arange(3, dtype="i4")
     for name in bond_history(model):
-        attributes = _described(registry[name], {})
+        attributes = _variable_attributes(registry[name], {})
         if name == "peak_stress":
             attributes["long_name"] = "largest normal_stress of any sub-step since the record before"
         _create(file, name, "f4", ("bond", "time"), layout.gaps, **attributes)
     for kind, variables in TABLES:
         for v in variables:
-            attributes = {**_described(v, names), "long_name": v.long_name}
+            attributes = {**_variable_attributes(v, names), "long_name": v.long_name}
             attributes.pop("axis", None)
             if v.name in ("lon", "lat") and not names:
                 attributes["standard_name"] = {"lon": "longitude", "lat": "latitude"}[v.name]
             if v.name in ("birth_time", "time", "end"):
-                attributes |= counted_from(model.start)
+                attributes |= time_units(model.start)
             name = f"{kind}_{names.get(v.name, v.name)}"
             if v.dtype == "str":
                 define_texts(file, name, kind).setncatts(
@@ -614,7 +622,7 @@ def _create(
     return variable
 
 
-def _described(v: Variable, names: dict[str, str]) -> dict[str, str]:
+def _variable_attributes(v: Variable, names: dict[str, str]) -> dict[str, str]:
     """Attributes of a variable; positions on a Cartesian grid are metres."""
     if v.name in names:
         axis = names[v.name]
@@ -646,7 +654,7 @@ def _define_histories(
             _stored_kind(v),
             ("trajectory", "time"),
             layout.gaps,
-            **_described(v, names),
+            **_variable_attributes(v, names),
             coordinates=coordinates,
         )
 

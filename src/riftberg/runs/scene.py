@@ -1,4 +1,4 @@
-"""What a map shows, read from a run: shapes of the elements at chosen dates, tracks and names of the fragments, and the water.
+"""Contents of a map, read from a run: shapes of the elements at chosen dates, tracks and names of the fragments, and the water.
 
 The water around a run is kept coarsely in the run file: currents every few hours, and the sea floor. It lies in a group of its
 own (``background``), so that the main group of the file stays a plain trajectory file. It is for looking at; the forces on the
@@ -26,8 +26,8 @@ from riftberg.physics.crevasses import prestress
 from riftberg.physics.floating import draft_of
 from riftberg.plane import near
 from riftberg.runs.groundings import Stay, read_stays
-from riftberg.runs.layout import called, parameters_of
-from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, family_of, is_channel, zonal_period
+from riftberg.runs.layout import label_fragment, run_parameters
+from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, is_channel, read_family, zonal_period
 from riftberg.state import Floats, Ints
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
@@ -92,7 +92,7 @@ class Box:
 
 
 class Statics(NamedTuple):
-    """What holds a beam and loads it, and the line that theory gives its middle."""
+    """Supports and loads of a beam, and the line that theory gives its middle."""
 
     held: Ints  # Rows of the elements that supports hold
     loaded: Ints  # Rows of the elements that bear the load, towards negative y
@@ -106,33 +106,33 @@ def stretch(y: float, latlon: bool) -> float:
 
 def filled_forward(values: Floats) -> Floats:
     """Fill the records (rows) before an element is there with its first value, and those after its end with its last."""
-    known = np.isfinite(values)
-    if known.all():
+    has_value = np.isfinite(values)
+    if has_value.all():
         return values
     records = np.arange(len(values))[:, None]
     # Number of the last known record up to each record; -1 before the first.
-    last = np.maximum.accumulate(np.where(known, records, -1), axis=0)
-    first = np.argmax(known, axis=0)[None, :]
+    last = np.maximum.accumulate(np.where(has_value, records, -1), axis=0)
+    first = np.argmax(has_value, axis=0)[None, :]
     filled: Floats = np.take_along_axis(values, np.where(last < 0, first, last), axis=0)
     return filled
 
 
-def on_one_branch(x: Floats, there: NDArray[np.bool_], period: float, *, goes_on: bool = False) -> Floats:
+def unwrap_positions(x: Floats, present: NDArray[np.bool_], period: float, *, goes_on: bool = False) -> Floats:
     """Put zonal positions on one branch: no element jumps by a period, and none stands a period away from the others.
 
-    ``x``: positions without gaps (shape (time, trajectory)); ``there``: whether the element is there (shape (time,
+    ``x``: positions without gaps (shape (time, trajectory)); ``present``: whether the element is there (shape (time,
     trajectory)); ``goes_on``: whether the positions of an element do not jump; returns positions that differ from those
     given by whole periods.
     """
     if period <= 0.0 or not x.size:
         return x
     path: Floats = x.copy() if goes_on else np.unwrap(x, period=period, axis=0)
-    born = np.argmax(there, axis=0)
+    born = np.argmax(present, axis=0)
     path[:, born == 0] -= period * np.round((path[0, born == 0] - path[0, 0]) / period)
     # In order of birth: each newborn is put beside those that are there already.
     for record in np.unique(born[born > 0]):
         new = born == record
-        others = path[record, there[record] & (born < record)]
+        others = path[record, present[record] & (born < record)]
         home = float(others.mean()) if len(others) else float(path[record, 0])
         path[:, new] -= period * np.round((path[record, new] - home) / period)
     return path
@@ -153,14 +153,16 @@ class Scene:
                 remedy="Give what Model.run or riftberg.open_run returns",
             )
         self.run = run
-        self.parameters = parameters_of(run)
+        self.parameters = run_parameters(run)
         self.latlon = self.parameters.earth.latlon
         self.radius = self.parameters.earth.radius
         x, y = ("lon", "lat") if self.latlon else ("x", "y")
         east, north = (run[name].transpose("time", "trajectory").values for name in (x, y))
         self.there: NDArray[np.bool_] = np.isfinite(north)
         goes_on = run[x].attrs.get("comment") == GOES_ON
-        self.x: Floats = on_one_branch(filled_forward(east), self.there, zonal_period(self.parameters), goes_on=goes_on)
+        self.x: Floats = unwrap_positions(
+            filled_forward(east), self.there, zonal_period(self.parameters), goes_on=goes_on
+        )
         self.y: Floats = filled_forward(north)
         berg = run["berg"].transpose("time", "trajectory").values
         self.berg: Ints = berg if self.there.all() else np.where(self.there, berg, 0).astype(np.int64)
@@ -191,13 +193,13 @@ class Scene:
         run = self.run
         if "crack" not in run:
             return []
-        first, second, part = run["bond_first"].values, run["bond_second"].values, run["crack_part"].values
+        first, second, fraction = run["bond_first"].values, run["bond_second"].values, run["crack_part"].values
         lines = []
         for number in np.unique(run["crack"].values[run["crack"].values > 0]):
             rows = np.flatnonzero(run["crack"].values == number)
             rows = rows[np.argsort(run["crack_order"].values[rows])]
             ends = [np.stack([self.x[record][k[rows]], self.y[record][k[rows]]], axis=-1) for k in (first, second)]
-            lines.append((rows, np.asarray(ends[0] + part[rows, None] * (ends[1] - ends[0]))))
+            lines.append((rows, np.asarray(ends[0] + fraction[rows, None] * (ends[1] - ends[0]))))
         return lines
 
     def _holding(self, moments: NDArray[np.datetime64]) -> NDArray[np.bool_]:
@@ -213,11 +215,11 @@ class Scene:
         """
         if "peak_stress" in self.run:
             # A bond that broke since the record before had its largest stress in that interval: it still counts.
-            held = self._holding(np.r_[self.times[:1], self.times[:-1]])
+            intact = self._holding(np.r_[self.times[:1], self.times[:-1]])
             stress = self.run["peak_stress"].transpose("time", "bond").values
         else:
-            held, stress = self.unbroken, self.run["normal_stress"].transpose("time", "bond").values
-        return np.where(held & np.isfinite(stress), np.maximum(stress, 0.0), 0.0)
+            intact, stress = self.unbroken, self.run["normal_stress"].transpose("time", "bond").values
+        return np.where(intact & np.isfinite(stress), np.maximum(stress, 0.0), 0.0)
 
     def bond_damage(self) -> Floats | None:
         """Damage of the bonds at each record, (time, bond), 0 for broken ones; None in a run without damage."""
@@ -256,10 +258,10 @@ class Scene:
 
     def reserves(self) -> list[str]:
         """Return pre-stress and reserve of the bergs at the start, in sentences."""
-        there = self.there[0]
-        numbers = self.berg[0][there]
+        present = self.there[0]
+        numbers = self.berg[0][present]
         names = {number: self.name(number) for number in np.unique(numbers).tolist()}
-        return reserve_lines(numbers, self.thickness(0)[there], self.area[there], names, self.parameters)
+        return reserve_lines(numbers, self.thickness(0)[present], self.area[present], names, self.parameters)
 
     def lowest_strength(self) -> Floats | None:
         """Lowest normal strength (Pa) that damage has left to a bond at each record, NaN where none holds.
@@ -269,15 +271,15 @@ class Scene:
         damage = self.bond_damage()
         if damage is None:
             return None
-        own = self.run["strength"].values
-        left = self.strengths * own * (1.0 - damage)
-        lowest = np.where(self.unbroken & (own > 0.0), left, np.inf).min(axis=1, initial=np.inf)
+        relative_strength = self.run["strength"].values
+        left = self.strengths * relative_strength * (1.0 - damage)
+        lowest = np.where(self.unbroken & (relative_strength > 0.0), left, np.inf).min(axis=1, initial=np.inf)
         return np.where(np.isfinite(lowest), lowest, np.nan)
 
-    def grown(self, box: Box, part: float) -> Box:
-        """Return a box with a margin of ``part`` of its longer side all around."""
+    def grown(self, box: Box, fraction: float) -> Box:
+        """Return a box with a margin of ``fraction`` of its longer side all around."""
         wider = stretch(0.5 * (box.south + box.north), self.latlon)
-        margin = part * max(box.north - box.south, (box.east - box.west) / wider)
+        margin = fraction * max(box.north - box.south, (box.east - box.west) / wider)
         wide = margin * wider
         return Box(box.west - wide, box.east + wide, box.south - margin, box.north + margin)
 
@@ -292,10 +294,10 @@ class Scene:
         if "corners" not in self.run:
             return np.full(self.run.sizes["trajectory"], packing)
         stored = self.run["corners"]
-        known = (
+        corners = (
             filled_forward(stored.transpose("time", "trajectory").values)[0] if "time" in stored.dims else stored.values
         )
-        return np.where(known > 0, known, packing).astype(np.int64)
+        return np.where(corners > 0, corners, packing).astype(np.int64)
 
     @cached_property
     def lattice_angle(self) -> Floats:
@@ -305,8 +307,8 @@ class Scene:
         """
         angle = np.zeros(self.run.sizes["trajectory"])
         first, second = self.run["bond_first"].values, self.run["bond_second"].values
-        there = self.there[0, first] & self.there[0, second]
-        first, second = first[there], second[there]
+        present = self.there[0, first] & self.there[0, second]
+        first, second = first[present], second[present]
         if not len(first):
             return angle
         y = 0.5 * (self.y[0, first] + self.y[0, second])
@@ -351,15 +353,17 @@ class Scene:
     def numbers(self) -> list[int]:
         """Numbers of the fragments that are large enough to be named, largest first at the end of the run; at least one."""
         sizes: dict[int, float] = {}
-        # Three moments are enough to find what was ever large, and cheap in long runs.
+        # Three moments are enough to find all that were ever large, and cheap in long runs.
         for record in sorted({0, len(self.times) // 2, len(self.times) - 1}):
             for number, area in self.fragment_areas(record).items():
                 sizes[number] = area
         ranked = sorted(sizes, key=lambda n: (-sizes[n], n))
         large = set(sorted(self.berg_areas, key=lambda n: (-self.berg_areas[n], n))[:MOST_BERGS])
-        whole = {n: self.berg_areas.get(self.origin(n), 0.0) for n in ranked}
-        named = [n for n in ranked if sizes[n] >= SMALL * whole[n] and self.origin(n) in large - self.children]
-        return named or ranked[:1]
+        berg_area = {n: self.berg_areas.get(self.origin(n), 0.0) for n in ranked}
+        large_enough = [
+            n for n in ranked if sizes[n] >= SMALL * berg_area[n] and self.origin(n) in large - self.children
+        ]
+        return large_enough or ranked[:1]
 
     @cached_property
     def children(self) -> set[int]:
@@ -375,11 +379,11 @@ class Scene:
 
     @cached_property
     def family(self) -> dict[int, dict[str, Any]]:
-        """What the file says of each berg and fragment, by its number."""
-        return family_of(self.run)
+        """Data of each berg and fragment in the file, by its number."""
+        return read_family(self.run)
 
     def parent(self, number: int) -> int:
-        """Return the number of the fragment that one broke off; 0 for a berg, and for what is not in the file."""
+        """Return the number of the fragment that one broke off; 0 for a berg, and for a number that is not in the file."""
         return int(self.family[number]["parent"]) if number in self.family else 0
 
     def origin(self, number: int) -> int:
@@ -392,15 +396,15 @@ class Scene:
         return number
 
     def name(self, number: int) -> str:
-        """Return what a berg or fragment is called: by its name, or by its number."""
-        return called(number, self.parent(number), str(self.family.get(number, {}).get("name", "")))
+        """Return a berg or fragment in words: its name, or its number."""
+        return label_fragment(number, self.parent(number), str(self.family.get(number, {}).get("name", "")))
 
     def fragment_areas(self, record: int) -> dict[int, float]:
         """Return the plan area (m2) of each fragment at a record by its number, the largest first."""
-        there = self.there[record]
-        return by_area(self.berg[record][there], self.areas[record][there])
+        present = self.there[record]
+        return by_area(self.berg[record][present], self.areas[record][present])
 
-    def area_of(self, number: int) -> float:
+    def final_area(self, number: int) -> float:
         """Return the area (m2) of a fragment at the last record."""
         return float(self.areas[-1][self.berg[-1] == number].sum())
 
@@ -408,10 +412,10 @@ class Scene:
         """Return the centroid of a fragment at all records at which it exists, and the numbers of these records."""
         weight = np.where(self.berg == number, self.areas, 0.0)
         total = weight.sum(axis=1)
-        there = np.flatnonzero(total > 0.0)
-        x = (weight * self.x).sum(axis=1)[there] / total[there]
-        y = (weight * self.y).sum(axis=1)[there] / total[there]
-        return x, y, there
+        records = np.flatnonzero(total > 0.0)
+        x = (weight * self.x).sum(axis=1)[records] / total[records]
+        y = (weight * self.y).sum(axis=1)[records] / total[records]
+        return x, y, records
 
     def track_line(self, number: int, until: int | None = None) -> tuple[Floats, Floats]:
         """Return the track of a fragment as a line to draw, up to a record.
@@ -419,13 +423,13 @@ class Scene:
         There is a gap (NaN) where the fragment lost or gained a part that is large enough to be named, or was away:
         the centroid jumps there, and no ice moved along that jump.
         """
-        x, y, there = self.track(number)
+        x, y, records = self.track(number)
         # With the areas that the elements had first: ice that melts bit by bit does not make the centroid jump.
-        area = np.where(self.berg[there] == number, self.area, 0.0).sum(axis=1)
-        jumps = (np.abs(np.diff(area)) > SMALL * area[:-1]) | (np.diff(there) > 1)
+        area = np.where(self.berg[records] == number, self.area, 0.0).sum(axis=1)
+        jumps = (np.abs(np.diff(area)) > SMALL * area[:-1]) | (np.diff(records) > 1)
         if until is not None:
-            shown = there <= until
-            x, y, jumps = x[shown], y[shown], jumps[shown[1:]]
+            before_end = records <= until
+            x, y, jumps = x[before_end], y[before_end], jumps[before_end[1:]]
         gaps = np.flatnonzero(jumps) + 1
         return np.insert(x, gaps, np.nan), np.insert(y, gaps, np.nan)
 
@@ -439,22 +443,22 @@ class Scene:
     def chosen_records(self, count: int) -> list[int]:
         """Return records from the first to the last, evenly spaced, on whole days where the run is long enough."""
         seconds = self.seconds - self.seconds[0]
-        wanted = np.linspace(0.0, seconds[-1], min(count, len(seconds)))
+        moments = np.linspace(0.0, seconds[-1], min(count, len(seconds)))
         day = constants.SECONDS_PER_DAY
         if seconds[-1] >= count * day:
-            wanted[1:-1] = day * np.round(wanted[1:-1] / day)
-        return sorted({int(np.argmin(np.abs(seconds - moment))) for moment in wanted})
+            moments[1:-1] = day * np.round(moments[1:-1] / day)
+        return sorted({int(np.argmin(np.abs(seconds - moment))) for moment in moments})
 
     def telling_records(self, count: int) -> list[int]:
         """Return the first and the last record, those 6 h after large break-ups, and evenly spaced ones between."""
         births = [birth[0] + np.timedelta64(6, "h") for n in self.numbers if (birth := self.birth(n)) is not None]
         after = [int(np.argmin(np.abs(self.times - birth))) for birth in births]
-        wanted = {0, len(self.times) - 1, *after[: count - 2]}
-        apart = len(self.times) / (2.5 * count)
+        records = {0, len(self.times) - 1, *after[: count - 2]}
+        spacing = len(self.times) / (2.5 * count)
         for record in self.chosen_records(count):
-            if len(wanted) < count and all(abs(record - other) >= apart for other in wanted):
-                wanted.add(record)
-        return sorted(wanted)
+            if len(records) < count and all(abs(record - other) >= spacing for other in records):
+                records.add(record)
+        return sorted(records)
 
     def shape(self, margin: float) -> float:
         """Return width over height of the extent of the run on the ground, with a margin of a part of the longer side."""
@@ -467,12 +471,12 @@ class Scene:
         """Return the extent of bergs and named fragments, at a record or over the whole run."""
         chosen = range(0, len(self.times), max(1, len(self.times) // 50)) if record is None else [record]
         # A map of one date is about the bergs, one of the whole run about their children too.
-        shown = (
+        fragments = (
             [*self.numbers, *self.berg_areas]
             if record is None
             else [*self.numbers, *self.berg_areas.keys() - self.children]
         )
-        rows = [np.isin(self.berg[k], shown) for k in (*chosen, -1 if record is None else record)]
+        rows = [np.isin(self.berg[k], fragments) for k in (*chosen, -1 if record is None else record)]
         # A berg that shattered has no fragment with a name; then all of its elements count.
         rows = [row if row.any() else ~row for row in rows]
         x = np.concatenate([self.x[k][r] for k, r in zip((*chosen, chosen[-1]), rows, strict=True)])
@@ -498,8 +502,10 @@ class Scene:
         run = self.run
         if "rift_tip_crack" not in run:
             return []
-        places = {} if "rift_tip_lon" in run else {"lon": "x", "lat": "y"}
-        columns = [run[f"rift_tip_{places.get(name, name)}"].values.tolist() for name in RiftTip.__dataclass_fields__]
+        coordinates = {} if "rift_tip_lon" in run else {"lon": "x", "lat": "y"}
+        columns = [
+            run[f"rift_tip_{coordinates.get(name, name)}"].values.tolist() for name in RiftTip.__dataclass_fields__
+        ]
         return [RiftTip(int(crack), *values) for crack, *values in zip(*columns, strict=True) if crack > 0]
 
     @cached_property
@@ -550,11 +556,11 @@ _KEPT: Final = "water"
 """Place in the encoding of a run in memory."""
 
 _SILENT: Final = (RiftbergError, AttributeError, NotImplementedError)
-"""What a forcing raises that cannot be asked for maps."""
+"""Errors of a forcing that cannot be asked for maps."""
 
 _MARGIN: Final = 0.3
 _HEIGHT = 0.85
-"""Least height of the box over the width of what is drawn, before it is widened."""
+"""Least height of the box over the width of the drawn area, before it is widened."""
 _SQUARE = 1.35
 """Side of the square around the berg at a record over its length: more than maps of single dates show."""
 _SHAPE = 2.0
@@ -569,7 +575,7 @@ def add_background(run: netCDF4.Dataset, model: BareModel) -> None:
     units = {axis: str(run[name].units) for axis, name in zip(("time", "x", "y"), ("time", *names))}
     # A track that crosses the seam must not make a box around the whole Earth.
     period, goes_on = zonal_period(model.parameters), is_channel(model.parameters)
-    x = on_one_branch(filled_forward(x), np.isfinite(y), period, goes_on=goes_on)
+    x = unwrap_positions(filled_forward(x), np.isfinite(y), period, goes_on=goes_on)
     axes, fine = (_axes(x, filled_forward(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
     length = float(seconds[-1] - seconds[0])
     count = min(MOST_TIMES, max(1, round(length / INTERVAL))) + 1
@@ -640,7 +646,7 @@ def _write_background(
 
 
 class StoredWater:
-    """Currents and sea floor of a run, as far as its file keeps them; offers what maps ask of a forcing."""
+    """Currents and sea floor of a run, as far as its file keeps them; offers the methods of a forcing that maps call."""
 
     def __init__(self, background: xr.Dataset) -> None:
         self.x: Floats = background["x"].values
@@ -660,16 +666,16 @@ class StoredWater:
         lower = upper - 1
         if len(self.times) == 1:
             return self._at(self.u[0], lon, lat), self._at(self.v[0], lon, lat)
-        part = float(np.clip((time - self.times[lower]) / (self.times[upper] - self.times[lower]), 0.0, 1.0))
-        u, v = ((1.0 - part) * field[lower] + part * field[upper] for field in (self.u, self.v))
+        weight = float(np.clip((time - self.times[lower]) / (self.times[upper] - self.times[lower]), 0.0, 1.0))
+        u, v = ((1.0 - weight) * field[lower] + weight * field[upper] for field in (self.u, self.v))
         return self._at(u, lon, lat), self._at(v, lon, lat)
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at points; NaN outside the stored box."""
-        return on_even_grid(self.floor_x, self.floor_y, self.floor, self._near(lon), np.asarray(lat))
+        return interpolate_evenly(self.floor_x, self.floor_y, self.floor, self._near(lon), np.asarray(lat))
 
     def _at(self, field: Floats, lon: Floats, lat: Floats) -> Floats:
-        return on_even_grid(self.x, self.y, field, self._near(lon), np.asarray(lat))
+        return interpolate_evenly(self.x, self.y, field, self._near(lon), np.asarray(lat))
 
     def _near(self, lon: Floats) -> Floats:
         """Bring longitudes to the branch of the stored ones."""
@@ -678,7 +684,7 @@ class StoredWater:
         return near(lon, middle) if self.degrees else lon
 
 
-def on_even_grid(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Floats) -> Floats:
+def interpolate_evenly(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Floats) -> Floats:
     """Interpolate on an even grid; NaN outside and beside missing values.
 
     ``field``:  (shape (len(y_axis)).
@@ -709,7 +715,7 @@ def stored_water(run: xr.Dataset | str | Path) -> StoredWater | None:
 
 
 class KeptWater:
-    """What maps ask of the forcing of a run that lives in memory alone; NaN where it has no answer.
+    """Forcing of a run that lives in memory alone, as maps need it; NaN where it has no answer.
 
     Copies of the run share it; a pickled run does without.
     """
@@ -746,7 +752,7 @@ def keep_water(run: xr.Dataset, forcing: Forcing) -> None:
     run.encoding[_KEPT] = KeptWater(forcing)
 
 
-def water_of(run: xr.Dataset) -> KeptWater | StoredWater | None:
-    """Return what a run knows of the water around it, or None."""
-    kept = run.encoding.get(_KEPT)
-    return kept if isinstance(kept, KeptWater) else stored_water(run)
+def find_water(run: xr.Dataset) -> KeptWater | StoredWater | None:
+    """Return the water around a run, as far as it is stored, or None."""
+    water = run.encoding.get(_KEPT)
+    return water if isinstance(water, KeptWater) else stored_water(run)

@@ -24,12 +24,12 @@ from riftberg.engines.common.reserves import bond_strengths
 from riftberg.parameters import Parameters
 from riftberg.runs.layout import (
     FRAGMENT_VARIABLES,
-    counted_from,
     define_texts,
     in_file,
-    parameters_of,
     position_names,
+    run_parameters,
     texts,
+    time_units,
 )
 from riftberg.state import Floats, Ints, Variable
 
@@ -101,9 +101,9 @@ class Shapes:
             # East and north at an element, seen from the centroid.
             self._turn = cosine, -sin_lat * sine, sin_lat0 * sine, sin_lat * sin_lat0 * cosine + cos_lat * cos_lat0
         else:
-            near = lon - period * np.round((lon - first[berg]) / period) if period > 0.0 else lon
-            self.lon, self.lat = self.mean(near), self.mean(lat)
-            self.x, self.y = near - self.lon[berg], lat - self.lat[berg]
+            unwrapped = lon - period * np.round((lon - first[berg]) / period) if period > 0.0 else lon
+            self.lon, self.lat = self.mean(unwrapped), self.mean(lat)
+            self.x, self.y = unwrapped - self.lon[berg], lat - self.lat[berg]
             self._turn = 1.0, 0.0, 0.0, 1.0
         self.xx, self.yy, self.xy = (self.mean(p) for p in (self.x * self.x, self.y * self.y, self.x * self.y))
 
@@ -131,14 +131,14 @@ class Shapes:
         As `riftberg.engines.common.fragments.tree` has them for drag. ``length``, ``width``: of the elements, m;
         ``gyration``: squares of their radii of gyration, m2.
         """
-        own = 0.5 * self.mean(gyration)  # an element may lie any way round
+        element_moment = 0.5 * self.mean(gyration)  # an element may lie any way round
         half = np.hypot(0.5 * (self.xx - self.yy), self.xy)
-        middle = 0.5 * (self.xx + self.yy) + own
+        middle = 0.5 * (self.xx + self.yy) + element_moment
         ratio = np.sqrt((middle + half) / (middle - half))
         alone = np.bincount(self.berg, minlength=self.count) == 1
         if alone.any():
-            one = alone[self.berg]
-            ratio[self.berg[one]] = np.maximum(length, width)[one] / np.minimum(length, width)[one]
+            is_alone = alone[self.berg]
+            ratio[self.berg[is_alone]] = np.maximum(length, width)[is_alone] / np.minimum(length, width)[is_alone]
         return np.sqrt(self.area * ratio), np.sqrt(self.area / ratio)
 
     def motion(self, u: Floats, v: Floats, spin: Floats, gyration: Floats) -> tuple[Floats, Floats, Floats]:
@@ -193,7 +193,7 @@ def is_channel(p: Parameters) -> bool:
     return zonal_period(p) not in (0.0, 360.0)
 
 
-def lon_of_track(model: BareModel) -> Floats:
+def track_longitudes(model: BareModel) -> Floats:
     """Return longitudes (x) as files have them: in a channel they go on over its ends, on the globe they may jump by 360."""
     lon = model.elements.lon
     return lon + model.parameters.earth.period * model.turns if is_channel(model.parameters) else lon
@@ -205,7 +205,7 @@ def main_position(model: BareModel) -> Position:
     area = e.length * e.width
     rows = e.berg == main_berg(e.berg, area)
     return berg_position(
-        lon_of_track(model)[rows],
+        track_longitudes(model)[rows],
         e.lat[rows],
         area[rows],
         latlon=earth.latlon,
@@ -224,12 +224,12 @@ class DailyTrack:
     def start(self, model: BareModel) -> None:
         """Keep the first position; a resumed run knows the days before, and goes on at its next full day."""
         day = constants.SECONDS_PER_DAY
-        known = model.remembered.get(_REMEMBERED, np.zeros((0, 5))).tolist()
+        stored_rows = model.remembered.get(_REMEMBERED, np.zeros((0, 5))).tolist()
         self.rows = [
-            (model.start + timedelta(seconds=row[0]), Position(*row[1:])) for row in known if row[0] <= model.time
+            (model.start + timedelta(seconds=row[0]), Position(*row[1:])) for row in stored_rows if row[0] <= model.time
         ]
         self._next = day * math.ceil((model.time - _TOLERANCE) / day)
-        if known and known[-1][0] >= self._next - _TOLERANCE:
+        if stored_rows and stored_rows[-1][0] >= self._next - _TOLERANCE:
             self._next += day
         else:
             self.record(model)
@@ -282,7 +282,7 @@ TRACK_VARIABLES: Final = (
     ),
     Variable("aground", "1", "1 where the sea floor acts on an element of the berg", dtype="i1"),
 )  # fmt: skip
-"""What is known of each berg and fragment at each record."""
+"""Variables of each berg and fragment at each record."""
 
 _FAMILY: Final = {v.name: v for v in FRAGMENT_VARIABLES}
 
@@ -293,7 +293,7 @@ TRACK_COORDINATES: Final = (
     _FAMILY["name"],
     _FAMILY["calved_from"],
 )
-"""What is known of each berg and fragment for good, from the family tree."""
+"""Constants of each berg and fragment, from the family tree."""
 
 TRACKS: Final = "tracks"
 """Group of a run file that holds them."""
@@ -308,35 +308,35 @@ BOND_COLUMNS: Final = ("first", "second", "strength", "break_time", "peak_stress
 """Variables of a run file from which the rows follow; ``damage`` too, where the run has it."""
 
 
-def blocks_of(records: int, elements: int) -> Iterator[slice]:
+def split_blocks(records: int, elements: int) -> Iterator[slice]:
     """Give blocks of records of some million values, for which there is memory."""
     step = max(1, 4_000_000 // max(1, elements))
     return (slice(begin, min(begin + step, records)) for begin in range(0, records, step))
 
 
 def aground_in_file(thickness: Floats, depth: Floats, load: Floats | None, p: Parameters) -> NDArray[np.bool_]:
-    """Return which elements of a run file the sea floor acts on; ``load``: what a bed carries, None where the file has none."""
+    """Return which elements of a run file the sea floor acts on; ``load``: carried by a bed, None where the file has none."""
     return on_the_floor(thickness, depth, 0.0 if load is None else load, p.kernel_values())
 
 
 def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) -> dict[str, NDArray[Any]]:
-    """Return what a block of records says of each berg, in the order of the records and then of the numbers.
+    """Return the variables of each berg in a block of records, in the order of the records and then of the numbers.
 
-    ``time``: of the records, s (shape (records,)); ``columns``: variables of the run file by name, those of elements and
-    bonds that change with time as (element or bond, record).
+    ``time``: of the records, s (shape (records,)); ``columns``: variables of the run file by name; variables
+    of elements and bonds that change with time have shape (element or bond, record).
     """
     shape = columns["lat"].shape
     berg = np.where(np.isfinite(columns["lat"]), columns["berg"], 0).astype(np.int64)
-    there: Any = berg.ravel() > 0
-    there = slice(None) if there.all() else there
+    present: Any = berg.ravel() > 0
+    present = slice(None) if present.all() else present
     span = int(berg.max(initial=0)) + 1
-    keys = (berg + span * np.arange(shape[1])).ravel()[there]
-    bergs_at, place = _ranked(keys, span * shape[1])
+    keys = (berg + span * np.arange(shape[1])).ravel()[present]
+    bergs_at, berg_index = _rank_keys(keys, span * shape[1])
 
     def of(name: str) -> Floats:
         column = columns[name]
-        whole = np.broadcast_to(column[:, None] if column.ndim == 1 else column, shape)
-        return np.asarray(whole.ravel()[there], np.float64)
+        table = np.broadcast_to(column[:, None] if column.ndim == 1 else column, shape)
+        return np.asarray(table.ravel()[present], np.float64)
 
     length, width = of("length"), of("width")
     earth = p.earth
@@ -344,7 +344,7 @@ def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) 
         of("lon"),
         of("lat"),
         length * width,
-        place,
+        berg_index,
         bergs_at.size,
         latlon=earth.latlon,
         radius=earth.radius,
@@ -361,34 +361,34 @@ def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) 
         "azimuth": bergs.azimuth,
         "aground": bergs.sum(touching.astype(np.float64)) > 0.0,
     }  # fmt: skip
-    part = np.full(berg.size, -1, np.int64)
-    part[there] = place
-    rows |= _stresses(time, columns, part.reshape(shape), bergs_at.size, p)
+    fragment = np.full(berg.size, -1, np.int64)
+    fragment[present] = berg_index
+    rows |= _stresses(time, columns, fragment.reshape(shape), bergs_at.size, p)
     return {name: values.astype(_STORED.get(name, "f4")) for name, values in rows.items()}
 
 
-def _ranked(keys: Ints, span: int) -> tuple[Ints, Ints]:
+def _rank_keys(keys: Ints, span: int) -> tuple[Ints, Ints]:
     """Return the different keys in order, and the place of each key among them; keys are below ``span``."""
     if span > 4 * keys.size:
         return np.unique(keys, return_inverse=True)
-    there = np.bincount(keys, minlength=span) > 0
-    return np.flatnonzero(there), (np.cumsum(there) - 1)[keys]
+    occurs = np.bincount(keys, minlength=span) > 0
+    return np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[keys]
 
 
 _STORED: Final = {"number": "i8", "time": "f8", "lon": "f8", "lat": "f8", "aground": "i1"}
 
 
 def _stresses(
-    time: Floats, columns: Mapping[str, NDArray[Any]], part: Ints, count: int, p: Parameters
+    time: Floats, columns: Mapping[str, NDArray[Any]], fragment: Ints, count: int, p: Parameters
 ) -> dict[str, Floats]:
     """Return the largest tension of the bonds of each berg over their strength; nothing where bonds cannot break."""
     values = p.kernel_values()
     if not (values.fracture and max(values.normal_strength, values.crevasse_strength) > 0.0):
         return {}
     first, second, breaks = columns["first"], columns["second"], columns["break_time"]
-    berg = part[first]
-    holds = (np.isnan(breaks)[:, None] | (breaks[:, None] > time)) & (berg >= 0) & (berg == part[second])
-    # Numbers by (bond, record); thickness that does not change is that of the elements alone.
+    berg = fragment[first]
+    holds = (np.isnan(breaks)[:, None] | (breaks[:, None] > time)) & (berg >= 0) & (berg == fragment[second])
+    # Numbers by (bond, record); a constant thickness has the dimension of the elements alone.
     thickness = np.atleast_2d(columns["thickness"].T).astype(np.float64)
     left = bond_strengths(thickness, first, second, values).T * columns["strength"][:, None]
     if "damage" in columns:
@@ -419,13 +419,13 @@ def ragged(
     rows = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     order = np.argsort(rows["number"], kind="stable")
     numbers, counts = np.unique(rows["number"], return_counts=True)
-    places = position_names(latlon)
-    counted = counted_from(start)
+    coordinates = position_names(latlon)
+    counted = time_units(start)
     unknown = {"parent": 0, "birth_time": np.nan, "name": "", "calved_from": 0}
-    known = [{**unknown, **fragments.get(n, {}), "trajectory": n} for n in numbers.tolist()]
+    descriptions = [{**unknown, **fragments.get(n, {}), "trajectory": n} for n in numbers.tolist()]
     table = {}
     for v in TRACK_COORDINATES:
-        values = np.array([row[{"birth": "birth_time"}.get(v.name, v.name)] for row in known])
+        values = np.array([row[{"birth": "birth_time"}.get(v.name, v.name)] for row in descriptions])
         table[v.name] = Ragged(
             "trajectory", values.astype({"i8": "i4", "str": "U"}.get(v.dtype, "f8")), {"long_name": v.long_name}
         )
@@ -435,8 +435,8 @@ def ragged(
     table["rowsize"] = Ragged("trajectory", counts.astype("i4"), about)
     for v in TRACK_VARIABLES:
         if v.name in rows:
-            attributes = _attributes(v, places) | (counted if v.name == "time" else {})
-            table[places.get(v.name, v.name)] = Ragged("index", rows[v.name][order], attributes)
+            attributes = _attributes(v, coordinates) | (counted if v.name == "time" else {})
+            table[coordinates.get(v.name, v.name)] = Ragged("index", rows[v.name][order], attributes)
     table["aground"].attributes.update(flag_values=np.array([0, 1], "i1"), flag_meanings="afloat aground")
     return table
 
@@ -466,27 +466,27 @@ def write_tracks(file: netCDF4.Dataset, table: Mapping[str, Ragged]) -> None:
         group[name][:] = texts(values.tolist()) if values.dtype.kind == "U" else values
 
 
-def _attributes(v: Variable, places: Mapping[str, str]) -> dict[str, Any]:
+def _attributes(v: Variable, coordinates: Mapping[str, str]) -> dict[str, Any]:
     """Return the attributes of a variable; positions on a Cartesian grid are metres."""
-    if v.name in places:
-        axis = places[v.name]
+    if v.name in coordinates:
+        axis = coordinates[v.name]
         return {"units": "m", "standard_name": f"projection_{axis}_coordinate", "long_name": f"{axis} of the centroid"}
-    named = {"standard_name": v.standard_name} if v.standard_name else {}
-    return {"units": v.units, "long_name": v.long_name, **named}
+    standard = {"standard_name": v.standard_name} if v.standard_name else {}
+    return {"units": v.units, "long_name": v.long_name, **standard}
 
 
-def family_of(run: xr.Dataset) -> dict[int, dict[str, Any]]:
-    """Return what a run file says of each berg and fragment (parent, birth_time, area, ...), by its number."""
+def read_family(run: xr.Dataset) -> dict[int, dict[str, Any]]:
+    """Return the data of each berg and fragment in a run file (parent, birth_time, area, ...), by its number."""
     names = [name for name in _FAMILY if f"fragment_{name}" in run]
     rows = zip(*(run[f"fragment_{name}"].values for name in names), strict=True)
     return {int(row[0]): dict(zip(names, row, strict=True)) for row in rows}
 
 
-def tracks_of(run: xr.Dataset) -> xr.Dataset:
+def build_tracks(run: xr.Dataset) -> xr.Dataset:
     """Return the tracks of all bergs and fragments of a run that was opened, or of a part of it."""
     import xarray as xr
 
-    parameters = parameters_of(run)
+    parameters = run_parameters(run)
     start = np.datetime64(run.attrs["start"])
 
     def seconds(dates: Any) -> Floats:
@@ -499,12 +499,12 @@ def tracks_of(run: xr.Dataset) -> xr.Dataset:
     fixed["break_time"] = seconds(run["break_time"].values)
     moving = [*ELEMENT_COLUMNS, *(name for name in (FLOOR_LOAD, "peak_stress", "damage") if name in run)]
     blocks = []
-    for block in blocks_of(run.sizes["time"], run.sizes["trajectory"]):
-        part = run.isel(time=block).transpose("trajectory", "bond", "time", ...)
-        columns = {name: part[names.get(name, name)].values for name in moving}
-        columns.setdefault("peak_stress", part["normal_stress"].values)
-        blocks.append(berg_rows(seconds(part["time"].values), fixed | columns, parameters))
-    family = family_of(run).items()
+    for block in split_blocks(run.sizes["time"], run.sizes["trajectory"]):
+        records = run.isel(time=block).transpose("trajectory", "bond", "time", ...)
+        columns = {name: records[names.get(name, name)].values for name in moving}
+        columns.setdefault("peak_stress", records["normal_stress"].values)
+        blocks.append(berg_rows(seconds(records["time"].values), fixed | columns, parameters))
+    family = read_family(run).items()
     fragments = {number: {**row, "birth_time": float(seconds(row["birth_time"]))} for number, row in family}
     tracks = xr.Dataset(
         {name: tuple(variable) for name, variable in ragged(blocks, fragments, start, latlon).items()},

@@ -1,1 +1,1 @@
-"""What belongs to the process and its files: signals, locks, files written whole, input files."""
+"""The process and its files: signals, locks, files written whole, input files."""

@@ -45,7 +45,7 @@ def refusal(error: Exception) -> str:
 
 
 def refused(path: str | Path) -> OSError | None:
-    """Return what the system says to one more megabyte behind a file, None where it takes it.
+    """Return the system's error on one more megabyte behind a file, None where it takes it.
 
     For libraries that do not say why they could not write: the disk is still full when they have given up.
     """
@@ -79,36 +79,38 @@ def replacing(path: str | Path, *, copy: bool = False, to_disk: bool = False, en
     """Give the passing name of a file, which takes its own name if the block ends well."""
     path = Path(path)
     remove_leftovers(path)
-    part = path.with_name(f".{path.name}.{_node()}-{os.getpid()}-{next(_COUNTER)}.part{path.suffix if ending else ''}")
+    temporary = path.with_name(
+        f".{path.name}.{_node()}-{os.getpid()}-{next(_COUNTER)}.part{path.suffix if ending else ''}"
+    )
     try:
         if copy:
-            shutil.copyfile(path, part)
-        yield part
+            shutil.copyfile(path, temporary)
+        yield temporary
         if to_disk:
-            with part.open("r+b") as handle:
+            with temporary.open("r+b") as handle:
                 os.fsync(handle.fileno())
-        os.replace(part, path)
+        os.replace(temporary, path)
         _LOG.debug("wrote %s", path)
     except BaseException:
         # HDF5 keeps a file that it could not write open until the process ends, and with it its room on the disk.
         with suppress(OSError):
-            os.truncate(part, 0)
+            os.truncate(temporary, 0)
         raise
     finally:
         with suppress(OSError):  # what failed first is what is reported
-            part.unlink()
+            temporary.unlink()
 
 
 def copy_file(source: str | Path, path: str | Path) -> None:
     """Copy a file to one that is whole or not there."""
-    with replacing(path) as part:
-        shutil.copyfile(source, part)
+    with replacing(path) as temporary:
+        shutil.copyfile(source, temporary)
 
 
 def write_text(path: str | Path, text: str) -> None:
     """Write a text file (UTF-8) that is whole or not there."""
-    with replacing(path) as part:
-        part.write_text(text, encoding="utf-8")
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def write_json(content: dict[str, Any], path: str | Path) -> Path:
@@ -119,7 +121,7 @@ def write_json(content: dict[str, Any], path: str | Path) -> Path:
 
 
 def remove_leftovers(path: Path) -> None:
-    """Remove what a killed process of this machine left of a file."""
+    """Remove leftovers of a file from a killed process of this machine."""
     name, node, ending = re.escape(path.name), re.escape(_node()), re.escape(path.suffix)
     mine = re.compile(rf"\.{name}(?:\.(?:{node}-)?(\d+)(?:-\d+)?)?\.part(?:{ending})?")
     # Not a pattern for glob: the name may hold its special characters.

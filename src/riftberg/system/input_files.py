@@ -1,4 +1,4 @@
-"""What may be opened as an input file, what becomes one sentence where reading fails, and how large a run may be.
+"""Checks of input files, one sentence for every failure of reading, and limits to the size of a run.
 
 A path may be missing, a folder, a device that never ends, a pipe that never begins, or as large as the disk; the
 libraries that read formats raise errors of every kind on a damaged file. Every reader of the house passes through here.
@@ -95,14 +95,14 @@ def large_allowed() -> bool:
 
 
 def refuse_large(
-    count: float, most: float, what: str, *, size: float = 0.0, where: str = "", remedy: str, kind: type[InputError]
+    count: float, most: float, items: str, *, size: float = 0.0, where: str = "", remedy: str, kind: type[InputError]
 ) -> None:
     """Raise an error where more is asked for than the most."""
     if count <= most or (_ALLOWED.get() and count < 1e18):
         return
     about = f", about {human(count * size)}" if size else ""
     raise kind(
-        f"this asks for {number_text(count)} {what}{about}; the most is {number_text(most)}",
+        f"this asks for {number_text(count)} {items}{about}; the most is {number_text(most)}",
         where=where,
         remedy=f"{remedy}, {ANYWAY}",
     )
@@ -185,8 +185,8 @@ def check_file(
         raise kind(missing, where=where, remedy=remedy) from error
     except (OSError, ValueError) as error:  # a part of it is a file, a name too long, a zero byte, a circle of links
         raise kind(f"cannot be opened{because(error)}", where=where, remedy=remedy) from error
-    if what := _odd_kind(status.st_mode):
-        raise kind(what, where=where, remedy=remedy)
+    if fault := _odd_kind(status.st_mode):
+        raise kind(fault, where=where, remedy=remedy)
     if status.st_size == 0:
         raise kind("the file is empty", where=where, remedy=remedy)
     if most is not None:
@@ -202,11 +202,11 @@ def check_file(
 
 
 def _odd_kind(mode: int) -> str:
-    return next((what for is_kind, what in _KINDS if is_kind(mode)), "")
+    return next((description for is_kind, description in _KINDS if is_kind(mode)), "")
 
 
 def no_plain_file(path: str | Path) -> str:
-    """Return what a path is that is there but no plain file, such as a pipe that would be waited for; else nothing."""
+    """Name the kind of a path that exists but is no plain file, such as a pipe that would be waited for; else empty."""
     try:
         return _odd_kind(Path(path).stat().st_mode)
     except (OSError, ValueError):
@@ -225,7 +225,7 @@ _WHOLE: Final[dict[str, str]] = {}
 
 
 def hidden(path: str) -> str:
-    """Return an address without what nobody else is to know, which `whole_address` gives back in this process."""
+    """Return an address without its secrets, which `whole_address` gives back in this process."""
     if not is_address(path) or (cut := without_secrets(path)) == path:
         return path
     _WHOLE[cut] = path
@@ -233,16 +233,16 @@ def hidden(path: str) -> str:
 
 
 def whole_address(path: str) -> str:
-    """Return an address with what was cut from it: as it was given in this process, or as it stands in the environment."""
+    """Return an address with its secrets: as given in this process, or from the environment."""
     if not is_address(path) or CUT not in path:
         return path
-    told = {without_secrets(whole): whole for whole in os.environ.get(ADDRESSES, "").split()}
-    if (found := _WHOLE.get(path) or told.get(path)) is None:
+    stored = {without_secrets(address): address for address in os.environ.get(ADDRESSES, "").split()}
+    if (full_address := _WHOLE.get(path) or stored.get(path)) is None:
         raise InputError(
             f"user name, password, query or fragment ({CUT}) were cut from this address when it was stored", where=path,
             remedy=f"Put the whole address into the environment variable {ADDRESSES}",
         )  # fmt: skip
-    return found
+    return full_address
 
 
 def at_home(name: str) -> str:
@@ -260,7 +260,7 @@ def in_folder(folder: Path, name: str) -> str:
 def files_matching(name: str, folder: Path = _HERE) -> list[str]:
     """Return the file of that name, or else those that the pattern matches from the folder; an address stays as it is.
 
-    What is there is never a pattern, neither the file nor a folder on the way to it; brackets that match nothing are letters.
+    An existing file, or folder on the way to it, is never a pattern; brackets that match nothing are letters.
     """
     path = in_folder(folder, name)
     if is_address(name) or os.path.lexists(path):
@@ -280,7 +280,7 @@ def is_folder(path: Path) -> bool:
 
 
 @contextmanager
-def reading(where: object, what: str, remedy: str, kind: type[InputError] = InputError) -> Iterator[None]:
+def reading(where: object, fault: str, remedy: str, kind: type[InputError] = InputError) -> Iterator[None]:
     """Turn whatever a library raises on a damaged file into one sentence that names the file."""
     try:
         yield
@@ -289,11 +289,11 @@ def reading(where: object, what: str, remedy: str, kind: type[InputError] = Inpu
     except MemoryError as error:
         raise kind("asks for more memory than there is", where=shown(where), remedy=remedy) from error
     except (TypeError, AttributeError, IndexError) as error:  # their texts speak of Python
-        raise kind(what, where=shown(where), remedy=remedy) from error
+        raise kind(fault, where=shown(where), remedy=remedy) from error
     except Exception as error:  # libraries raise what they like: struct.error, KeyError, zlib.error, UnicodeError ...
-        told = kind(f"{what}{because(error)}", where=shown(where), remedy=remedy)
+        failure = kind(f"{fault}{because(error)}", where=shown(where), remedy=remedy)
         # A traceback would show what the library said of an address, password and all.
-        raise told from (error if without_secrets(str(error)) == str(error) else None)
+        raise failure from (error if without_secrets(str(error)) == str(error) else None)
 
 
 def check_archive(path: Path, most: float, *, remedy: str, kind: type[InputError] = InputError) -> list[str]:
@@ -368,15 +368,15 @@ def needed(module: str, why: str = "outlines need it", extra: str = "outline") -
         ) from error
 
 
-def rows_of_csv(path: Path, kind: type[InputError] = InputError) -> tuple[list[dict[str, str]], str]:
+def read_csv_rows(path: Path, kind: type[InputError] = InputError) -> tuple[list[dict[str, str]], str]:
     """Return the rows of a table by column, and its separator: comma, semicolon or tab. Empty lines are passed over."""
     check_file(path, most=MOST_TEXT, remedy=_TABLE, kind=kind)
     lines = [line for line in _decoded(path.read_bytes()).splitlines() if line.strip(" ,;\t")]
     if any("\0" in line for line in lines[:100]):
         raise kind("bytes that are no text", where=str(path), remedy=_TABLE)
     if len(lines) < 2:
-        what = "no rows below the line of names" if lines else "no rows"
-        raise kind(what, where=str(path), remedy=_TABLE)
+        fault = "no rows below the line of names" if lines else "no rows"
+        raise kind(fault, where=str(path), remedy=_TABLE)
     separator = max(",;\t", key=lines[0].count)
     with reading(path, "no table that can be read", _TABLE, kind):
         reader = csv.DictReader(lines, delimiter=separator)

@@ -112,28 +112,28 @@ def open_netcdf(path: str | Path, mode: str = "r", **options: Any) -> Iterator[n
         with NETCDF, _read(path, **options) as file:
             yield file
         return
-    with _told_truly(path), NETCDF, _written(path, mode, **options) as file:
+    with _raise_true_reason(path), NETCDF, _written(path, mode, **options) as file:
         yield file
 
 
 @contextmanager
-def _told_truly(path: str | Path) -> Iterator[None]:
-    """Say what the system says where a file cannot be written: the libraries say "HDF error" or -101 to a full disk."""
+def _raise_true_reason(path: str | Path) -> Iterator[None]:
+    """Re-raise a failure to write with the system's reason: the libraries say "HDF error" or -101 to a full disk."""
     try:
         yield
     except (RuntimeError, OSError) as error:
         if isinstance(error, RiftbergError) or getattr(error, "errno", None) in FULL:
             raise
-        told = _without_locks(error, path) or refused(path)
-        if told is not None:
-            raise told from error
+        reason = _without_locks(error, path) or refused(path)
+        if reason is not None:
+            raise reason from error
         if not str(error).startswith("NetCDF") and "[Errno -" not in str(error):
             raise
         raise OSError(errno.EIO, f"cannot be written ({error})", str(path)) from error
 
 
 def _without_locks(error: Exception, path: str | Path) -> OSError | None:
-    """Return what is wrong where a file could not be locked."""
+    """Return the reason why a file could not be locked."""
     if isinstance(error, OSError) and keeps_no_locks(path):
         return OSError(errno.ENOLCK, FULL[errno.ENOLCK], str(path))
     return None
@@ -156,7 +156,7 @@ def _written(path: str | Path, mode: str, **options: Any) -> Iterator[netCDF4.Da
 def _fix_attributes(group: netCDF4.Dataset) -> None:
     """Store all texts as characters: of texts of any length (NC_STRING) other programs die, see `_WITH_TEXTS`.
 
-    netCDF4 makes such of lists, and of what is not ASCII.
+    netCDF4 makes such of lists, and of texts that are not ASCII.
     """
     holders: list[Any] = [group, *group.variables.values()] if group.data_model == "NETCDF4" else []
     for holder in holders:
@@ -186,7 +186,7 @@ def fixed_texts(dataset: xr.Dataset, width: int = 1) -> xr.Dataset:
 def _close(file: netCDF4.Dataset, path: str | Path) -> None:
     """Close a file once, if all of it can be written; a file that cannot stays open in the library till the process ends.
 
-    To close what cannot be written ends the process: HDF5 gives up in mid-close, and netCDF lists what the file still holds,
+    To close a file that cannot be written ends the process: HDF5 gives up in mid-close, and netCDF lists its contents,
     in memory that is free by then. netCDF4 would do so again as the object goes.
     """
     try:
@@ -211,16 +211,16 @@ def _opened(path: str, mode: str, **options: Any) -> netCDF4.Dataset:
     try:
         return interruptible(path, partial(netCDF4.Dataset, path, mode, **options))  # type: ignore[arg-type]
     except OSError as error:
-        if (told := _without_locks(error, path)) is not None:
-            raise told from error
+        if (reason := _without_locks(error, path)) is not None:
+            raise reason from error
         raise
 
 
 def _refuse_odd(path: Any) -> None:
-    """Refuse what is there but would be waited for, such as a pipe; a folder may be Zarr and is left to who opens it."""
-    what = no_plain_file(os.fspath(path)) if isinstance(path, str | os.PathLike) and not os.path.isdir(path) else ""
-    if what:
-        raise OSError(errno.EINVAL, what, str(path))
+    """Refuse a path that would be waited for, such as a pipe; a folder may be Zarr and is left to who opens it."""
+    fault = no_plain_file(os.fspath(path)) if isinstance(path, str | os.PathLike) and not os.path.isdir(path) else ""
+    if fault:
+        raise OSError(errno.EINVAL, fault, str(path))
 
 
 def open_lazily(source: Any, **options: Any) -> xr.Dataset:
@@ -228,8 +228,8 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
     import xarray as xr
     from xarray.backends.plugins import guess_engine
 
-    named = without_secrets(str(source)) if isinstance(source, str | os.PathLike) else type(source).__name__
-    _LOG.debug("opening %s", named)
+    name = without_secrets(str(source)) if isinstance(source, str | os.PathLike) else type(source).__name__
+    _LOG.debug("opening %s", name)
     _refuse_odd(source)
     on_disk = _is_netcdf(source)
     engine = options.pop("engine", None) or ("netcdf4" if on_disk else guess_engine(source))
@@ -284,7 +284,7 @@ def noted_as_open(ds: xr.Dataset) -> xr.Dataset:
 
 @contextmanager
 def closing_files(*, only_if_refused: bool = False) -> Iterator[None]:
-    """Close at its end what was opened lazily in this block, in all cases or only if it ends in an error.
+    """Close at its end the files opened lazily in this block, in all cases or only if it ends in an error.
 
     An error keeps the frames in which it was raised, and with them the files open there: a notebook holds its last error,
     so that a refused file could not be written anew. A dataset that is still in use opens its file again by itself.
@@ -318,8 +318,8 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, *, more: bool = False, 
             for encoding in (variable.encoding, options.get("encoding", {}).get(name, {})):
                 encoding["fletcher32"] = True
     with (
-        nullcontext(Path(path)) if more else replacing(Path(path)) as part,
-        open_netcdf(part, "a" if more else "w") as file,
+        nullcontext(Path(path)) if more else replacing(Path(path)) as temporary,
+        open_netcdf(temporary, "a" if more else "w") as file,
     ):
         # `to_netcdf` takes a lock of its own choice. Where a program has a client of dask, that is one which the client's
         # scheduler gives: a file on this machine would wait for another, and fail with a scheduler that is gone.
@@ -344,10 +344,10 @@ def whole_size(path: str) -> int | None:
         try:
             if head.startswith(b"\x89HDF\r\n\x1a\n"):
                 version = head[8]
-                width, place = (head[13], {0: 40, 1: 44}[version]) if version < 2 else (head[9], 28)
-                if width != 8 or place + 8 > len(head):
+                width, offset = (head[13], {0: 40, 1: 44}[version]) if version < 2 else (head[9], 28)
+                if width != 8 or offset + 8 > len(head):
                     return None
-                end = int(struct.unpack_from("<Q", head, place)[0])
+                end = int(struct.unpack_from("<Q", head, offset)[0])
                 return end if end < 2**62 else None
             if head[:3] == b"CDF" and head[3] in (1, 2, 5):
                 file.seek(0)

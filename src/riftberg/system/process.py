@@ -1,7 +1,7 @@
-"""What a process has once: settings shared by its threads, standard streams, files that do not open, signals.
+"""Resources of the whole process: settings shared by its threads, standard streams, files that do not open, signals.
 
-Settings: Python's filters of warnings and the settings of dask are put back at the end of a block to what they were at its
-beginning. Where two blocks overlap, the second one puts back what the first one had set, for good.
+Settings: Python's filters of warnings and the settings of dask are put back at the end of a block to the state at its
+beginning. Where two blocks overlap, the second one puts back the settings of the first one, for good.
 
 Streams: standard streams may be closed, or their terminal or reader may go; nothing ends for want of a reader.
 
@@ -46,17 +46,17 @@ def own_filters() -> Iterator[None]:
     the one that the block began with; its own filters are then taken out of both.
     """
     with SETTINGS:
-        begun, before = cast("list[Any]", warnings.filters), list(warnings.filters)
+        active, previous = cast("list[Any]", warnings.filters), list(warnings.filters)
         try:
             yield
         finally:
             # By identity: two filters may be equal, and one of them belong to somebody else.
-            own = [entry for entry in begun if all(entry is not kept for kept in before)]
-            if warnings.filters is begun:
-                begun[:] = before
+            added = [entry for entry in active if all(entry is not entry_before for entry_before in previous)]
+            if warnings.filters is active:
+                active[:] = previous
             else:
-                for filters in (begun, cast("list[Any]", warnings.filters)):
-                    filters[:] = [entry for entry in filters if entry not in own]
+                for filters in (active, cast("list[Any]", warnings.filters)):
+                    filters[:] = [entry for entry in filters if entry not in added]
             # Python remembers which warnings it has shown, until it is said that the filters have changed.
             getattr(warnings, "_filters_mutated", lambda: None)()
 
@@ -66,18 +66,18 @@ _GONE: Final = (errno.EPIPE, errno.EIO)
 
 
 class GuardedStream:
-    """Stream whose listener may go; what is written from then on goes nowhere.
+    """Stream whose listener may go; later output goes nowhere.
 
     Parameters
     ----------
     stream : text file
         Standard output or the error stream.
-    told : bool
-        What is written only reports the work, so that no failure counts.
+    is_report : bool
+        The output only reports the work, so that no failure counts.
     """
 
-    def __init__(self, stream: Any, *, told: bool) -> None:
-        self._stream, self._told = stream, told
+    def __init__(self, stream: Any, *, is_report: bool) -> None:
+        self._stream, self._is_report = stream, is_report
 
     def write(self, text: str) -> int:
         """Write a text."""
@@ -88,7 +88,7 @@ class GuardedStream:
         return len(text)
 
     def flush(self) -> None:
-        """Write what waits."""
+        """Write the waiting text."""
         try:
             self._stream.flush()
         except OSError as error:
@@ -102,7 +102,7 @@ class GuardedStream:
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)
             self._stream.flush()
-        elif not self._told:
+        elif not self._is_report:
             raise error
 
     def __getattr__(self, name: str) -> Any:
@@ -111,7 +111,7 @@ class GuardedStream:
 
 
 def make_streams_last() -> None:
-    """Open what was closed at the start, so that no file of results takes its place, and let listeners go."""
+    """Open streams that were closed at the start, so that no file of results takes their place, and let listeners go."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -123,7 +123,7 @@ def make_streams_last() -> None:
             stream = open(number, "w", encoding="utf-8", closefd=False)  # noqa: SIM115  it is open as long as the process
         with suppress(AttributeError, ValueError, OSError):  # not a stream of the system
             stream.fileno()
-            setattr(sys, name, GuardedStream(stream, told=number == 2))
+            setattr(sys, name, GuardedStream(stream, is_report=number == 2))
 
 
 STUCK_AFTER: Final = 60.0
@@ -146,7 +146,7 @@ class _Opener:
         self._code = 0
 
     def open(self, path: str, call: Callable[[], T]) -> T:
-        """Return what a call returns, or give it up."""
+        """Return the result of a call, or give it up."""
         if self._stuck():
             raise OSError(
                 errno.EBUSY, f"cannot be opened, because {self._path} never opened. Begin anew without that file", path
@@ -161,8 +161,8 @@ class _Opener:
             opened.exception(STUCK_AFTER)
         except TimeoutError:
             self._code = 2
-            said = f"has not opened within {STUCK_AFTER:.0f} seconds, as if damaged. Copy or fetch the file again"
-            raise TimeoutError(errno.ETIMEDOUT, said, path) from None
+            fault = f"has not opened within {STUCK_AFTER:.0f} seconds, as if damaged. Copy or fetch the file again"
+            raise TimeoutError(errno.ETIMEDOUT, fault, path) from None
         except BaseException:
             with suppress(KeyboardInterrupt, TimeoutError):  # a file that opens is not left half open
                 opened.exception(GRACE)
@@ -196,7 +196,7 @@ atexit.register(_OPENER.leave)
 
 
 def interruptible(path: object, call: Callable[[], T]) -> T:
-    """Return what a call returns that opens a file, which Ctrl-C, or too long a time, ends.
+    """Return the result of a call that opens a file; Ctrl-C, or too long a time, ends it.
 
     Damaged bytes can send the HDF5 library into an endless loop, and nothing stops a C library in mid-call. So another thread
     makes the call, and this one waits. Whoever calls holds the lock of the library (`riftberg.system.netcdf_lock`).
@@ -230,7 +230,7 @@ class Hold:
                 signal.signal(number, self._note)
 
     def then(self, action: Callable[[], None]) -> None:
-        """Name what is to be done as soon as a signal comes: something short, such as making a file."""
+        """Set the action to take as soon as a signal comes: something short, such as making a file."""
         self._then = action
 
     def give_back(self) -> None:
@@ -279,7 +279,7 @@ class _Insistence:
                     _thread.interrupt_main(signal.SIGINT)
 
     def end(self) -> None:
-        """Send no more; what is on its way is not heard."""
+        """Send no more; interrupts on their way are not heard."""
         self._over = True
         self._ended.set()
         with self._sending:
@@ -290,8 +290,8 @@ class _Insistence:
 def insisting() -> Iterator[None]:
     """Let one Ctrl-C end this block, also where a library loses it.
 
-    The compiled parts of netCDF4 throw about one in a hundred away, and those of matplotlib make errors of their own of
-    them ("Invalid bounding box"). So the interrupt comes again until the block has ended, and any error that follows it
+    The compiled parts of netCDF4 throw about one in a hundred away, and matplotlib turns them into errors of
+    its own ("Invalid bounding box"). So the interrupt comes again until the block has ended, and any error that follows it
     counts as the interrupt.
     """
     if (

@@ -1,4 +1,4 @@
-"""Fit of an experiment to observed positions, headings and break-up: which inputs agree with what was seen.
+"""Fit of an experiment to observed positions, headings and break-up: which inputs agree with the observations.
 
 Members are sweeps of a design (`riftberg.ensembles.sweep`), history matching and posterior are in `riftberg.ensembles.matching`.
 A break-up is a jump in the inputs; the margin to it is none: largest stress over strength until a date, of a berg that holds. A
@@ -32,16 +32,16 @@ from riftberg.ensembles.sweep import (
     SweepOptions,
     WorkerOptions,
     common_options,
-    draws_of,
-    planned,
+    make_plan,
+    read_draws,
     run_sweep,
 )
 from riftberg.ensembles.uncertain import SEED, has_fields
-from riftberg.ensembles.vary import Varied, varied_of
+from riftberg.ensembles.vary import Varied, read_varied
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.verification.scores import AZIMUTH_ERROR, USUAL_ERROR
-from riftberg.verification.sightings import DAY, away_from, check_dates, sightings_of, times_of, turned_from
+from riftberg.verification.sightings import DAY, axis_angles, berg_offsets, check_dates, select_sightings, track_dates
 
 if TYPE_CHECKING:
     from riftberg.ensembles.member import Maker
@@ -85,10 +85,10 @@ LEVEL: Final = 0.9
 
 @dataclass(frozen=True)
 class Seen:
-    """What was observed, at the dates that are compared."""
+    """Observations at the dates that are compared."""
 
     name: str  # Of the berg
-    places: Mapping[datetime, tuple[float, float]]  # Longitude and latitude, degrees
+    positions: Mapping[datetime, tuple[float, float]]  # Longitude and latitude, degrees
     azimuths: Mapping[datetime, float]  # Long axis, degrees clockwise from north
     whole_until: datetime | None  # When it was last seen whole
     broken: datetime | None  # When it was first seen broken
@@ -97,7 +97,7 @@ class Seen:
 
     @property
     def breaks(self) -> tuple[tuple[str, datetime, bool, float], ...]:
-        """What was seen of break-ups: in words, when, whether of the second one, and 1 for broken, -1 for not."""
+        """Observations of break-ups: in words, date, whether of the second one, and 1 for broken, -1 for not."""
         rows = (("whole until", self.whole_until, False, -1.0), ("broken by", self.broken, False, 1.0),
                 ("one break until", self.one_break_until, True, -1.0),
                 ("second break by", self.second_break, True, 1.0))  # fmt: skip
@@ -113,19 +113,19 @@ class Errors:
     model: float = MODEL_ERROR["km"]  # km, along each axis
 
 
-def seen_of(
+def collect_observations(
     observed: Observations | None, start: datetime, days: float, *, berg: str | None = None, hour: float | None = None,
     **dates: datetime | None,
 ) -> Seen:  # fmt: skip
-    """Return what was observed during the runs; refuses what lies outside of them. ``dates``: of break-ups, as in `Seen`."""
+    """Return the observations during the runs; dates outside of them are refused. ``dates``: of break-ups, as in `Seen`."""
     end = start + timedelta(days=days)
     name = berg or "berg"
-    places: dict[datetime, tuple[float, float]] = {}
+    positions: dict[datetime, tuple[float, float]] = {}
     azimuths: dict[datetime, float] = {}
     any_date = any(date is not None for date in dates.values())
     if observed is not None:
         where = str(observed.source)
-        name, sightings = sightings_of(observed, berg, start, hour)
+        name, sightings = select_sightings(observed, berg, start, hour)
         sightings = [s for s in sightings if start < s.when <= end]
         if not sightings and not any_date:
             raise InputError(
@@ -135,7 +135,7 @@ def seen_of(
         if len(sightings) > MOST_DATES:
             chosen = np.linspace(0, len(sightings) - 1, MOST_DATES).round().astype(int)
             sightings = [sightings[k] for k in chosen]
-        places = {s.when: s.place for s in sightings}
+        positions = {s.when: s.place for s in sightings}
         azimuths = {s.when: s.azimuth for s in sightings if np.isfinite(s.azimuth)}
     for name_, date in dates.items():
         if date is not None and not start < date <= end:
@@ -143,23 +143,23 @@ def seen_of(
                 f"{date:%Y-%m-%d %H:%M} is not within the runs", where=f"--{name_.replace('_', '-')}",
                 remedy=f"Give a date from {start:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M}",
             )  # fmt: skip
-    if not places and not any_date:
+    if not positions and not any_date:
         raise InputError(
             "nothing to compare with", where="calibrate", remedy="Give observations, --broken or --whole-until"
         )
-    found = Seen(name, places, azimuths, dates.get("whole_until"), dates.get("broken"), dates.get("one_break_until"),
+    seen = Seen(name, positions, azimuths, dates.get("whole_until"), dates.get("broken"), dates.get("one_break_until"),
                  dates.get("second_break"))  # fmt: skip
-    check_dates(found.broken, found.whole_until)
-    for (word, earlier, *_), (other, later, *_) in pairwise(found.breaks):
+    check_dates(seen.broken, seen.whole_until)
+    for (word, earlier, *_), (other, later, *_) in pairwise(seen.breaks):
         if later < earlier or (later == earlier and word == "one break until"):
             raise InputError(
                 f"{word} {earlier:%Y-%m-%d %H:%M}, but {other} {later:%Y-%m-%d %H:%M}", where="calibrate",
                 remedy="Dates come in this order: --whole-until, --broken, --one-break-until, --second-break",
             )  # fmt: skip
-    return found
+    return seen
 
 
-def targets_of(seen: Seen, errors: Errors) -> Targets:
+def make_targets(seen: Seen, errors: Errors) -> Targets:
     """Return the numbers that a member is to reach: kilometres from the places that were seen, degrees, logarithms of margins."""
     from scipy.linalg import block_diag
 
@@ -167,58 +167,63 @@ def targets_of(seen: Seen, errors: Errors) -> Targets:
     blocks: list[Floats] = []
     sides: list[float] = []
     for axis in ("east", "north"):
-        names += [f"{when:%Y-%m-%d %H:%M} {axis}, km" for when in seen.places]
-        blocks.append(_covariance(list(seen.places), errors.position, errors.model))
+        names += [f"{when:%Y-%m-%d %H:%M} {axis}, km" for when in seen.positions]
+        blocks.append(_covariance(list(seen.positions), errors.position, errors.model))
     names += [f"{when:%Y-%m-%d %H:%M} azimuth, degree" for when in seen.azimuths]
     blocks.append(_covariance(list(seen.azimuths), errors.azimuth, MODEL_ERROR["degree"]))
     for word, when, _, side in seen.breaks:
         names.append(f"{word} {when:%Y-%m-%d %H:%M}, log margin")
         blocks.append(np.array([[MODEL_ERROR["log"] ** 2]]))
         sides.append(side)
-    whole = block_diag(*(block for block in blocks if block.size))
-    return Targets(names, np.zeros(len(names)), whole, np.array([0.0] * (len(names) - len(sides)) + sides))
+    covariance = block_diag(*(block for block in blocks if block.size))
+    return Targets(names, np.zeros(len(names)), covariance, np.array([0.0] * (len(names) - len(sides)) + sides))
 
 
 def _covariance(dates: Sequence[datetime], error: float, model: float) -> Floats:
-    """Return the covariance of errors at some dates: those of observations are independent, those of the model last."""
+    """Return the covariance of errors at some dates: errors of observations are independent, errors of the model last."""
     days = np.array([(date - dates[0]).total_seconds() / 86400.0 for date in dates])
     return np.asarray(error**2 * np.eye(len(days)) + model**2 * np.exp(-np.abs(days[:, None] - days) / MEMORY))
 
 
-def results_of(ds: xr.Dataset, seen: Seen, firm: xr.Dataset | None = None, factor: Floats | None = None) -> Floats:
-    """Return the results of the members of a sweep (members, targets) beside what was seen; NaN where one failed.
+def compute_results(ds: xr.Dataset, seen: Seen, firm: xr.Dataset | None = None, factor: Floats | None = None) -> Floats:
+    """Return the results of the members of a sweep (members, targets) relative to the observations; NaN where one failed.
 
     ``firm``: the runs of the members with ice that does not break, with their factors on the strength (``factor``); a member
     that has none of its own is whole.
     """
     # A piece that breaks off shifts centroid and axis by a jump. While the berg was seen whole, one that broke is compared as if
     # it had held: its margin rules it out, and what the emulator learns has no jump.
-    held = {
-        when for when in (*seen.places, *seen.azimuths) if seen.whole_until is not None and when <= seen.whole_until
+    held_until = {
+        when for when in (*seen.positions, *seen.azimuths) if seen.whole_until is not None and when <= seen.whole_until
     }
     columns: list[Floats] = []
-    away = [_of_whole(away_from, ds, firm, when, place, when in held) for when, place in seen.places.items()]
+    offsets = [
+        _compare_members(berg_offsets, ds, firm, when, position, when in held_until)
+        for when, position in seen.positions.items()
+    ]
     for axis in range(2):
-        columns += [place[:, axis] for place in away]
-    columns += [_of_whole(turned_from, ds, firm, when, axis, when in held) for when, axis in seen.azimuths.items()]
+        columns += [position[:, axis] for position in offsets]
+    columns += [
+        _compare_members(axis_angles, ds, firm, when, axis, when in held_until) for when, axis in seen.azimuths.items()
+    ]
     for _, when, second, _ in seen.breaks:
         margin = second_margin(ds, when) if second else margin_until(ds, when, firm, factor)
         columns.append(np.log(np.maximum(margin, LEAST_MARGIN**2 if second else LEAST_MARGIN)))
-    found = np.stack(columns, axis=1)
-    found[ds["status"].values != 0] = np.nan
-    return found
+    results = np.stack(columns, axis=1)
+    results[ds["status"].values != 0] = np.nan
+    return results
 
 
-def _of_whole(
+def _compare_members(
     result: Callable[[xr.Dataset, datetime, Any], Floats], ds: xr.Dataset, firm: xr.Dataset | None, when: datetime,
-    observed: Any, held: bool,
+    observed: Any, unbroken: bool,
 ) -> Floats:  # fmt: skip
-    """Return a result of each member beside what was observed; where ``held``, of the run that did not break."""
-    found = result(ds, when, observed)
+    """Return a result of each member relative to an observation; where ``unbroken``, of the run that did not break."""
+    values = result(ds, when, observed)
     broke = ds["first_breakup"].values <= np.datetime64(when, "ns")
-    if held and firm is not None and broke.any():
-        found[broke] = np.where(firm["status"].values[broke] == 0, result(firm, when, observed)[broke].T, np.nan).T
-    return found
+    if unbroken and firm is not None and broke.any():
+        values[broke] = np.where(firm["status"].values[broke] == 0, result(firm, when, observed)[broke].T, np.nan).T
+    return values
 
 
 def margin_until(
@@ -239,20 +244,20 @@ def second_margin(ds: xr.Dataset, when: datetime) -> Floats:
     Below 1 it is the largest stress over strength since the first break-up. A berg that has not broken once has its margin to
     that, times `LEAST_MARGIN`. Beyond 1 it grows by 1 with each day that has passed since: stress says no more.
     """
-    now = np.datetime64(when, "ns")
-    once = ds["first_breakup"].values <= now
+    date = np.datetime64(when, "ns")
+    once = ds["first_breakup"].values <= date
     margin = np.where(
         once, np.minimum(_so_far(ds, when, "again"), 1.0), LEAST_MARGIN * np.minimum(_so_far(ds, when), 1.0)
     )
-    since = (ds["second_breakup"].values - now) / -DAY
+    since = (ds["second_breakup"].values - date) / -DAY
     return np.where(since >= 0.0, 1.0 + since, margin)
 
 
-def _so_far(ds: xr.Dataset, when: datetime, part: str = "so_far") -> Floats:
+def _so_far(ds: xr.Dataset, when: datetime, period: str = "so_far") -> Floats:
     """Return the largest stress over strength until the first record from a date on."""
-    times = times_of(ds)
+    times = track_dates(ds)
     record = min(int(np.searchsorted(times, np.datetime64(when, "ns"))), len(times) - 1)
-    return np.asarray(ds[f"stress_ratio_{part}"].values[:, record], float)
+    return np.asarray(ds[f"stress_ratio_{period}"].values[:, record], float)
 
 
 class Runner:
@@ -269,32 +274,32 @@ class Runner:
 
     @property
     def inputs(self) -> list[Varied]:
-        """What is calibrated: what has a distribution."""
+        """Inputs to calibrate: those with a distribution."""
         return [v for v in self.varied if v.distribution is not None]
 
     def columns(self, wave: int, u: Floats) -> dict[str, list[Any]]:
         """Return the values of the members of a wave by name."""
         columns = {v.name: d.quantiles(u[:, k]) for k, v in enumerate(self.inputs) if (d := v.distribution)}
         columns |= {v.name: [v.values[0]] * len(u) for v in self.varied if v.distribution is None}
-        parts = sum(v.parts for v in self.nuisance)
-        drawn = shares(len(u), parts, "random", self.seed + 7919 * (wave + 1))
+        components = sum(v.components for v in self.nuisance)
+        drawn = shares(len(u), components, "random", self.seed + 7919 * (wave + 1))
         first = 0
         for v in self.nuisance:
             assert v.distribution is not None
-            rows = [v.distribution.quantiles(drawn[:, first + k]) for k in range(v.parts)]
-            columns[v.name] = rows[0] if v.parts == 1 else [list(pair) for pair in zip(*rows, strict=True)]
-            first += v.parts
+            rows = [v.distribution.quantiles(drawn[:, first + k]) for k in range(v.components)]
+            columns[v.name] = rows[0] if v.components == 1 else [list(pair) for pair in zip(*rows, strict=True)]
+            first += v.components
         if has_fields(columns) and SEED not in columns:
             columns[SEED] = [member_seed(self.seed + wave, k) for k in range(len(u))]
         return columns
 
     def plan(self, wave: int, u: Floats) -> Plan:
         """Return the sweep of a wave, checked."""
-        return self._planned(self.columns(wave, u), self.options)
+        return self._make_plan(self.columns(wave, u), self.options)
 
-    def _planned(self, columns: dict[str, list[Any]], options: Options) -> Plan:
+    def _make_plan(self, columns: dict[str, list[Any]], options: Options) -> Plan:
         every = EVERY if options.days is None else min(EVERY, 24.0 * options.days)
-        return planned(self.experiment, columns, options, every, design=True)
+        return make_plan(self.experiment, columns, options, every, design=True)
 
     def __call__(self, wave: int, u: Floats) -> Floats:
         """Run a wave and return its results (members, targets)."""
@@ -303,19 +308,21 @@ class Runner:
         dates = [date for date in (self.seen.whole_until, self.seen.broken) if date is not None]
         broke = ds["first_breakup"].values <= np.datetime64(max(dates), "ns") if dates else np.zeros(len(u), bool)
         if not broke.any():
-            return results_of(ds, self.seen)
+            return compute_results(ds, self.seen)
         rows = np.flatnonzero(broke)
         columns = {name: [values[k] for k in rows] for name, values in self.columns(wave, u).items()}
-        own = np.array(columns.get("start.strength", [1.0] * len(rows)), float)
-        columns["start.strength"] = np.minimum(FIRM * own, STRONGEST).tolist()
-        start = times_of(ds)[0]
+        strength = np.array(columns.get("start.strength", [1.0] * len(rows)), float)
+        columns["start.strength"] = np.minimum(FIRM * strength, STRONGEST).tolist()
+        start = track_dates(ds)[0]
         # Until the record that follows the last date: beyond it nobody asks.
         days = min((np.datetime64(max(dates), "ns") - start) / DAY + 0.25, self._days(ds))
-        firm = self._run(f"wave-{wave + 1}-firm", self._planned(columns, replace(self.options, days=float(days))))
-        whole = firm.isel(member=np.cumsum(broke) - 1)  # members that did not break get some other's, which is not used
+        firm = self._run(f"wave-{wave + 1}-firm", self._make_plan(columns, replace(self.options, days=float(days))))
+        unbroken = firm.isel(
+            member=np.cumsum(broke) - 1
+        )  # members that did not break get some other's, which is not used
         factor = np.ones(len(u))
-        factor[rows] = np.array(columns["start.strength"]) / own
-        return results_of(ds, self.seen, whole, factor)
+        factor[rows] = np.array(columns["start.strength"]) / strength
+        return compute_results(ds, self.seen, unbroken, factor)
 
     def _days(self, ds: xr.Dataset) -> float:
         return float((ds["time"].values[-1] - ds["time"].values[0]) / DAY)
@@ -327,11 +334,11 @@ class Runner:
         return run_sweep(store, bar=bar, **self.where).load()
 
 
-def checked_inputs(
+def check_inputs(
     experiment: Any, vary: Mapping[str, Any] | Iterable[str]
 ) -> tuple[tuple[Varied, ...], tuple[Varied, ...]]:
-    """Return what is calibrated, and what scatters beside it: the lattice, whose choice is none of the ice's."""
-    varied = varied_of(vary, free=callable(experiment))
+    """Return the inputs to calibrate, and those that scatter beside them: the lattice, which is no property of the ice."""
+    varied = read_varied(vary, free=callable(experiment))
     for v in varied:
         where = f"--vary {v.name}"
         if v.distribution is None and len(v.values) > 1:
@@ -340,30 +347,30 @@ def checked_inputs(
                 where=where,
                 remedy="Give a distribution, such as ~uniform(5 kPa, 30 kPa), or one value",
             )
-        if v.distribution is not None and (v.distribution.choices or v.parts > 1):
-            what = "a choice" if v.distribution.choices else "several numbers"
-            raise InputError(f"{what} cannot be calibrated", where=where, remedy="Give one number with a distribution")
+        if v.distribution is not None and (v.distribution.choices or v.components > 1):
+            kind = "a choice" if v.distribution.choices else "several numbers"
+            raise InputError(f"{kind} cannot be calibrated", where=where, remedy="Give one number with a distribution")
     if not any(v.distribution is not None for v in varied):
         raise InputError("nothing to calibrate", where="--vary", remedy="Give a distribution, such as "
                          "'start.strength~lognormal(1, 40 %)'")  # fmt: skip
     names = {v.name for v in varied}
-    lattice = varied_of(LATTICE.vary) if LATTICE in default_errors(experiment) else ()
+    lattice = read_varied(LATTICE.vary) if LATTICE in default_errors(experiment) else ()
     return varied, tuple(v for v in lattice if v.name not in names)
 
 
 def check_within(plan: Plan, varied: Sequence[Varied], options: Options) -> None:
-    """Refuse a distribution that excludes what the experiment has: the search would never come to the values of today."""
+    """Refuse a distribution that excludes the value of the experiment: the search would never reach it."""
     if not isinstance(plan.experiment, str):
         return
     from riftberg.ensembles.uncertain import UNCERTAIN
     from riftberg.experiments import build
 
-    own = build(plan.experiment, options)[0].parameters
+    parameters = build(plan.experiment, options)[0].parameters
     for v in varied:
         group, _, key = v.name.partition(".")
         if v.distribution is None:
             continue
-        section = UNCERTAIN[group]() if group in UNCERTAIN else getattr(own, group, None)
+        section = UNCERTAIN[group]() if group in UNCERTAIN else getattr(parameters, group, None)
         value = getattr(section, key, None)
         if not isinstance(value, int | float) or isinstance(value, bool) or value == 0.0:
             continue  # 0 and none mean: find it, or none of it
@@ -377,7 +384,7 @@ def check_within(plan: Plan, varied: Sequence[Varied], options: Options) -> None
 
 
 class CalibrateOptions(WorkerOptions, total=False):
-    """What `calibrate` takes beside its own arguments; not ``plan`` and ``cells`` of a sweep, which would do nothing."""
+    """Options of `calibrate` beside its own arguments; not ``plan`` and ``cells`` of a sweep, which would do nothing."""
 
     changes: Mapping[str, Mapping[str, Any]] | None  # As for `riftberg.sweep`
     without: Iterable[str]  # As for `riftberg.sweep`
@@ -406,7 +413,7 @@ def calibrate(
     resume: bool = False,
     **options: Unpack[CalibrateOptions],
 ) -> xr.Dataset:
-    """Find which inputs of an experiment agree with what was observed.
+    """Find the inputs of an experiment that agree with observations.
 
     Parameters
     ----------
@@ -415,7 +422,7 @@ def calibrate(
     observed : Observations, optional
         Outlines or positions, from `riftberg.diagnostics.observed.read_observed`.
     vary : mapping, or iterable of str
-        What is calibrated: numbers with a distribution, as for `riftberg.sweep`. Random errors of current, wind and floor may
+        Inputs to calibrate: numbers with a distribution, as for `riftberg.sweep`. Random errors of current, wind and floor may
         stand beside them with one value; they scatter.
     days : float or str, optional
         Length of the runs; needed where a function makes the models.
@@ -426,7 +433,7 @@ def calibrate(
     output : path, optional
         Folder in which the members are kept.
     resume : bool, optional
-        Go on with what is in that folder.
+        Go on with the members in that folder.
     **options
         ``waves`` (3), ``members`` of each (ten for each input), ``berg`` and ``hour`` of observations, ``one_break_until`` and
         ``second_break`` (`CalibrateOptions`);
@@ -440,22 +447,22 @@ def calibrate(
     Raises
     ------
     InputError
-        If what is varied or observed is not possible; before the first run.
+        If an input cannot be varied or an observation is not possible; before the first run.
     RunError
-        If no inputs agree with what was observed.
+        If no inputs agree with the observations.
     """
     check_names(options, CalibrateOptions)
     waves = options.get("waves", WAVES)
-    varied, nuisance = checked_inputs(experiment, vary)
+    varied, nuisance = check_inputs(experiment, vary)
     if not 1 <= waves <= MOST_WAVES:
         raise InputError(f"{waves} waves", where="waves", remedy=f"Give 1 to {MOST_WAVES}")
-    seed = draws_of({"seed": options.get("seed")}).seed
+    seed = read_draws({"seed": options.get("seed")}).seed
     common = common_options(days, cast(SweepOptions, options))
     where = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
     with TemporaryDirectory(prefix="riftberg-calibrate-") if output is None else nullcontext(output) as folder:
-        made = Runner(Path(folder).absolute(), experiment, varied, common, Seen("", {}, {}, None, None), seed=seed,
+        runner = Runner(Path(folder).absolute(), experiment, varied, common, Seen("", {}, {}, None, None), seed=seed,
                       resume=resume, nuisance=nuisance, **where)  # fmt: skip
-        inputs = made.inputs
+        inputs = runner.inputs
         count = options.get("members") or PER_INPUT * len(inputs)
         if count < len(inputs) + 4:
             raise InputError(
@@ -463,34 +470,34 @@ def calibrate(
                 where="members",
                 remedy=f"Give {len(inputs) + 4} or more",
             )
-        plan = made.plan(0, np.full((1, len(inputs)), 0.5))
+        plan = runner.plan(0, np.full((1, len(inputs)), 0.5))
         if not plan.first.parameters.earth.latlon:
             raise InputError("runs in metres", where="calibrate", remedy="Observations need longitude and latitude")
         check_within(plan, varied, common)
-        made.bar, made.seen = options.get("bar"), seen_of(
+        runner.bar, runner.seen = options.get("bar"), collect_observations(
             observed, plan.first.start, plan.days, berg=options.get("berg"), hour=options.get("hour"), broken=broken,
             whole_until=whole_until, one_break_until=options.get("one_break_until"), second_break=options.get("second_break"),
         )  # fmt: skip
-        targets = targets_of(made.seen, errors or Errors())
-        found = match(made, len(inputs), targets, waves=waves, members=count, seed=seed)
-        broke = np.concatenate([ds["first_breakup"].values for ds in made.waves])
-    after = posterior(found, seed=seed)
-    best = likeliest(found.region, len(inputs), seed=seed)
-    return _described(inputs, found, after, best, broke, made.seen)
+        targets = make_targets(runner.seen, errors or Errors())
+        matched = match(runner, len(inputs), targets, waves=waves, members=count, seed=seed)
+        broke = np.concatenate([ds["first_breakup"].values for ds in runner.waves])
+    after = posterior(matched, seed=seed)
+    best = likeliest(matched.region, len(inputs), seed=seed)
+    return _describe_calibration(inputs, matched, after, best, broke, runner.seen)
 
 
-def _described(
-    inputs: Sequence[Varied], found: Matched, after: Posterior, best: Floats, broke: Any, seen: Seen
+def _describe_calibration(
+    inputs: Sequence[Varied], matched: Matched, after: Posterior, best: Floats, broke: Any, seen: Seen
 ) -> xr.Dataset:
     """Return all of a calibration as one dataset."""
-    targets = found.region.targets
+    targets = matched.region.targets
 
     def values(u: Floats) -> Floats:
         return np.array([d.quantiles(u[:, k]) for k, v in enumerate(inputs) if (d := v.distribution)], float).T
 
     ends = np.array([0.5 - LEVEL / 2.0, 0.5, 0.5 + LEVEL / 2.0])
     inner = np.array([quantiles(after.samples[:, k], after.weight, ends) for k in range(len(inputs))])
-    known = is_known((inner[:, 2] - inner[:, 0]) / LEVEL, after.effective)
+    determined = is_known((inner[:, 2] - inner[:, 0]) / LEVEL, after.effective)
     name = "the berg" if seen.name == "berg" else seen.name
     ds = xr.Dataset(attrs={"title": f"Calibration of {name}", "interval": f"{100 * LEVEL:.0f} %",
                            "effective_members": after.effective})  # fmt: skip
@@ -502,7 +509,7 @@ def _described(
         ds[f"posterior_{word}"] = ("parameter", values(inner[:, k][None])[0])
     ds["known"] = (
         "parameter",
-        known,
+        determined,
         {"long_name": f"the interval is narrower than {UNKNOWN:g} of that before, more than by chance"},
     )
     ds["narrowed"] = ("parameter", (inner[:, 2] - inner[:, 0]) / LEVEL,
@@ -511,29 +518,29 @@ def _described(
     ds["sample_value"] = (("sample", "parameter"), values(after.samples))
     ds["sample_share"] = (("sample", "parameter"), after.samples)
     ds["sample_weight"] = ("sample", after.weight)
-    ds["member_value"] = (("member", "parameter"), values(found.inputs))
-    ds["member_share"] = (("member", "parameter"), found.inputs)
-    ds["member_wave"] = ("member", found.wave + 1)
+    ds["member_value"] = (("member", "parameter"), values(matched.inputs))
+    ds["member_share"] = (("member", "parameter"), matched.inputs)
+    ds["member_wave"] = ("member", matched.wave + 1)
     ds["member_weight"] = ("member", after.members)
-    ds["member_result"] = (("member", "target"), found.results)
+    ds["member_result"] = (("member", "target"), matched.results)
     ds["member_first_breakup"] = ("member", broke)
-    ds["ruled_out"] = ("member", ~found.region.inside(found.inputs))
+    ds["ruled_out"] = ("member", ~matched.region.inside(matched.inputs))
     ds["error"] = ("target", np.sqrt(np.diag(targets.covariance)), {"long_name": "of observation and model together"})
     ds["side"] = ("target", targets.sides)
     rows = np.random.default_rng(1).choice(len(after.weight), min(1000, len(after.weight)), p=after.weight)
-    mean, variance = found.region.emulated(after.samples[rows])
+    mean, variance = matched.region.emulated(after.samples[rows])
     predicted = mean + np.sqrt(variance) * np.random.default_rng(2).standard_normal(mean.shape)
     for word, level in zip(("low", "median", "high"), ends, strict=True):
         ds[f"predicted_{word}"] = ("target", np.quantile(predicted, level, axis=0))
-    ds["wave_members"] = ("wave", [wave.members for wave in found.waves])
-    ds["wave_left"] = ("wave", [wave.left for wave in found.waves], {"long_name": "part of the prior not ruled out"})
+    ds["wave_members"] = ("wave", [wave.members for wave in matched.waves])
+    ds["wave_left"] = ("wave", [wave.left for wave in matched.waves], {"long_name": "part of the prior not ruled out"})
     from scipy.stats import norm
 
     z = norm.ppf(np.clip(after.samples, 1e-6, 1.0 - 1e-6))
     z = z - after.weight @ z
-    both = (after.weight[:, None] * z).T @ z
-    size = np.sqrt(np.maximum(np.diag(both), 1e-300))
-    ds["correlation"] = (("parameter", "other"), np.asarray(both / size[:, None] / size))
+    covariance = (after.weight[:, None] * z).T @ z
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    ds["correlation"] = (("parameter", "other"), np.asarray(covariance / size[:, None] / size))
     return ds
 
 

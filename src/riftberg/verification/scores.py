@@ -1,12 +1,12 @@
 """Scores of ensembles and single forecasts, and of positions on the sphere and outlines.
 
-The first functions take arrays, members along the first axis; the second part makes of positions kilometres along and across a
-direction, and scores those of many bergs together.
+The first functions take arrays, members along the first axis; the second part turns positions into kilometres along and across a
+direction, and scores many bergs together.
 
-A score is proper where nobody can win it with an ensemble other than the one that the truth is drawn from. Those of an ensemble
+A score is proper where nobody can win it with an ensemble other than the one that the truth is drawn from. Scores of an ensemble
 (`fair_crps`, `fair_energy`, `fair_brier`) are fair too: their expectation does not depend on the number of members, so that
 ensembles of different size can be compared. Coverage, rank histogram and the ratio of spread to error are no scores. They show
-what is wrong. Errors of observations are added to the members (`with_observation_error`) before any of them.
+errors of an ensemble. Errors of observations are added to the members (`with_observation_error`) before any of them.
 """
 
 from __future__ import annotations
@@ -61,9 +61,9 @@ def fair_energy(members: ArrayLike, observed: ArrayLike) -> Floats:
     """
     x = _members(members)
     count = len(x)
-    away = np.linalg.norm(x - np.asarray(observed, float), axis=-1).mean(axis=0)
+    error = np.linalg.norm(x - np.asarray(observed, float), axis=-1).mean(axis=0)
     pairs = sum(np.linalg.norm(x[k] - x[k + 1 :], axis=-1).sum(axis=0) for k in range(count - 1))
-    return np.asarray(away - pairs / (count * (count - 1.0)))
+    return np.asarray(error - pairs / (count * (count - 1.0)))
 
 
 def brier(probability: ArrayLike, occurred: ArrayLike) -> Floats:
@@ -92,10 +92,10 @@ class ReliabilityBin(NamedTuple):
 def reliability(probability: ArrayLike, occurred: ArrayLike) -> list[ReliabilityBin]:
     """Return how often it occurred where a probability was given; bins without a case are left out."""
     p, o = np.ravel(probability).astype(float), np.ravel(occurred).astype(float)
-    place = np.minimum((p * BINS).astype(int), BINS - 1)
+    bins = np.minimum((p * BINS).astype(int), BINS - 1)
     result = []
-    for k in np.unique(place):
-        inside = place == k
+    for k in np.unique(bins):
+        inside = bins == k
         share, count = float(o[inside].mean()), int(inside.sum())
         low, high = (float(end) for end in wilson(share, count))
         result.append(ReliabilityBin(k / BINS, (k + 1) / BINS, float(p[inside].mean()), share, count, (low, high)))
@@ -111,12 +111,12 @@ def inside_area(members: ArrayLike, observed: ArrayLike, level: float) -> np.nda
     from scipy.stats import f as fisher
 
     x = _members(members, 4)
-    count, away = len(x), np.asarray(observed, float) - x.mean(axis=0)
+    count, error = len(x), np.asarray(observed, float) - x.mean(axis=0)
     anomaly = x - x.mean(axis=0)
     covariance = np.einsum("m...i,m...j->...ij", anomaly, anomaly) / (count - 1.0)
     # Members all at one point: only that point is inside.
-    square = np.einsum("...i,...ij,...j->...", away, np.linalg.pinv(covariance, hermitian=True), away)
-    flat = (np.linalg.matrix_rank(covariance, hermitian=True) < 2) & (np.abs(away).max(axis=-1) > 0.0)
+    square = np.einsum("...i,...ij,...j->...", error, np.linalg.pinv(covariance, hermitian=True), error)
+    flat = (np.linalg.matrix_rank(covariance, hermitian=True) < 2) & (np.abs(error).max(axis=-1) > 0.0)
     limit = fisher.ppf(level, 2, count - 2) * 2.0 * (count - 1.0) * (count + 1.0) / (count * (count - 2.0))
     return np.asarray((square <= limit) & ~flat)
 
@@ -140,12 +140,14 @@ def liu_weisberg(separation: ArrayLike, steps: ArrayLike) -> float:
     steps : array_like
         Way that was observed between each time and the one before.
     """
-    d, way = np.asarray(separation, float), np.cumsum(np.asarray(steps, float))
-    if d.shape != way.shape or d.size == 0:
-        raise InputError(f"{d.size} separations, {way.size} steps", where="liu_weisberg", remedy="Give as many of both")
-    if not way.sum() > 0.0:
+    d, travelled = np.asarray(separation, float), np.cumsum(np.asarray(steps, float))
+    if d.shape != travelled.shape or d.size == 0:
+        raise InputError(
+            f"{d.size} separations, {travelled.size} steps", where="liu_weisberg", remedy="Give as many of both"
+        )
+    if not travelled.sum() > 0.0:
         return 1.0 if not d.any() else 0.0
-    return float(max(0.0, 1.0 - d.sum() / way.sum()))
+    return float(max(0.0, 1.0 - d.sum() / travelled.sum()))
 
 
 def with_observation_error(members: ArrayLike, error: float, random: np.random.Generator) -> Floats:
@@ -176,7 +178,7 @@ EARTH_KM: Final = 6371.0
 
 
 class Point(NamedTuple):
-    """A forecast of one position beside what was seen."""
+    """A forecast of one position, and the observed one."""
 
     group: str  # Berg: positions of one are no independent cases
     members: Floats  # (members, 2), km along the motion before the start and to the left of it
@@ -188,7 +190,7 @@ class Outlines(NamedTuple):
 
     members: list[Any]
     observed: Any
-    known: float  # Part of the members whose outlines are known
+    share_known: float  # Part of the members whose outlines are known
 
 
 USUAL_ERROR: Final = 6.0
@@ -214,13 +216,13 @@ LEAST: Final = 4
 def position_scores(points: Sequence[Point], error: float) -> dict[str, Any]:
     """Return all scores of positions of one lead time, with the error of the observation (km) added to the members.
 
-    Scores have 90 % intervals from drawing groups where there are `FEWEST` or more. Those of an ensemble are left out where a
+    Scores have 90 % intervals from drawing groups where there are `FEWEST` or more. Scores of ensembles are left out where a
     forecast has one member, and areas, spread and ranks where one has less than `LEAST`.
     """
     random = np.random.default_rng(1)
     fewest = min(len(point.members) for point in points)
     groups: list[str] = []
-    found: dict[str, list[Floats]] = {}  # One array for each number of members
+    values_by_name: dict[str, list[Floats]] = {}  # One array for each number of members
     for count in sorted({len(point.members) for point in points}):
         same = [point for point in points if len(point.members) == count]
         groups += [point.group for point in same]
@@ -240,11 +242,11 @@ def position_scores(points: Sequence[Point], error: float) -> dict[str, Any]:
             # Anywhere in the part of its rank: M + 1 ranks need not divide by the number of bins.
             values["ranks"] = (below + random.random(below.shape)) / (count + 1.0)
         for name, value in values.items():
-            found.setdefault(name, []).append(value)
+            values_by_name.setdefault(name, []).append(value)
     result: dict[str, Any] = {"starts": len(points), "bergs": len(set(groups))}
-    whole = {name: np.concatenate(parts) for name, parts in found.items()}
-    rank, spread = whole.pop("ranks", None), whole.get("spread_and_error")
-    for name, value in whole.items():
+    joined = {name: np.concatenate(arrays) for name, arrays in values_by_name.items()}
+    rank, spread = joined.pop("ranks", None), joined.get("spread_and_error")
+    for name, value in joined.items():
         statistic = _ratio if name == "spread_and_error" else np.mean
         label = "spread_over_error" if name == "spread_and_error" else name
         result[label] = float(statistic(value))
@@ -254,9 +256,9 @@ def position_scores(points: Sequence[Point], error: float) -> dict[str, Any]:
     if rank is not None and spread is not None:
         # Along either axis, so that both compare with the error of an axis.
         result["spread_km"], result["rms_error_km"] = (float(value) for value in np.sqrt(spread.mean(axis=0) / 2.0))
-        parts = min(10, fewest + 1)
+        bins = min(10, fewest + 1)
         for k, axis in enumerate(("along", "across")):
-            result[f"ranks_{axis}"] = np.histogram(rank[:, k], np.linspace(0.0, 1.0, parts + 1))[0].tolist()
+            result[f"ranks_{axis}"] = np.histogram(rank[:, k], np.linspace(0.0, 1.0, bins + 1))[0].tolist()
     return result
 
 
@@ -268,21 +270,21 @@ def outline_scores(outlines: Sequence[Outlines], error: float) -> dict[str, floa
     """Return the overlap of outlines of one lead time, with the error of the observation (km) added to the members.
 
     ``overlap`` is the mean intersection over union of members and observation. It is no score: members all at the best place
-    win it. ``area_km2`` is one, the squared difference between the probability of ice and what was seen, summed over the area
+    win it. ``area_km2`` is one, the squared difference between the probability of ice and the observed ice, summed over the area
     (Goessling and Jung 2018, https://doi.org/10.1002/qj.3242), fair in the number of members.
     """
     random = np.random.default_rng(1)
     overlap, area = [], []
-    for one in outlines:
-        moves = random.normal(0.0, error, (len(one.members), 2)) if error > 0.0 else np.zeros((len(one.members), 2))
-        members = [translate(shape, *move) for shape, move in zip(one.members, moves, strict=True)]
-        overlap.append(np.mean([intersection_over_union(shape, one.observed) for shape in members]))
-        west, south, east, north = shapely.total_bounds([*members, one.observed])
-        step = np.sqrt(one.observed.area) / CELLS
+    for case in outlines:
+        moves = random.normal(0.0, error, (len(case.members), 2)) if error > 0.0 else np.zeros((len(case.members), 2))
+        members = [translate(shape, *move) for shape, move in zip(case.members, moves, strict=True)]
+        overlap.append(np.mean([intersection_over_union(shape, case.observed) for shape in members]))
+        west, south, east, north = shapely.total_bounds([*members, case.observed])
+        step = np.sqrt(case.observed.area) / CELLS
         x, y = np.meshgrid(np.arange(west, east + step, step), np.arange(south, north + step, step))
-        inside = np.stack([shapely.contains_xy(shape, x, y) for shape in (*members, one.observed)])
+        inside = np.stack([shapely.contains_xy(shape, x, y) for shape in (*members, case.observed)])
         area.append(step**2 * fair_brier(inside[:-1], inside[-1]).sum())
-    return {"outlines": len(outlines), "known": float(np.mean([one.known for one in outlines])),
+    return {"outlines": len(outlines), "known": float(np.mean([case.share_known for case in outlines])),
             "overlap": float(np.mean(overlap)), "area_km2": float(np.mean(area))}  # fmt: skip
 
 
@@ -292,9 +294,9 @@ def _ratio(spread_and_error: Floats) -> Any:
     return np.sqrt(variance / square) if square > 0.0 else np.inf
 
 
-def verdict(found: dict[str, Any]) -> str:
-    """Return what the spread beside the error says of an ensemble; of few bergs it says nothing."""
-    interval = found.get("spread_over_error_interval")
+def verdict(scores: dict[str, Any]) -> str:
+    """Judge the spread of an ensemble by its error; few bergs leave it undecided."""
+    interval = scores.get("spread_over_error_interval")
     if interval is None:
         return "undecided"
     return "overconfident" if interval[1] < 1.0 else "underconfident" if interval[0] > 1.0 else "reliable"
@@ -320,7 +322,7 @@ def moved(lon0: Any, lat0: Any, east: Floats, north: Floats) -> tuple[Floats, Fl
     return (lon + 180.0) % 360.0 - 180.0, lat
 
 
-def carried_on(lon1: float, lat1: float, lon2: float, lat2: float, ratio: Floats) -> tuple[Floats, Floats]:
+def extrapolate(lon1: float, lat1: float, lon2: float, lat2: float, ratio: Floats) -> tuple[Floats, Floats]:
     """Return where a great circle from one place through another leads: ``ratio`` times as far again beyond the second."""
     first, second = unit_vectors(np.array(lon1), np.array(lat1)), unit_vectors(np.array(lon2), np.array(lat2))
     angle = np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second)
@@ -328,9 +330,9 @@ def carried_on(lon1: float, lat1: float, lon2: float, lat2: float, ratio: Floats
     length = np.linalg.norm(ahead)
     turn = angle * np.asarray(ratio)[..., None]
     # Without motion there is no direction, and the turn is zero.
-    place = second * np.cos(turn) + (ahead / length if length > 0.0 else ahead) * np.sin(turn)
-    return np.degrees(np.arctan2(place[..., 1], place[..., 0])), np.degrees(
-        np.arcsin(np.clip(place[..., 2], -1.0, 1.0))
+    position = second * np.cos(turn) + (ahead / length if length > 0.0 else ahead) * np.sin(turn)
+    return np.degrees(np.arctan2(position[..., 1], position[..., 0])), np.degrees(
+        np.arcsin(np.clip(position[..., 2], -1.0, 1.0))
     )
 
 

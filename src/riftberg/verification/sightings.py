@@ -1,4 +1,4 @@
-"""Where and how a berg was seen, where the members of an ensemble have it then, and what weights sightings give them.
+"""Sightings of a berg, the positions of the members of an ensemble at their dates, and the weights that sightings give them.
 
 A fragment keeps its number when something breaks off, so the first row of the tables of an ensemble is the berg.
 """
@@ -18,7 +18,7 @@ import xarray as xr
 from shapely.affinity import rotate, scale, translate
 
 from riftberg.diagnostics.observed import Observations
-from riftberg.diagnostics.outlines import polygon_moments, polygon_on
+from riftberg.diagnostics.outlines import polygon_moments, project_polygon
 from riftberg.ensembles.matching import FEW_MEMBERS
 from riftberg.ensembles.probability import effective
 from riftberg.ensembles.sweep import MEMBERS, WEIGHTS, Plan, Store
@@ -75,49 +75,49 @@ class Sighting(NamedTuple):
         """The outline in kilometres east and north of the centroid; None where it was not seen."""
         if self.ring is None:
             return None
-        return scale(polygon_on(ConformalPlane(*self.place, RADIUS), self.ring), 1e-3, 1e-3, origin=(0.0, 0.0))
+        return scale(project_polygon(ConformalPlane(*self.place, RADIUS), self.ring), 1e-3, 1e-3, origin=(0.0, 0.0))
 
 
-def sightings_of(
+def select_sightings(
     observed: Observations, berg: str | None, start: datetime, hour: float | None
 ) -> tuple[str, list[Sighting]]:
     """Return the name of the berg and when it was seen, in order: of several pieces at a moment the largest, then positions.
 
-    ``hour``: of observations without a time (UTC), by default that of the start.
+    ``hour``: of observations without a time (UTC), by default the hour of the start.
     """
-    found = [(o.name, moment_of(o.when, o.day_only, start, hour), o) for o in observed.outlines]
-    fixes = [(f.name, moment_of(f.when, f.day_only, start, hour), f) for f in observed.fixes if not f.interpolated]
-    names = sorted({row[0] for row in (*found, *fixes)})
+    outlines = [(o.name, resolve_moment(o.when, o.day_only, start, hour), o) for o in observed.outlines]
+    fixes = [(f.name, resolve_moment(f.when, f.day_only, start, hour), f) for f in observed.fixes if not f.interpolated]
+    names = sorted({row[0] for row in (*outlines, *fixes)})
     chosen = next((name for name in names if berg is not None and name.lower() == berg.lower()), None)
     if chosen is None and (berg is not None or (len(names) > 1 and not observed.outlines)):
-        what = "several bergs" if berg is None else f"no positions of {berg}"
-        named = ", ".join(name for name in names if name)
-        remedy = f"Name one with --berg: {shortened(named, 100)}" if named else "It names no berg: leave --berg out"
-        raise InputError(what, where=str(observed.source), remedy=remedy)
+        fault = "several bergs" if berg is None else f"no positions of {berg}"
+        listed = ", ".join(name for name in names if name)
+        remedy = f"Name one with --berg: {shortened(listed, 100)}" if listed else "It names no berg: leave --berg out"
+        raise InputError(fault, where=str(observed.source), remedy=remedy)
     seen: dict[datetime, Sighting] = {}
     sizes: dict[datetime, float] = {}
-    for name, when, outline in found:
+    for name, when, outline in outlines:
         if chosen not in (None, name):
             continue
         # First where it is, then its axis against north there.
         rough = ConformalPlane(float(outline.ring[0, 0]), float(outline.ring[0, 1]), RADIUS)
-        shape = polygon_on(rough, outline.ring)
+        shape = project_polygon(rough, outline.ring)
         if shape.area >= sizes.get(when, 0.0):
             lon, lat = (float(a) for a in rough.inverse(np.array(shape.centroid.x), np.array(shape.centroid.y)))
-            own = polygon_on(ConformalPlane(lon, lat, RADIUS), outline.ring)
-            azimuth = polygon_moments(np.asarray(own.exterior.coords))[2] % 180.0
+            polygon = project_polygon(ConformalPlane(lon, lat, RADIUS), outline.ring)
+            azimuth = polygon_moments(np.asarray(polygon.exterior.coords))[2] % 180.0
             seen[when], sizes[when] = Sighting(when, lon, lat, azimuth, outline.ring), shape.area
     name = chosen or (names[0] if len(names) == 1 and names[0] else "berg")
-    places = [
+    positions = [
         Sighting(when, f.lon, f.lat, f.azimuth, None)
         for name, when, f in fixes
         if chosen in (None, name) and when not in seen
     ]
-    return name, sorted([*seen.values(), *places], key=lambda s: s.when)
+    return name, sorted([*seen.values(), *positions], key=lambda s: s.when)
 
 
-def moment_of(when: datetime, day_only: bool, start: datetime, hour: float | None) -> datetime:
-    """Return the moment of an observation: of one without a time at an hour (UTC), by default that of the start."""
+def resolve_moment(when: datetime, day_only: bool, start: datetime, hour: float | None) -> datetime:
+    """Return the moment of an observation: without a time, that day at an hour (UTC), by default the hour of the start."""
     return when + timedelta(hours=start.hour + start.minute / 60.0 if hour is None else hour) if day_only else when
 
 
@@ -130,7 +130,7 @@ def check_dates(broken: datetime | None, whole_until: datetime | None) -> None:
 # --- members ------------------------------------------------------------------------------------------------------------
 
 
-def times_of(ds: xr.Dataset) -> Any:
+def track_dates(ds: xr.Dataset) -> Any:
     """Return the dates of the tracks of an ensemble, or of a member, in nanoseconds; members of other dates are refused."""
     if "start_after" in ds.coords and np.ptp(ds["start_after"].values) > 0.0:
         raise InputError(
@@ -140,54 +140,54 @@ def times_of(ds: xr.Dataset) -> Any:
     return own_dates(ds.isel(member=0) if "member" in ds.dims else ds)
 
 
-def start_of(ds: xr.Dataset) -> datetime:
+def ensemble_start(ds: xr.Dataset) -> datetime:
     """Return the start of an ensemble."""
-    start: datetime = times_of(ds)[0].astype("datetime64[us]").item()
+    start: datetime = track_dates(ds)[0].astype("datetime64[us]").item()
     return start
 
 
-def away_from(ds: xr.Dataset, when: datetime, place: tuple[float, float]) -> Floats:
+def berg_offsets(ds: xr.Dataset, when: datetime, position: tuple[float, float]) -> Floats:
     """Return kilometres of the first berg of each member east and north of a place at a date (members, 2)."""
     if "lon" not in ds:
         raise InputError("positions in metres", where="ensemble", remedy="Observations need longitude and latitude")
     lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
-    (first, after), part = between(times_of(ds), when)
-    before, then = (np.stack(local(*place, lon[:, k], lat[:, k]), axis=-1) for k in (first, after))
-    return np.asarray(then if part == 1.0 else before + part * (then - before))
+    (first, after), share = between(track_dates(ds), when)
+    earlier, then = (np.stack(local(*position, lon[:, k], lat[:, k]), axis=-1) for k in (first, after))
+    return np.asarray(then if share == 1.0 else earlier + share * (then - earlier))
 
 
 def between(times: Any, when: datetime) -> tuple[tuple[int, int], float]:
     """Return the records before and after a date, and its place between them, 0 to 1."""
-    now = np.datetime64(when, "ns")
-    after = int(np.clip(np.searchsorted(times, now), 1, len(times) - 1))
-    return (after - 1, after), float((now - times[after - 1]) / (times[after] - times[after - 1]))
+    date = np.datetime64(when, "ns")
+    after = int(np.clip(np.searchsorted(times, date), 1, len(times) - 1))
+    return (after - 1, after), float((date - times[after - 1]) / (times[after] - times[after - 1]))
 
 
-def turned_from(ds: xr.Dataset, when: datetime, axis: float) -> Floats:
-    """Return the angle from an axis to that of the first berg, degrees, at the record nearest to a date (members,)."""
-    nearest = int(np.abs(times_of(ds) - np.datetime64(when, "ns")).argmin())
+def axis_angles(ds: xr.Dataset, when: datetime, axis: float) -> Floats:
+    """Return the angle from an axis to the long axis of the first berg, degrees, at the record nearest to a date (members,)."""
+    nearest = int(np.abs(track_dates(ds) - np.datetime64(when, "ns")).argmin())
     return np.asarray(axis_difference(ds["azimuth"].values[:, 0, nearest].astype(float), axis))
 
 
 def drift_error(ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None) -> Floats:
     """Return the mean distance (km) of each member's berg from the observed positions after the start."""
-    start, end = start_of(ensemble), times_of(ensemble)[-1].astype("datetime64[us]").item()
-    seen = during(*sightings_of(observed, berg, start, None), start, end, str(observed.source))
-    return np.asarray(np.mean([np.linalg.norm(away_from(ensemble, s.when, s.place), axis=-1) for s in seen], axis=0))
+    start, end = ensemble_start(ensemble), track_dates(ensemble)[-1].astype("datetime64[us]").item()
+    seen = during(*select_sightings(observed, berg, start, None), start, end, str(observed.source))
+    return np.asarray(np.mean([np.linalg.norm(berg_offsets(ensemble, s.when, s.place), axis=-1) for s in seen], axis=0))
 
 
 def during(name: str, seen: list[Sighting], start: datetime, end: datetime, where: str) -> list[Sighting]:
     """Return when and where a berg was seen after the start of runs until their end; none is refused."""
-    found = [s for s in seen if start < s.when <= end]
-    if not found:
+    sightings = [s for s in seen if start < s.when <= end]
+    if not sightings:
         raise InputError(
             f"no position of {name or 'the berg'} from {start:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M}", where=where,
             remedy="Give positions of the time of the runs",
         )  # fmt: skip
-    return found
+    return sightings
 
 
-def outline_of_run(file: Path) -> Any:
+def read_first_outline(file: Path) -> Any:
     """Return the outline of all ice at the start of a run in kilometres east and north of its centroid."""
     with open_run(file) as run:
         scene = Scene(run)
@@ -197,31 +197,31 @@ def outline_of_run(file: Path) -> Any:
     squares = shapely.polygons(np.stack([x, y], axis=-1) / 1e3)
     seam = 1e-3 * float(np.sqrt(scene.area.min()) / 1e3)  # elements meet to within rounding errors
     ice = shapely.union_all(shapely.buffer(squares, seam, join_style="mitre"))
-    whole = max(shapely.get_parts(shapely.buffer(ice, -seam, join_style="mitre")), key=lambda part: part.area)
-    return translate(whole, -whole.centroid.x, -whole.centroid.y)
+    outline = max(shapely.get_parts(shapely.buffer(ice, -seam, join_style="mitre")), key=lambda piece: piece.area)
+    return translate(outline, -outline.centroid.x, -outline.centroid.y)
 
 
-def outlines_at(
+def member_outlines(
     ds: xr.Dataset, start: Any, seen: Sighting, pieces: Callable[[int], list[list[Any]]] | None = None
 ) -> list[Any]:  # fmt: skip
     """Return the outlines of the first berg of the members at a sighting, kilometres east and north of its centroid.
 
-    ``start``: outline at the start of the run in which nothing is varied; ``pieces``: gives those of a member that broke up,
-    as `riftberg.ensembles.member.Outcome` has them. A berg is rigid until it breaks: its place is that of the centroid, its turn
-    that of its long axis, its size that of its area.
+    ``start``: outline at the start of the run in which nothing is varied; ``pieces``: gives the outlines of a member that
+    broke up, as `riftberg.ensembles.member.Outcome` has them. A berg is rigid until it breaks: its centroid gives the position,
+    its long axis the turn, its area the size.
     """
-    (first, after), part = between(times_of(ds), seen.when)
+    (first, after), share = between(track_dates(ds), seen.when)
     broke = ds["first_breakup"].values <= np.datetime64(seen.when, "ns")
-    place = away_from(ds, seen.when, seen.place)
+    position = berg_offsets(ds, seen.when, seen.place)
     azimuth = ds["azimuth"].isel(fragment=0).values.astype(float)
     # Of one that broke between two records the area is that after it.
     area = 1e-6 * ds["area"].isel(fragment=0).values.astype(float)
     area = np.where(broke, area[:, after], area[:, first])
     # An axis has no direction, so a turn is known but for 180 degrees: at the start the smaller one, then continued.
     turn = np.unwrap(azimuth, period=180.0, axis=1) - azimuth[:, :1]
-    turn += axis_difference(azimuth[:, :1], axis_of(start))
-    found = []
-    for m in np.flatnonzero(np.isfinite(place).all(axis=1)).tolist():
+    turn += axis_difference(azimuth[:, :1], long_axis_azimuth(start))
+    outlines = []
+    for m in np.flatnonzero(np.isfinite(position).all(axis=1)).tolist():
         shape, turns = start, turn[m]
         if broke[m]:
             rings = [] if pieces is None else pieces(int(ds["member"].values[m]))
@@ -229,57 +229,57 @@ def outlines_at(
                 continue
             shape, turns = broken_outline(ds.isel(member=m), rings, after, seen.when)
         size = np.sqrt(area[m] / shape.area)
-        turned = rotate(shape, -((1.0 - part) * turns[first] + part * turns[after]), origin=(0.0, 0.0))
-        found.append(translate(scale(turned, size, size, origin=(0.0, 0.0)), *place[m]))
-    return found
+        turned = rotate(shape, -((1.0 - share) * turns[first] + share * turns[after]), origin=(0.0, 0.0))
+        outlines.append(translate(scale(turned, size, size, origin=(0.0, 0.0)), *position[m]))
+    return outlines
 
 
-def pieces_of(ensemble: Path, number: int) -> list[list[Any]]:
+def read_pieces(ensemble: Path, number: int) -> list[list[Any]]:
     """Return the outlines of the pieces of a member that broke up, from the folder of its ensemble; none where it keeps none."""
     file = (ensemble if ensemble.is_dir() else ensemble.parent) / MEMBERS / f"{number:05d}.json"
-    found: list[list[Any]] = json.loads(file.read_text("utf-8")).get("shapes", []) if file.exists() else []
-    return found
+    shapes: list[list[Any]] = json.loads(file.read_text("utf-8")).get("shapes", []) if file.exists() else []
+    return shapes
 
 
-def axis_of(shape: Any) -> float:
+def long_axis_azimuth(shape: Any) -> float:
     """Return the azimuth of the long axis of a polygon, degrees."""
     return polygon_moments(np.asarray(shape.exterior.coords))[2]
 
 
 def broken_outline(member: xr.Dataset, rings: list[list[Any]], last: int, when: datetime) -> tuple[Any, Floats]:
-    """Return what is left of the first berg of a member at a date (km about its centroid), and how far it has turned by record.
+    """Return the outline of the first berg of a member at a date (km about its centroid), and its turn by record.
 
-    ``rings``: outlines at the end where their ice lay at the start; what broke off later belongs to the berg before;
+    ``rings``: outlines at the end where their ice lay at the start; pieces that break off later belong to the berg;
     ``last``: record after the date.
     """
     names = ("number", "parent", "birth_time")
     rows = zip(*(member[f"fragment_{name}"].values for name in names), strict=True)
     parents = {int(number): (int(parent), born) for number, parent, born in rows if np.isfinite(number)}
 
-    def owner(number: int, now: Any) -> int:
-        while number in parents and parents[number][0] > 0 and parents[number][1] > now:
+    def owner(number: int, date: Any) -> int:
+        while number in parents and parents[number][0] > 0 and parents[number][1] > date:
             number = parents[number][0]
         return number
 
-    known: dict[tuple[int, ...], Any] = {}
+    shapes: dict[tuple[int, ...], Any] = {}
 
-    def shape_at(now: Any) -> Any:
-        own = tuple(k for k, (number, _) in enumerate(rings) if owner(number, now) == 1)
-        if own not in known:
+    def find_shape(date: Any) -> Any:
+        numbers = tuple(k for k, (number, _) in enumerate(rings) if owner(number, date) == 1)
+        if numbers not in shapes:
             # Pieces of one lattice meet, but for what rounding their corners took: closed by a hundredth of the berg.
-            parts = [shapely.Polygon(np.array(rings[k][1]) / 1e3) for k in own]
-            seam = 0.02 * float(np.sqrt(sum(part.area for part in parts)))
-            ice = shapely.buffer(shapely.buffer(shapely.union_all(parts), seam), -seam)
-            shape = max(shapely.get_parts(ice), key=lambda part: part.area)
-            known[own] = translate(shape, -shape.centroid.x, -shape.centroid.y)
-        return known[own]
+            polygons = [shapely.Polygon(np.array(rings[k][1]) / 1e3) for k in numbers]
+            seam = 0.02 * float(np.sqrt(sum(polygon.area for polygon in polygons)))
+            ice = shapely.buffer(shapely.buffer(shapely.union_all(polygons), seam), -seam)
+            shape = max(shapely.get_parts(ice), key=lambda polygon: polygon.area)
+            shapes[numbers] = translate(shape, -shape.centroid.x, -shape.centroid.y)
+        return shapes[numbers]
 
-    turns, now = np.zeros(last + 1), 0.0
+    turns, turned = np.zeros(last + 1), 0.0
     azimuth = member["azimuth"].isel(fragment=0).values.astype(float)
-    for k, time in enumerate(times_of(member)[: last + 1]):
-        now += axis_difference(azimuth[k] - axis_of(shape_at(time)), now)
-        turns[k] = now
-    return shape_at(np.datetime64(when, "ns")), turns
+    for k, time in enumerate(track_dates(member)[: last + 1]):
+        turned += axis_difference(azimuth[k] - long_axis_azimuth(find_shape(time)), turned)
+        turns[k] = turned
+    return find_shape(np.datetime64(when, "ns")), turns
 
 
 # --- weights -----------------------------------------------------------------------------------------------------------
@@ -296,17 +296,17 @@ def log_likelihood(
     axes out; ``doubt``: probability that it was wrongly seen whole or broken. Sightings are independent of each other.
     """
     check_dates(broken, whole_until)
-    times = times_of(ds)
-    found = np.where(ds["status"].values == 0, 0.0, np.nan)
-    if not np.isfinite(found).any():
+    times = track_dates(ds)
+    total = np.where(ds["status"].values == 0, 0.0, np.nan)
+    if not np.isfinite(total).any():
         raise InputError("no member came to its end", where="update", remedy="Look at the reasons in sweep.json")
-    count, apart = 0, np.zeros(found.size)
-    _, sightings = ("", []) if observed is None else sightings_of(observed, berg, start_of(ds), hour)
+    count, squares = 0, np.zeros(total.size)
+    _, sightings = ("", []) if observed is None else select_sightings(observed, berg, ensemble_start(ds), hour)
     for seen in sightings:
         if not times[0] <= np.datetime64(seen.when, "ns") <= times[-1]:
             continue
-        away = away_from(ds, seen.when, seen.place)
-        if (nearest := float(np.nanmin(np.hypot(*away.T)))) > FARTHEST * error:
+        offset = berg_offsets(ds, seen.when, seen.place)
+        if (nearest := float(np.nanmin(np.hypot(*offset.T)))) > FARTHEST * error:
             assert observed is not None
             raise InputError(
                 f"on {seen.when:%Y-%m-%d %H:%M} the berg was seen {nearest:,.0f} km from the nearest member, with an error "
@@ -314,55 +314,55 @@ def log_likelihood(
                 where=str(observed.source),
                 remedy="Check place, date and berg; if they are right, give an error that covers it (--error)",
             )
-        square = (away**2).sum(axis=-1) / error**2
-        found -= 0.5 * square
-        apart += square
+        square = (offset**2).sum(axis=-1) / error**2
+        total -= 0.5 * square
+        squares += square
         if azimuth_error is not None and np.isfinite(seen.azimuth):
-            found -= 0.5 * (turned_from(ds, seen.when, seen.azimuth) / azimuth_error) ** 2
+            total -= 0.5 * (axis_angles(ds, seen.when, seen.azimuth) / azimuth_error) ** 2
         count += 1
-    if count and (best := float(np.sqrt(np.nanmin(apart + 0.0 * found) / count))) > CONTRADICT:
+    if count and (best := float(np.sqrt(np.nanmin(squares + 0.0 * total) / count))) > CONTRADICT:
         _LOG.warning("no member agrees with all %d positions: the best one is %.1f standard deviations off on average. "
                      "Check dates and positions, or take a larger error", count, best)  # fmt: skip
     first = ds["first_breakup"].values.astype("datetime64[ns]")
     for date, was in ((broken, True), (whole_until, False)):
         if date is not None:
-            now = np.datetime64(date, "ns")
-            if not times[0] <= now <= times[-1] + DAY:
+            moment = np.datetime64(date, "ns")
+            if not times[0] <= moment <= times[-1] + DAY:
                 raise InputError(f"{date:%Y-%m-%d %H:%M} is not within the forecast", where="update")
-            right = (~np.isnat(first) & (first <= now)) == was
-            if not (right & np.isfinite(found)).any():
+            right = (~np.isnat(first) & (first <= moment)) == was
+            if not (right & np.isfinite(total)).any():
                 _LOG.warning("no member %s by %s: this sighting tells none from another",
                              "had broken up" if was else "was still whole", f"{date:%Y-%m-%d %H:%M}")  # fmt: skip
-            found += np.log(np.where(right, 1.0 - doubt, doubt))
+            total += np.log(np.where(right, 1.0 - doubt, doubt))
             count += 1
     if not count:
         raise InputError("no sighting during the forecast", where="update", remedy="Give positions, or --broken DATE")
-    return found
+    return total
 
 
 def weighted(store: Store, likelihood: Floats, about: str) -> tuple[Floats, float]:
     """Write the weights of a forecast and the forecast anew; return weights (sum 1) and their effective number."""
-    base = base_of(store, likelihood.size)
+    base = read_base(store, likelihood.size)
     # Less the largest difference: the likelihoods of members that were drawn anew lie far above those of their parents.
     weight = np.exp(likelihood - base - np.nanmax(likelihood - base))
     weight = np.nan_to_num(weight / np.nansum(weight))
-    kept = {"observed": about, "effective": effective(weight), "base": base.tolist(),
+    record = {"observed": about, "effective": effective(weight), "base": base.tolist(),
             "weight": (weight * np.count_nonzero(np.isfinite(likelihood))).tolist()}  # fmt: skip
-    write_text(store.folder / WEIGHTS, json.dumps(kept))
+    write_text(store.folder / WEIGHTS, json.dumps(record))
     store.write()
     return weight, effective(weight)
 
 
-def base_of(store: Store, count: int) -> Floats:
+def read_base(store: Store, count: int) -> Floats:
     """Return the logarithm of the probability by which each member was chosen before: 0 unless it was drawn anew."""
     return np.array(store.weights().get("base", [0.0] * count))
 
 
-def drawn_anew(plan: Plan, weight: Floats, likelihood: Floats) -> tuple[dict[str, list[Any]], list[float], int]:
+def redraw_members(plan: Plan, weight: Floats, likelihood: Floats) -> tuple[dict[str, list[Any]], list[float], int]:
     """Return inputs of new members around those that count, the logarithms of their parents' likelihood, and how many these are.
 
     Numbers move by the kernel of Liu and West (2001) in the normal scores of their distributions, which keeps mean and
-    variance; choices and random fields are those of the parent. A new member counts by its likelihood over its parent's.
+    variance; choices and random fields are the parent's. A new member counts by its likelihood over its parent's.
     """
     random = np.random.default_rng(1)
     parents = np.searchsorted(np.cumsum(weight), (np.arange(weight.size) + random.random()) / weight.size).clip(
@@ -370,7 +370,7 @@ def drawn_anew(plan: Plan, weight: Floats, likelihood: Floats) -> tuple[dict[str
     )
     columns: dict[str, list[Any]] = {name: [plan.members[k][name] for k in parents] for name in plan.members[0]}
     for v in plan.varied:
-        if v.distribution is not None and not v.distribution.choices and v.parts == 1:
+        if v.distribution is not None and not v.distribution.choices and v.components == 1:
             columns[v.name] = _moved(v, np.array([values[v.name] for values in plan.members]), parents, weight, random)
     return columns, [float(likelihood[k]) for k in parents], len(np.unique(parents))
 
@@ -382,7 +382,7 @@ def _moved(v: Varied, values: Floats, parents: Any, weight: Floats, random: np.r
     score = norm.ppf(np.clip(v.distribution.shares_below(values), 1e-9, 1.0 - 1e-9))
     mean = weight @ score
     # Few members lie close together by chance, and a single one has no spread at all: theirs is drawn towards that of all.
-    part = FEW_MEMBERS / (FEW_MEMBERS + effective(weight))
-    spread = np.sqrt((1.0 - part) * (weight @ (score - mean) ** 2) + part)
+    shrinkage = FEW_MEMBERS / (FEW_MEMBERS + effective(weight))
+    spread = np.sqrt((1.0 - shrinkage) * (weight @ (score - mean) ** 2) + shrinkage)
     shrunk = mean + np.sqrt(1.0 - KERNEL**2) * (score[parents] - mean)
     return v.distribution.quantiles(norm.cdf(shrunk + KERNEL * spread * random.standard_normal(len(parents))))

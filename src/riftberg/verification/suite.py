@@ -1,6 +1,6 @@
 """A table of errors of drift models on observed bergs: cases, entrants, paired differences with intervals, subsets.
 
-A suite is a folder with a folder for each case. ``case.yaml`` (`CaseFile`) says what the case is, ``starts.csv`` what a model may
+A suite is a folder with a folder for each case. ``case.yaml`` (`CaseFile`) describes the case, ``starts.csv`` all a model may
 know at each start (berg, date, lon, lat, length, width, thickness; an earlier position as date_before, lon_before, lat_before;
 more columns for subsets), ``observed.csv`` where bergs were seen. A series for each start is a table with the columns berg and
 start before those of `riftberg.ocean.series`. Two entrants are compared on the starts that both answer; all means of a row are
@@ -31,7 +31,7 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import InputError, nearest
 from riftberg.experiments.changes import changed, parse_settings
-from riftberg.experiments.schema import SeriesForcing, kind_of
+from riftberg.experiments.schema import SeriesForcing, forcing_kind
 from riftberg.experiments.yaml_file import Document
 from riftberg.model import BareModel
 from riftberg.ocean.files_schema import FileForcing
@@ -39,7 +39,7 @@ from riftberg.ocean.series import Series, make_series
 from riftberg.parameters import Parameters
 from riftberg.runs.tracks import main_position
 from riftberg.state import Floats
-from riftberg.system.input_files import in_folder, is_folder, is_seen, rows_of_csv, value_shown
+from riftberg.system.input_files import in_folder, is_folder, is_seen, read_csv_rows, value_shown
 from riftberg.verification.scores import EARTH_KM, FEWEST, distance
 from riftberg.verification.tracks import (
     BASELINES,
@@ -70,7 +70,7 @@ ALL: Final = "all"
 
 
 class CaseFile(Section):
-    """What a case of a suite is."""
+    """Description of a case of a suite."""
 
     name: str = key("", "", "name of the case, else that of its folder")
     sentence: str = key(..., "", "what it is, in a sentence", min_length=1)
@@ -85,7 +85,7 @@ class CaseFile(Section):
     )
     forcing: Annotated[
         Annotated[SeriesForcing, Tag("along")] | Annotated[FileForcing, Tag("files")],
-        Field(discriminator=Discriminator(kind_of)),
+        Field(discriminator=Discriminator(forcing_kind)),
     ] = key(..., "", "series along the tracks (along), or files")
     entrants: dict[str, str] = key(
         {}, "", "further entrants by name, such as no slope: riftberg forcing.sea_level=none"
@@ -105,7 +105,7 @@ class CaseFile(Section):
 
 @dataclass(frozen=True)
 class SuiteCase:
-    """One case: what it is, and its starts with what was seen."""
+    """One case: its description, and its starts with the observed positions."""
 
     file: CaseFile
     folder: Path
@@ -118,21 +118,21 @@ class SuiteCase:
         return sorted(self.file.leads)
 
     def groups(self) -> list[str]:
-        """Return what each start counts as in means and intervals."""
+        """Return the group of each start in means and intervals."""
         alone = self.file.unit == "start"
         return [f"{case.start.berg} {case.start.date}" if alone else case.start.berg for case in self.cases]
 
     def subsets(self) -> dict[str, NDArray[np.bool_]]:
         """Return which starts each subset holds."""
-        found = {ALL: np.ones(len(self.cases), bool)}
+        masks = {ALL: np.ones(len(self.cases), bool)}
         if self.file.held_out:
-            held = np.array([case.start.berg in self.file.held_out for case in self.cases])
-            found |= {"open": ~held, "held out": held}
+            held_out = np.array([case.start.berg in self.file.held_out for case in self.cases])
+            masks |= {"open": ~held_out, "held out": held_out}
         where, bergs = f"{self.folder / 'case.yaml'}, subsets", {case.start.berg for case in self.cases}
-        taken = next((name for name in self.file.subsets if name in (ALL, "open", "held out")), None)
-        if taken:
-            raise InputError(f"{taken!r} is a subset of every case", where=where, remedy="Give it another name")
-        return found | {
+        reserved = next((name for name in self.file.subsets if name in (ALL, "open", "held out")), None)
+        if reserved:
+            raise InputError(f"{reserved!r} is a subset of every case", where=where, remedy="Give it another name")
+        return masks | {
             name: np.array([_holds(text, case.start, f"{where}.{name}", bergs) for case in self.cases])
             for name, text in self.file.subsets.items()
         }
@@ -144,7 +144,7 @@ def read_suite(folder: str | Path) -> list[SuiteCase]:
     Raises
     ------
     InputError
-        If there is no case, one lacks what it must say, a forcing ends before a lead, or a berg that is held out is not there.
+        If there is no case, a case lacks a key, a forcing ends before a lead, or a berg that is held out is missing.
     """
     folder = Path(folder)
     files = sorted(folder.glob("*/case.yaml")) if is_folder(folder) else []
@@ -170,14 +170,14 @@ def _read_case(path: Path) -> SuiteCase:
     starts = list(_starts(path.parent / file.starts))
     unknown = [name for name in file.held_out if name not in {start.berg for start in starts}]
     if unknown:
-        known = sorted({start.berg for start in starts})
-        remedy = f"{nearest(unknown[0], known)}Bergs are {', '.join(known)}"
+        bergs = sorted({start.berg for start in starts})
+        remedy = f"{nearest(unknown[0], bergs)}Bergs are {', '.join(bergs)}"
         raise document.refusal([(("held_out",), InputError(f"no berg {unknown[0]!r} starts", remedy=remedy))])
     forced = file.forcing
     if isinstance(forced, FileForcing):
         return SuiteCase(file, path.parent, _with_seen(file, path.parent / file.observed, starts))
     series = series_by_start(forced, path.parent, starts)
-    starts = [start.forced_by(series[start.key]) for start in starts]
+    starts = [start.with_forcing(series[start.key]) for start in starts]
     cases = _with_seen(file, path.parent / file.observed, starts)
     for case in cases:
         days, lead = case.start.forcing.cover[1] / SECONDS_PER_DAY, max(case.seen)
@@ -201,7 +201,7 @@ SIZED: Final = {
 def _starts(path: Path) -> Iterator[Start]:
     """Give the starts of a table, each once."""
     lines: dict[Any, int] = {}
-    for line, row in enumerate(rows_of_csv(path)[0], start=2):
+    for line, row in enumerate(read_csv_rows(path)[0], start=2):
         where, texts = (
             f"{path}, line {line}",
             {str(name).strip().lower(): (text or "").strip() for name, text in row.items()},
@@ -219,7 +219,7 @@ def _starts(path: Path) -> Iterator[Start]:
                 f"latitude {values['lat']:g}, longitude {values['lon']:g} are no position", where=where,
                 remedy="Leave the row out",
             )  # fmt: skip
-        date, before = parse_date(texts["date"], where=where)[0], {}
+        date, earlier_positions = parse_date(texts["date"], where=where)[0], {}
         previous = values.get("lon_before", np.nan), values.get("lat_before", np.nan)
         if texts.get("date_before") and (np.isnan(previous).any() or is_seen(*previous)):
             earlier = parse_date(texts["date_before"], where=where)[0]
@@ -228,8 +228,8 @@ def _starts(path: Path) -> Iterator[Start]:
                     f"{earlier} and {previous} are no earlier date and position", where=where,
                     remedy="Give date_before, lon_before and lat_before, or leave all three empty",
                 )  # fmt: skip
-            before[earlier] = previous
-        start = Start(texts["berg"], date, values["lon"], values["lat"], before, columns=values)
+            earlier_positions[earlier] = previous
+        start = Start(texts["berg"], date, values["lon"], values["lat"], earlier_positions, columns=values)
         if lines.setdefault(start.key, line) != line:
             raise InputError(
                 f"{start} starts in line {lines[start.key]} too", where=where, remedy="Give each start once"
@@ -248,7 +248,7 @@ def as_number(text: str) -> float:
 @lru_cache(maxsize=4)
 def _rows_by_start(path: Path, written: int) -> tuple[dict[Any, list[tuple[int, dict[str, str]]]], str]:
     """Return the rows of a table of series by start, and its separator; ``written``: when, for a table may change."""
-    rows, separator = rows_of_csv(path)
+    rows, separator = read_csv_rows(path)
     groups: dict[Any, list[tuple[int, dict[str, str]]]] = {}
     keys: dict[tuple[str, str], Any] = {}
     for line, row in enumerate(rows, start=2):
@@ -271,7 +271,7 @@ def series_by_start(settings: SeriesForcing, folder: Path, starts: Sequence[Star
     }  # fmt: skip
     if settings.wind == "none":
         options |= {"ua": None, "va": None}
-    found = {}
+    series = {}
     for start in starts:
         if start.key not in groups:
             raise InputError(
@@ -279,8 +279,8 @@ def series_by_start(settings: SeriesForcing, folder: Path, starts: Sequence[Star
             )
         depth = start.columns.get("depth", np.nan)
         floor = {} if np.isnan(depth) else {"depth": depth}
-        found[start.key] = make_series(groups[start.key], separator, path, start=start.date, **floor, **options)
-    return found
+        series[start.key] = make_series(groups[start.key], separator, path, start=start.date, **floor, **options)
+    return series
 
 
 def _with_seen(file: CaseFile, path: Path, starts: Sequence[Start]) -> list[Case]:
@@ -291,11 +291,11 @@ def _with_seen(file: CaseFile, path: Path, starts: Sequence[Start]) -> list[Case
     cases = []
     for start in starts:
         track = np.array(sorted(tracks.get(start.berg.upper(), [(0.0, np.nan, np.nan)])))
-        places = {
+        positions = {
             lead: _position(track, _seconds(start.date) + lead * SECONDS_PER_DAY, 3600.0 * file.within)
             for lead in file.leads
         }
-        seen = {lead: place for lead, place in places.items() if place is not None}
+        seen = {lead: position for lead, position in positions.items() if position is not None}
         if seen:
             cases.append(Case(start, seen, start.berg in file.held_out))
     if not cases:
@@ -315,9 +315,9 @@ def _position(track: Floats, when: float, within: float) -> tuple[float, float] 
             return float(track[k, 1]), float(track[k, 2])
     if not 0 < after < len(track) or track[after, 0] - track[after - 1, 0] > within:
         return None
-    one, other = track[after - 1], track[after]
-    share, turn = (when - one[0]) / (other[0] - one[0]), (other[1] - one[1] + 180.0) % 360.0 - 180.0
-    return float(one[1] + share * turn), float(one[2] + share * (other[2] - one[2]))
+    first, second = track[after - 1], track[after]
+    share, turn = (when - first[0]) / (second[0] - first[0]), (second[1] - first[1] + 180.0) % 360.0 - 180.0
+    return float(first[1] + share * turn), float(first[2] + share * (second[2] - first[2]))
 
 
 _COMPARISON: Final = re.compile(r"\s*(\w+)\s*(<=|>=|<|>|==)\s*([\w.+-]+)\s*")
@@ -328,27 +328,27 @@ _OPERATORS: Final[dict[str, Callable[[Any, Any], Any]]] = {
 
 def _holds(text: str, start: Start, where: str, bergs: Collection[str]) -> bool:
     """Whether a start is of a subset: ``NAME < NUMBER`` or ``NAME < NAME``, of its columns and ``speed`` (km a day)."""
-    found, columns = _COMPARISON.fullmatch(text), {**start.columns, "berg": start.berg, "speed": start.speed}
-    if not found or found[1] not in columns:
+    match, columns = _COMPARISON.fullmatch(text), {**start.columns, "berg": start.berg, "speed": start.speed}
+    if not match or match[1] not in columns:
         raise InputError(
             f"{value_shown(text)} compares no column", where=where,
             remedy=f"Write NAME < NUMBER or NAME == BERG, with a name of {', '.join(columns)}",
         )  # fmt: skip
-    other: Any = columns.get(found[3], found[3])
-    if found[1] == "berg" and found[3] not in bergs:
-        raise InputError(f"no berg {found[3]!r} starts", where=where, remedy=f"Bergs are {', '.join(sorted(bergs))}")
-    if isinstance(other, str) and found[1] != "berg":
+    other: Any = columns.get(match[3], match[3])
+    if match[1] == "berg" and match[3] not in bergs:
+        raise InputError(f"no berg {match[3]!r} starts", where=where, remedy=f"Bergs are {', '.join(sorted(bergs))}")
+    if isinstance(other, str) and match[1] != "berg":
         try:
             other = float(other)
         except ValueError as error:
-            raise InputError(f"{found[3]!r} is no column and no number", where=where) from error
-    return bool(_OPERATORS[found[2]](columns[found[1]], other))
+            raise InputError(f"{match[3]!r} is no column and no number", where=where) from error
+    return bool(_OPERATORS[match[2]](columns[match[1]], other))
 
 
 # ---- entrants ---------------------------------------------------------------------------------------------------------------
 
 
-def advected(factor: float) -> DriftModel:
+def make_advected(factor: float) -> DriftModel:
     """Return the model of a point that goes with a share of the current."""
 
     def model(start: Start, dates: Sequence[datetime], forcing: Any) -> Floats:
@@ -364,7 +364,10 @@ def advected(factor: float) -> DriftModel:
         else:
             lon, lat = np.full(times.size, start.lon), np.full(times.size, start.lat)
             for k in range(step.size):
-                u, v = (np.nan_to_num(part) for part in forcing.currents(lon[k : k + 1], lat[k : k + 1], middle[k]))
+                u, v = (
+                    np.nan_to_num(component)
+                    for component in forcing.currents(lon[k : k + 1], lat[k : k + 1], middle[k])
+                )
                 lat[k + 1] = lat[k] + metre * step[k] * v[0]
                 lon[k + 1] = lon[k] + metre * step[k] * u[0] / np.cos(np.radians(lat[k]))
         rows = np.searchsorted(times, ends)
@@ -382,10 +385,10 @@ def entrant(definition: str, suite_case: SuiteCase) -> DriftModel:
     if definition in BASELINES:
         return BASELINES[definition]
     if definition == "current":
-        return advected(1.0)
+        return make_advected(1.0)
     share = re.fullmatch(r"current x ([\d.]+)", definition)
     if share:
-        return advected(float(share[1]))
+        return make_advected(float(share[1]))
     if word == RIFTBERG:
         return _riftberg(suite_case, rest.split())
     if word == "forecasts" and rest:
@@ -402,27 +405,29 @@ def _riftberg(suite_case: SuiteCase, settings: Sequence[str]) -> Forecasts:
     changes = parse_settings(settings)
     forcing = changes.pop("forcing", {})
     parameters = changed(Parameters(stepping={"interactions": False}), changes)
-    made = Forecasts(f"{RIFTBERG} {' '.join(settings)}".strip(), complete=False)
+    forecasts = Forecasts(f"{RIFTBERG} {' '.join(settings)}".strip(), complete=False)
     if isinstance(suite_case.file.forcing, FileForcing):
         for case in suite_case.cases:
-            _advance([case], _file_forcing(suite_case, case, forcing, parameters), parameters, made, [case.start.lon])
-        return made
+            _advance(
+                [case], _file_forcing(suite_case, case, forcing, parameters), parameters, forecasts, [case.start.lon]
+            )
+        return forecasts
     series = series_by_start(
         _changed_section(suite_case, forcing), suite_case.folder, [case.start for case in suite_case.cases]
     )
-    has_floor = any("depth" in own.provides for own in series.values())
-    together = _most_together(suite_case) if has_floor else len(suite_case.cases)
-    for first in range(0, len(suite_case.cases), together):
-        cases = suite_case.cases[first : first + together]
+    has_floor = any("depth" in each.provides for each in series.values())
+    batch = _largest_batch(suite_case) if has_floor else len(suite_case.cases)
+    for first in range(0, len(suite_case.cases), batch):
+        cases = suite_case.cases[first : first + batch]
         middles = -180.0 + 360.0 * (np.arange(len(cases)) + 0.5) / len(cases)
         ocean = Series.side_by_side([series[case.start.key] for case in cases])
-        _advance(cases, ocean, parameters, made, middles.tolist())
-    return made
+        _advance(cases, ocean, parameters, forecasts, middles.tolist())
+    return forecasts
 
 
 @contextmanager
 def _without_notices() -> Iterator[None]:
-    """Keep hundreds of runs from saying the same: what a case lacks is the same for all of its starts."""
+    """Silence the notices of hundreds of runs: all starts of a case lack the same."""
     log = logging.getLogger("riftberg.model")
     level = log.level
     log.setLevel(logging.ERROR)
@@ -432,7 +437,7 @@ def _without_notices() -> Iterator[None]:
         log.setLevel(level)
 
 
-def _most_together(suite_case: SuiteCase) -> int:
+def _largest_batch(suite_case: SuiteCase) -> int:
     """Return for how many bergs a parallel has room, each in a sector that the fastest does not leave."""
     north = max(abs(case.start.lat) for case in suite_case.cases) + 2.0
     half = np.degrees(FASTEST * max(suite_case.leads) / (EARTH_KM * np.cos(np.radians(min(north, 89.0)))))
@@ -440,7 +445,7 @@ def _most_together(suite_case: SuiteCase) -> int:
 
 
 def _advance(
-    cases: Sequence[Case], forcing: Any, parameters: Parameters, made: Forecasts, lon: Sequence[float]
+    cases: Sequence[Case], forcing: Any, parameters: Parameters, forecasts: Forecasts, lon: Sequence[float]
 ) -> None:
     """Advance a model with a berg for each start, at its latitude and some longitude; keep where they are at the leads."""
     lat, length, width, thickness = (
@@ -457,10 +462,10 @@ def _advance(
         with _without_notices():
             model.advance(lead - reached)
         reached, middle = lead, main_position(model)
-        alone, place = len(cases) == 1, model.elements.place
+        alone, centres = len(cases) == 1, model.elements.place
         for k, case in enumerate(cases):
-            x, y = (middle.lon, middle.lat) if alone else (float(place.lon[k]), float(place.lat[k]))
-            made.keep(case.start.berg, case.start.date, lead, case.start.lon + x - lon[k], y)
+            x, y = (middle.lon, middle.lat) if alone else (float(centres.lon[k]), float(centres.lat[k]))
+            forecasts.keep(case.start.berg, case.start.date, lead, case.start.lon + x - lon[k], y)
 
 
 def _file_forcing(suite_case: SuiteCase, case: Case, changes: Mapping[str, Any], parameters: Parameters) -> Any:
@@ -468,8 +473,8 @@ def _file_forcing(suite_case: SuiteCase, case: Case, changes: Mapping[str, Any],
     from riftberg.ocean.files_forcing import Run, forcing_from_files, opened_files
 
     start, thickness = case.start, np.array([case.start.columns["thickness"]], float)
-    place = np.array([start.lon]), np.array([start.lat])
-    run = Run.of(start.date, max(case.seen) + 0.1, thickness, parameters.ice.density, place=place)
+    position = np.array([start.lon]), np.array([start.lat])
+    run = Run.of(start.date, max(case.seen) + 0.1, thickness, parameters.ice.density, place=position)
     settings = _changed_section(suite_case, changes)
     key = settings.model_dump_json(include={"files", "member"})
     if key not in suite_case.opened:  # once for all starts and entrants
@@ -478,7 +483,7 @@ def _file_forcing(suite_case: SuiteCase, case: Case, changes: Mapping[str, Any],
 
 
 def _changed_section(suite_case: SuiteCase, changes: Mapping[str, Any]) -> Any:
-    """Return what a case says of its forcing, with the settings of an entrant."""
+    """Return the forcing section of a case, with the settings of an entrant."""
     section = type(suite_case.file.forcing)
     try:
         return section.model_validate({**suite_case.file.forcing.model_dump(exclude_unset=True), **changes})
@@ -491,20 +496,20 @@ def _changed_section(suite_case: SuiteCase, changes: Mapping[str, Any]) -> Any:
 
 def entrant_errors(model: DriftModel, suite_case: SuiteCase) -> Floats:
     """Return the errors of an entrant, km, by start and lead; NaN where it gives no position or none was seen."""
-    found = np.full((len(suite_case.cases), len(suite_case.leads)), np.nan)
+    errors = np.full((len(suite_case.cases), len(suite_case.leads)), np.nan)
     wants_forcing = not isinstance(model, Forecasts) and len(inspect.signature(model).parameters) > 2
     for k, case in enumerate(suite_case.cases):
         ocean = case.start.forcing
         if wants_forcing and ocean is None:
             ocean = _file_forcing(suite_case, case, {}, Parameters())
-        known = driven_by(ocean, model) if wants_forcing else model
-        for lead, made in forecast(known, case, complete=False).items():
-            lon, lat = made.mean(axis=0)
-            found[k, suite_case.leads.index(lead)] = float(distance(lon, lat, *case.seen[lead]))
-    return found
+        driven = bind_forcing(ocean, model) if wants_forcing else model
+        for lead, positions in forecast(driven, case, complete=False).items():
+            lon, lat = positions.mean(axis=0)
+            errors[k, suite_case.leads.index(lead)] = float(distance(lon, lat, *case.seen[lead]))
+    return errors
 
 
-def driven_by(forcing: Any, model: DriftModel) -> DriftModel:
+def bind_forcing(forcing: Any, model: DriftModel) -> DriftModel:
     """Return a drift model that takes the forcing as its third argument as one of start and dates."""
     return lambda start, dates: model(start, dates, forcing)
 
@@ -533,7 +538,7 @@ def grouped_mean(values: Floats, groups: Sequence[str]) -> Mean:
 
 
 def standing(difference: Mean) -> str:
-    """Return what a paired difference from another entrant says: better, worse, or level where nothing is certain."""
+    """Judge a paired difference from another entrant: better, worse, or level where nothing is certain."""
     if difference.interval is None:
         return ""
     low, high = difference.interval
@@ -549,12 +554,12 @@ def table(case: SuiteCase, errors: Mapping[str, Floats], reference: str) -> dict
             owners = groups[common].tolist()
             row: dict[str, Any] = {"subset": subset, "lead_days": lead, "starts": int(common.sum())}
             row["bergs"] = len(
-                {start_case.start.berg for start_case, taken in zip(case.cases, common, strict=True) if taken}
+                {start_case.start.berg for start_case, is_common in zip(case.cases, common, strict=True) if is_common}
             )
-            found = {name: values[common, j] for name, values in errors.items()} if owners else {}
+            answered = {name: values[common, j] for name, values in errors.items()} if owners else {}
             row["entrants"] = {
-                name: _entrant_row(values, found[reference], owners, name == reference)
-                for name, values in found.items()
+                name: _entrant_row(values, answered[reference], owners, name == reference)
+                for name, values in answered.items()
             }
             rows.append(row)
     return {"name": file.name, "sentence": file.sentence, "source": file.source, "licence": file.licence, "unit": file.unit,
@@ -562,24 +567,24 @@ def table(case: SuiteCase, errors: Mapping[str, Floats], reference: str) -> dict
             "starts": len(case.cases), "rows": rows}  # fmt: skip
 
 
-def _entrant_row(own: Floats, reference: Floats, owners: Sequence[str], is_reference: bool) -> dict[str, Any]:
+def _entrant_row(errors: Floats, reference: Floats, owners: Sequence[str], is_reference: bool) -> dict[str, Any]:
     """Return the errors of an entrant on some starts, and how far the reference is from it; ``owners``: berg of each start."""
     mean, medians = (
-        grouped_mean(own, owners),
-        [np.median(own[np.array(owners) == name]) for name in sorted(set(owners))],
+        grouped_mean(errors, owners),
+        [np.median(errors[np.array(owners) == name]) for name in sorted(set(owners))],
     )
-    alone = len(medians) == len(own)
-    median = float(np.median(own) if alone else np.mean(medians))
-    found: dict[str, Any] = {"mean_km": mean.mean, "interval_km": mean.interval, "median_km": median}
+    alone = len(medians) == len(errors)
+    median = float(np.median(errors) if alone else np.mean(medians))
+    row: dict[str, Any] = {"mean_km": mean.mean, "interval_km": mean.interval, "median_km": median}
     if is_reference:
-        return found
-    paired = grouped_mean(reference - own, owners)
-    found |= {"reference_minus_this_km": paired.mean, "difference_interval_km": paired.interval}
-    return found | {"reference_is": standing(paired)}
+        return row
+    paired = grouped_mean(reference - errors, owners)
+    row |= {"reference_minus_this_km": paired.mean, "difference_interval_km": paired.interval}
+    return row | {"reference_is": standing(paired)}
 
 
 def tables(
-    suite: Sequence[SuiteCase], wanted: Sequence[str] = (), *, models: Mapping[str, DriftModel] | None = None,
+    suite: Sequence[SuiteCase], chosen: Sequence[str] = (), *, models: Mapping[str, DriftModel] | None = None,
     reference: str = RIFTBERG,
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Return the tables of all cases.
@@ -587,7 +592,7 @@ def tables(
     Parameters
     ----------
     suite : sequence of SuiteCase
-    wanted : sequence of str, optional
+    chosen : sequence of str, optional
         Entrants: usual ones, names of ``case.yaml``, definitions (`entrant`) or ``NAME: DEFINITION``; by default the usual ones
         and all of ``case.yaml``.
     models : mapping, optional
@@ -595,20 +600,20 @@ def tables(
     reference : str, optional
         Entrant with which the others are paired, where it takes part; else the last one.
     """
-    found = []
+    results = []
     for case in suite:
-        own = case.file.entrants
-        named = dict(_named(text, own) for text in (wanted or (*USUAL, *own)))
-        entrants = {**{name: entrant(text, case) for name, text in named.items()}, **(models or {})}
+        file_entrants = case.file.entrants
+        definitions = dict(_named(text, file_entrants) for text in (chosen or (*USUAL, *file_entrants)))
+        entrants = {**{name: entrant(text, case) for name, text in definitions.items()}, **(models or {})}
         errors = {name: entrant_errors(model, case) for name, model in entrants.items()}
-        found.append(table(case, errors, reference if reference in errors else list(errors)[-1]))
-    return found
+        results.append(table(case, errors, reference if reference in errors else list(errors)[-1]))
+    return results
 
 
-def _named(text: str, own: Mapping[str, str]) -> tuple[str, str]:
+def _named(text: str, file_entrants: Mapping[str, str]) -> tuple[str, str]:
     """Return name and definition of an entrant."""
-    name, colon, definition = (part.strip() for part in text.partition(": "))
-    return (name, definition) if colon else (name, own.get(name, name))
+    name, colon, definition = (piece.strip() for piece in text.partition(": "))
+    return (name, definition) if colon else (name, file_entrants.get(name, name))
 
 
 def as_markdown(result: Sequence[Mapping[str, Any]]) -> str:

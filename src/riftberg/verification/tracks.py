@@ -25,14 +25,14 @@ from riftberg.diagnostics.observed import SENSORS
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
-from riftberg.system.input_files import is_folder, is_seen, rows_of_csv, value_shown
+from riftberg.system.input_files import is_folder, is_seen, read_csv_rows, value_shown
 from riftberg.verification.scores import (
     FEWEST,
     Point,
     along_across,
     bootstrap_interval,
-    carried_on,
     distance,
+    extrapolate,
     local,
     moved,
     position_scores,
@@ -65,7 +65,7 @@ DRESSED_MEMBERS: Final = 50
 
 @dataclass(frozen=True)
 class Start:
-    """What a drift model gets: where a berg is, and where it was."""
+    """Input of a drift model: where a berg is, and where it was."""
 
     berg: str  # Name
     date: datetime
@@ -88,8 +88,8 @@ class Start:
         """Name and date, as tables of forecasts name a start."""
         return self.berg.upper(), to_ten_minutes(self.date)
 
-    def forced_by(self, forcing: Any) -> Start:
-        """Return the same start with what drives the berg."""
+    def with_forcing(self, forcing: Any) -> Start:
+        """Return the same start with its forcing."""
         return replace(self, forcing=forcing)
 
     @property
@@ -116,7 +116,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Case:
-    """One start with what was seen afterwards."""
+    """One start with the positions seen afterwards."""
 
     start: Start
     seen: Mapping[float, tuple[float, float]]  # Longitude and latitude by lead time, days
@@ -159,12 +159,12 @@ def family(berg: str) -> str:
 
 
 def dressed_without(cases: Sequence[Case], berg: str) -> dict[str, Dressed]:
-    """Return the baselines with their errors on training bergs, without those of a berg's own family.
+    """Return the baselines with their errors on training bergs, without a berg's own family.
 
-    Pieces of one berg drift in the same water, and the parent's errors are those of the berg itself.
+    Pieces of one berg drift in the same water, and the parent's errors are the errors of the berg.
     """
-    own = family(berg.upper().replace("-", ""))
-    training = [case for case in cases if not case.held_out and family(case.start.berg) != own]
+    own_family = family(berg.upper().replace("-", ""))
+    training = [case for case in cases if not case.held_out and family(case.start.berg) != own_family]
     return {name: Dressed(model, training) for name, model in BASELINES.items()}
 
 
@@ -207,7 +207,7 @@ def read_cases(folder: str | Path, leads: Sequence[int] = LEADS) -> list[Case]:
 
 def _seen(path: Path) -> dict[datetime, tuple[float, float]]:
     """Return the positions (longitude, latitude) of the days on which a scatterometer saw the berg."""
-    rows = rows_of_csv(path)[0]
+    rows = read_csv_rows(path)[0]
     names = {str(name).strip().lower() for name in rows[0] if name is not None}
     sensors = [s for s in SENSORS if s != "nic" and {f"{s}_1", f"{s}_2", f"{s}_3", "date"} <= names]
     seen = {}
@@ -231,36 +231,36 @@ def _seen(path: Path) -> dict[datetime, tuple[float, float]]:
 def _without_jumps(seen: Mapping[datetime, tuple[float, float]]) -> dict[datetime, tuple[float, float]]:
     """Drop positions that need more than `FASTEST` from the last one kept.
 
-    If the next two fit each other and what was kept before, it is the last one that was wrong: a first position, or one
+    If the next two fit each other and the positions kept before, the last one was wrong: a first position, or one
     after a gap, has nothing near by to be judged by.
     """
 
     def fit(*one_and_later: tuple[datetime, tuple[float, float]]) -> bool:
-        (when, place), (later, there) = one_and_later
-        return bool(distance(*place, *there) <= FASTEST * (later - when).days)
+        (when, position), (later, later_position) = one_and_later
+        return bool(distance(*position, *later_position) <= FASTEST * (later - when).days)
 
     positions = list(seen.items())
-    kept: list[tuple[datetime, tuple[float, float]]] = []
+    accepted: list[tuple[datetime, tuple[float, float]]] = []
     for here, after in zip(positions, [*positions[1:], None], strict=True):
-        if kept and not fit(kept[-1], here):
-            two = after is not None and fit(here, after) and not fit(kept[-1], after)
-            if not two or not all(fit(one, here) for one in kept[-2:-1]):
+        if accepted and not fit(accepted[-1], here):
+            two = after is not None and fit(here, after) and not fit(accepted[-1], after)
+            if not two or not all(fit(previous, here) for previous in accepted[-2:-1]):
                 continue
-            kept.pop()
-        kept.append(here)
-    return dict(kept)
+            accepted.pop()
+        accepted.append(here)
+    return dict(accepted)
 
 
 def _cases(berg: str, seen: Mapping[datetime, tuple[float, float]], leads: Sequence[int]) -> Iterator[Case]:
-    for when, place in seen.items():
+    for when, position in seen.items():
         origin = seen.get(when - timedelta(days=DAYS_BEFORE))
-        if place[1] <= NORTH_OF or origin is None or distance(*origin, *place) < SLOWEST * DAYS_BEFORE:
+        if position[1] <= NORTH_OF or origin is None or distance(*origin, *position) < SLOWEST * DAYS_BEFORE:
             continue
         dates: dict[float, datetime] = {lead: when + timedelta(days=lead) for lead in leads}
         later = {lead: seen[date] for lead, date in dates.items() if date in seen}
         days = (when - timedelta(days=back) for back in range(DAYS_BEFORE, 0, -1))
         if later:
-            yield Case(Start(berg, when, *place, {day: seen[day] for day in days if day in seen}), later)
+            yield Case(Start(berg, when, *position, {day: seen[day] for day in days if day in seen}), later)
 
 
 def staying_put(start: Start, dates: Sequence[datetime]) -> Floats:
@@ -273,7 +273,7 @@ def constant_velocity(start: Start, dates: Sequence[datetime]) -> Floats:
     if not start.before:
         return np.full((len(dates), 2), np.nan)
     ratio = np.array([(when - start.date) / timedelta(days=start.days_before) for when in dates])
-    return np.stack(carried_on(*start.origin, start.lon, start.lat, ratio), axis=-1)
+    return np.stack(extrapolate(*start.origin, start.lon, start.lat, ratio), axis=-1)
 
 
 BASELINES: Final[Mapping[str, DriftModel]] = {"staying put": staying_put, "constant velocity": constant_velocity}
@@ -294,8 +294,8 @@ class Dressed:
         self.model = model
         errors: dict[float, list[tuple[float, float]]] = {}
         for case in training:
-            for lead, made in forecast(model, case).items():
-                (lon, lat), seen = made[0], case.seen[lead]
+            for lead, members in forecast(model, case).items():
+                (lon, lat), seen = members[0], case.seen[lead]
                 east, north = local(lon, lat, *seen)
                 ahead, left = along_across(east, north, case.start.heading)
                 errors.setdefault(lead, []).append((float(ahead), float(left)))
@@ -305,18 +305,20 @@ class Dressed:
 
     def __call__(self, start: Start, dates: Sequence[datetime]) -> Floats:
         """Return the members at each date."""
-        made = np.asarray(self.model(start, dates), float)
+        positions = np.asarray(self.model(start, dates), float)
         days = [(when - start.date) / timedelta(days=1) for when in dates]
         # A case gets the same members in any order of the cases.
         random = np.random.default_rng([1, start.date.toordinal(), *start.berg.encode()])
-        return np.stack([self.around(made[k], start.heading, lead, random) for k, lead in enumerate(days)], axis=1)
+        return np.stack([self.around(positions[k], start.heading, lead, random) for k, lead in enumerate(days)], axis=1)
 
-    def around(self, place: Floats, heading: tuple[float, float], days: float, random: np.random.Generator) -> Floats:
+    def around(
+        self, position: Floats, heading: tuple[float, float], days: float, random: np.random.Generator
+    ) -> Floats:
         """Return members (members, 2) around a forecast position, with the errors of the nearest lead time."""
-        lead = min(self.errors, key=lambda known: abs(known - days))
+        lead = min(self.errors, key=lambda each: abs(each - days))
         ahead, left = random.choice(self.errors[lead], DRESSED_MEMBERS).T
         e, n = np.divide(heading, np.hypot(*heading))
-        return np.stack(moved(place[0], place[1], ahead * e - left * n, ahead * n + left * e), axis=-1)
+        return np.stack(moved(position[0], position[1], ahead * e - left * n, ahead * n + left * e), axis=-1)
 
 
 def forecast(model: DriftModel, case: Case, *, complete: bool = True) -> dict[float, Floats]:
@@ -328,21 +330,23 @@ def forecast(model: DriftModel, case: Case, *, complete: bool = True) -> dict[fl
     dates = [case.start.date + timedelta(days=lead) for lead in leads]
     where = str(case.start)
     try:
-        made = np.asarray(model(case.start, dates), float)
+        positions = np.asarray(model(case.start, dates), float)
     except InputError:
         raise
     except Exception as error:
         raise InputError(f"the model fails: {type(error).__name__}: {error}", where=where) from error
-    made = made[None] if made.ndim == 2 else made
-    if made.ndim != 3 or made.shape[1:] != (len(leads), 2):
+    positions = positions[None] if positions.ndim == 2 else positions
+    if positions.ndim != 3 or positions.shape[1:] != (len(leads), 2):
         raise InputError(
-            f"the model returns an array of shape {made.shape}", where=where,
+            f"the model returns an array of shape {positions.shape}", where=where,
             remedy=f"Return ({len(leads)}, 2), or (members, {len(leads)}, 2): longitude and latitude at each date",
         )  # fmt: skip
-    known = np.isfinite(made).all(axis=(0, 2))
-    if (complete and not known.all()) or np.abs(made[:, known, 1]).max(initial=0.0) > 90.0:
-        raise InputError(f"the model returns {value_shown(made)}", where=where, remedy="Return degrees for each date")
-    return {lead: made[:, k] for k, lead in enumerate(leads) if known[k]}
+    has_position = np.isfinite(positions).all(axis=(0, 2))
+    if (complete and not has_position.all()) or np.abs(positions[:, has_position, 1]).max(initial=0.0) > 90.0:
+        raise InputError(
+            f"the model returns {value_shown(positions)}", where=where, remedy="Return degrees for each date"
+        )
+    return {lead: positions[:, k] for k, lead in enumerate(leads) if has_position[k]}
 
 
 @dataclass(frozen=True)
@@ -357,12 +361,12 @@ class Row:
     tuned: bool
 
 
-def errors_of(model: DriftModel, cases: Iterable[Case]) -> list[Row]:
+def compute_errors(model: DriftModel, cases: Iterable[Case]) -> list[Row]:
     """Return the errors of a model at all cases and lead times."""
     rows = []
     for case in cases:
-        for lead, made in forecast(model, case).items():
-            east, north = local(*case.seen[lead], made[:, 0], made[:, 1])
+        for lead, members in forecast(model, case).items():
+            east, north = local(*case.seen[lead], members[:, 0], members[:, 1])
             error = float(np.hypot(east.mean(), north.mean()))
             rows.append(Row(case.start.berg, case.start.date, lead, error, case.held_out, case.tuned))
     return rows
@@ -391,10 +395,12 @@ def ensemble_table(model: DriftModel, cases: Iterable[Case], error: float) -> li
     """Return the scores of an ensemble by lead time, with an error of the observation (km) added to its members."""
     points: dict[float, list[Point]] = {}
     for case in cases:
-        for lead, made in forecast(model, case).items():
-            if len(made) < 2:
-                raise InputError(f"{len(made)} members", where="ensemble_table", remedy="Give an ensemble, or dress it")
-            ahead = np.stack(_in_axes(case.start, made[:, 0], made[:, 1]), axis=-1)
+        for lead, members in forecast(model, case).items():
+            if len(members) < 2:
+                raise InputError(
+                    f"{len(members)} members", where="ensemble_table", remedy="Give an ensemble, or dress it"
+                )
+            ahead = np.stack(_in_axes(case.start, members[:, 0], members[:, 1]), axis=-1)
             points.setdefault(lead, []).append(
                 Point(case.start.berg, ahead, np.array(_in_axes(case.start, *case.seen[lead])))
             )
@@ -411,7 +417,7 @@ COLUMNS: Final = ("berg", "start", "lead_days", "lon", "lat")
 
 
 def write_cases(cases: Iterable[Case], path: Path, names: Sequence[str] = ()) -> Path:
-    """Write the starts, with box and dates of the products that each needs, one row per lead time; not what was seen.
+    """Write the starts, with box and dates of the products that each needs, one row per lead time; no observations.
 
     ``names``: of the case of a suite that each start belongs to; a column where they are given.
     """
@@ -457,9 +463,9 @@ class Forecasts:
         keys = [(*start.key, to_ten_minutes(when)) for when in dates]
         members = {len(self._made.get(key, ())) for key in keys}
         if self.complete and (0 in members or len(members) > 1):
-            what = "no forecast" if 0 in members else "lead times with different numbers of members"
+            fault = "no forecast" if 0 in members else "lead times with different numbers of members"
             raise InputError(
-                what,
+                fault,
                 where=f"{self.source}: {start}",
                 remedy="Forecast every row of cases.csv, with as many members each",
             )
@@ -476,11 +482,11 @@ def to_ten_minutes(date: datetime) -> datetime:
 
 def read_forecasts(path: Path, *, complete: bool = True) -> Forecasts:
     """Return the forecasts of a table (`COLUMNS`; several rows of a start and lead time are members) as a drift model."""
-    rows = [{str(key).strip().lower(): value or "" for key, value in row.items()} for row in rows_of_csv(path)[0]]
+    rows = [{str(key).strip().lower(): value or "" for key, value in row.items()} for row in read_csv_rows(path)[0]]
     missing = [name for name in COLUMNS if name not in rows[0]]
     if missing:
         raise InputError(f"no column {missing[0]!r}", where=str(path), remedy=f"Columns are {', '.join(COLUMNS)}")
-    made = Forecasts(str(path), complete=complete)
+    forecasts = Forecasts(str(path), complete=complete)
     for number, row in enumerate(rows):
         where = f"{path}, line {number + 2}"
         try:
@@ -493,5 +499,5 @@ def read_forecasts(path: Path, *, complete: bool = True) -> Forecasts:
             raise InputError(
                 f"latitude {lat:g}, longitude {lon:g} are no position", where=where, remedy="Leave the row out"
             )
-        made.keep(row["berg"], parse_date(row["start"], where=where)[0], lead, lon, lat)
-    return made
+        forecasts.keep(row["berg"], parse_date(row["start"], where=where)[0], lead, lon, lat)
+    return forecasts

@@ -34,10 +34,10 @@ from riftberg.viz.panels import (
     arrow_key,
     fragment_colours,
     fragment_patches,
-    on_a_map,
+    project_run,
     speed_bar,
     speed_scale,
-    widened,
+    widen_box,
 )
 from riftberg.viz.plots import figure_title
 from riftberg.viz.style import moment_text, new_figure
@@ -75,7 +75,7 @@ def write_film(
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`, or what `Model.run` returns.
+        From `riftberg.runs.run_file.open_run` or from `Model.run`.
     path : path
         Film, ``.mp4`` or ``.gif``.
     hours : float, optional
@@ -99,14 +99,14 @@ def write_film(
         raise InputError("ffmpeg is not installed", where=str(path), remedy="Install ffmpeg, or write a .gif")
     gif = ending == ".gif"
     fps, dpi = fps or (GIF_FPS if gif else FPS), dpi or (GIF_DPI if gif else DPI)
-    scene, water = on_a_map(run, projection)
+    scene, water = project_run(run, projection)
     records = frame_records(scene, hours, fps)
     film = _Film(scene, water, observed or {}, dpi, steps=GIF_STEPS if gif else None)
     writer: AbstractMovieWriter
     if gif:
         probes = []
-        for place in np.unique(np.linspace(0, len(records) - 1, PALETTE_FRAMES).round().astype(int)):
-            film.draw(int(records[place]))
+        for index in np.unique(np.linspace(0, len(records) - 1, PALETTE_FRAMES).round().astype(int)):
+            film.draw(int(records[index]))
             probes.append(figure_image(film.figure))
         exact = (*film.colours.values(), colours.SMALL, colours.GROUND)
         writer = GifWriter(fps, film_palette(probes, exact))
@@ -115,12 +115,12 @@ def write_film(
         extra = ["-pix_fmt", "yuv420p", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"]
         writer = FFMpegWriter(fps=fps, codec="libx264", extra_args=extra)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path, ending=True) as part, writer.saving(film.figure, str(part), dpi=dpi):
-        for done, record in enumerate(records, start=1):
+    with replacing(path, ending=True) as temporary, writer.saving(film.figure, str(temporary), dpi=dpi):
+        for frames_done, record in enumerate(records, start=1):
             film.draw(int(record))
             writer.grab_frame()
             if progress is not None:
-                progress(done, len(records))
+                progress(frames_done, len(records))
     return path
 
 
@@ -136,8 +136,8 @@ def frame_records(scene: Scene, hours: float | None, fps: int) -> Ints:
         return np.unique(np.linspace(0, count - 1, min(count, round(SECONDS * fps))).round().astype(int))
     if not hours > 0.0:
         raise InputError(f"{hours:g} hours", where="--hours", remedy="Give a number above 0")
-    wanted = np.arange(scene.seconds[0], scene.seconds[-1] + 1.0, 3600.0 * hours)
-    return np.unique([int(np.argmin(np.abs(scene.seconds - moment))) for moment in wanted])
+    moments = np.arange(scene.seconds[0], scene.seconds[-1] + 1.0, 3600.0 * hours)
+    return np.unique([int(np.argmin(np.abs(scene.seconds - moment))) for moment in moments])
 
 
 class _Film:
@@ -148,7 +148,7 @@ class _Film:
         steps: int | None = None,
     ) -> None:  # fmt: skip
         self.scene, self.water, self.observed, self.steps = scene, water, observed, steps
-        self.box = widened(scene.box(), scene.latlon, 1.6, margin=0.06)
+        self.box = widen_box(scene.box(), scene.latlon, 1.6, margin=0.06)
         self.figure = new_figure(9.6, 7.2, dpi)
         self.ax = self.figure.subplots()
         style.put_title(self.figure, figure_title(scene.run, "drift and break-up"), size=11.0)
@@ -156,8 +156,8 @@ class _Film:
         handles = fragment_patches(scene)
         columns = 1 if len(handles) <= 4 else 2
         self.figure.legend(handles=handles, fontsize=8, loc="outside lower left", frameon=False, ncols=columns)
-        some = range(0, len(scene.times), max(1, len(scene.times) // 12))
-        self.top, self.flows = speed_scale([self._panel()] * len(some), some)
+        sample_records = range(0, len(scene.times), max(1, len(scene.times) // 12))
+        self.top, self.flows = speed_scale([self._panel()] * len(sample_records), sample_records)
         if self.flows:
             speed_bar([self.ax], self.top)
         style.lay_out(self.figure)  # once: axes that move from frame to frame would flicker
@@ -190,14 +190,14 @@ COLOURS = 128
 """In a palette."""
 
 SHADES = (1.0, 0.8, 0.6)
-"""Of each exact colour: as it is, and under the thin dark edges of the elements."""
+"""Of each exact colour: plain, and under the thin dark edges of the elements."""
 
 SAME = 8
 """Colours that differ by less than this in each of red, green and blue (of 255) need not both be in a palette."""
 
 
 def figure_image(figure: Figure) -> Image.Image:
-    """Return a figure as it is drawn now, in red, green and blue."""
+    """Return the present image of a figure, in red, green and blue."""
     pixels = BytesIO()
     figure.savefig(pixels, format="rgba", dpi=figure.dpi)
     size = figure.canvas.get_width_height(physical=True)
@@ -207,17 +207,17 @@ def figure_image(figure: Figure) -> Image.Image:
 def film_palette(frames: Sequence[Image.Image], exact: Iterable[str]) -> Image.Image:
     """Return a palette for a film, as an image that carries it."""
     width, height = frames[0].size
-    together = Image.new("RGB", (width, height * len(frames)))
-    for place, frame in enumerate(frames):
-        together.paste(frame, (0, place * height))
-    kept = [tuple(round(255.0 * part * value) for value in to_rgb(colour)) for colour in exact for part in SHADES]
-    kept = list(dict.fromkeys([*kept, (0, 0, 0), (255, 255, 255)]))
-    shades = together.quantize(COLOURS - len(kept), dither=Image.Dither.NONE).getpalette() or []
+    strip = Image.new("RGB", (width, height * len(frames)))
+    for index, frame in enumerate(frames):
+        strip.paste(frame, (0, index * height))
+    fixed = [tuple(round(255.0 * factor * value) for value in to_rgb(colour)) for colour in exact for factor in SHADES]
+    fixed = list(dict.fromkeys([*fixed, (0, 0, 0), (255, 255, 255)]))
+    shades = strip.quantize(COLOURS - len(fixed), dither=Image.Dither.NONE).getpalette() or []
     for shade in zip(shades[0::3], shades[1::3], shades[2::3], strict=True):
-        if all(max(abs(a - b) for a, b in zip(shade, other, strict=True)) >= SAME for other in kept):
-            kept.append(shade)
+        if all(max(abs(a - b) for a, b in zip(shade, other, strict=True)) >= SAME for other in fixed):
+            fixed.append(shade)
     palette = Image.new("P", (1, 1))
-    palette.putpalette([part for colour in kept for part in colour])
+    palette.putpalette([channel for colour in fixed for channel in colour])
     return palette
 
 
@@ -230,10 +230,10 @@ class GifWriter(PillowWriter):
         self.frames: list[Image.Image] = []
 
     def grab_frame(self, **savefig_kwargs: Any) -> None:
-        """Keep the figure as it is now."""
+        """Keep the present image of the figure."""
         self.frames.append(figure_image(self.fig).quantize(palette=self.palette, dither=Image.Dither.NONE))
 
     def finish(self) -> None:
-        """Write the file; what did not change from a frame to the next is left out of it."""
+        """Write the file without the pixels that do not change from a frame to the next."""
         first, *rest = self.frames
         first.save(self.outfile, "GIF", save_all=True, append_images=rest, duration=round(1000 / self.fps), loop=0)

@@ -29,7 +29,7 @@ FILLED: Final = (("land", LAND), ("minor_islands", LAND), ("antarctic_ice_shelve
 """Layers of areas of Natural Earth."""
 
 COAST: Final = 3.6
-"""Height of the coast among what is drawn: above currents and shoals, below ice and tracks."""
+"""Height of the coast in the drawing: above currents and shoals, below ice and tracks."""
 
 SHORES: Final = ("coastline", "minor_islands_coastline")
 """Layers of lines; unlike the edges of the areas, they have no seam along the date line."""
@@ -47,7 +47,7 @@ RIM: Final = {-1: 35.0, 1: 40.0}
 """Latitude at which the view of a hemisphere ends: the coast of the package goes no further."""
 
 SIZE: Final = 0.24
-"""Side of the view over that of the map."""
+"""Side of the view over the side of the map."""
 
 CORNERS: Final = ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.0, 0.13))
 """Where it may stand, best first; in the fourth corner above the scale bar."""
@@ -60,10 +60,10 @@ def draw_coast(ax: Axes, box: Box, *, plane: ConformalPlane | None = None) -> se
     """
     from matplotlib.collections import LineCollection, PathCollection
 
-    areas, lines = coast_in(box) if plane is None else coast_on(box, plane)
+    areas, lines = clip_coast(box) if plane is None else project_coast(box, plane)
     for colour in (LAND, SHELF):
-        paths = [polygon_path(polygon) for polygon, shown in areas if shown == colour]
-        # The extent of the map is that of the run, not of the continent.
+        paths = [polygon_path(polygon) for polygon, fill in areas if fill == colour]
+        # The run sets the extent of the map, not the continent.
         ax.add_collection(PathCollection(paths, facecolors=colour, edgecolors="none", zorder=COAST), autolim=False)
     shore = LineCollection(
         [np.asarray(line.coords)[:, :2] for line in lines], colors=SHORE, linewidths=0.8, zorder=COAST
@@ -94,18 +94,18 @@ def draw_place(ax: Axes, box: Box, plane: ConformalPlane | None, x: Floats, y: F
     frame = ax.get_window_extent()
     wide = SIZE * min(1.0, frame.height / frame.width)
     high = wide * frame.width / frame.height
-    places = [(0.015 + a * (0.97 - wide), 0.015 + b * (0.97 - high)) for a, b in CORNERS]
+    corners = [(0.015 + a * (0.97 - wide), 0.015 + b * (0.97 - high)) for a, b in CORNERS]
     x, y = (x - box.west) / (box.east - box.west), (y - box.south) / (box.north - box.south)
-    areas, _ = coast_in(box) if plane is None else coast_on(box, plane)
+    areas, _ = clip_coast(box) if plane is None else project_coast(box, plane)
 
-    def hidden(place: tuple[float, float]) -> tuple[int, bool]:
-        left, low = place
+    def hidden(corner: tuple[float, float]) -> tuple[int, bool]:
+        left, low = corner
         points = (x > left - 0.05) & (x < left + wide + 0.05) & (y > low - 0.05) & (y < low + high + 0.05)
         west, south = box.west + left * (box.east - box.west), box.south + low * (box.north - box.south)
         east, north = west + wide * (box.east - box.west), south + high * (box.north - box.south)
         return int(points.sum()), any(area.intersects(shapely.box(west, south, east, north)) for area, _ in areas)
 
-    left, low = min(places, key=hidden)
+    left, low = min(corners, key=hidden)
     inset = ax.inset_axes((left, low, wide, high), zorder=11)
     view = EqualAreaPlane(0.0, 90.0 * side, 1.0)
     rim = float(np.hypot(*view.forward(np.array(0.0), np.array(side * RIM[side]))))
@@ -128,19 +128,19 @@ def _view(side: int) -> list[tuple[list[Any], str]]:
 
     plane = EqualAreaPlane(0.0, 90.0 * side, 1.0)
     layers = []
-    for shapes, colour in packaged():
-        near = [shape for shape in shapes if side * shape.centroid.y > 0.0]
+    for shapes, colour in packaged_coast():
+        on_side = [shape for shape in shapes if side * shape.centroid.y > 0.0]
         laid = shapely.transform(
-            shapely.segmentize(near, 1.0), lambda xy: np.stack(plane.forward(xy[:, 0], xy[:, 1]), axis=-1)
+            shapely.segmentize(on_side, 1.0), lambda xy: np.stack(plane.forward(xy[:, 0], xy[:, 1]), axis=-1)
         )
-        # About 15 km, less than a tenth of a point of the view; what is smaller is no land of it.
+        # About 15 km, less than a tenth of a point of the view; smaller land is left out.
         coarse = shapely.simplify(laid, 0.0025)
-        kept = coarse[shapely.area(coarse) > 2e-6]
-        layers.append(([polygon_path(p) for shape in kept for p in getattr(shape, "geoms", [shape])], colour))
+        large = coarse[shapely.area(coarse) > 2e-6]
+        layers.append(([polygon_path(p) for shape in large for p in getattr(shape, "geoms", [shape])], colour))
     return layers
 
 
-def over_land(run: xr.Dataset) -> str:
+def ice_over_land(run: xr.Dataset) -> str:
     """Return a sentence on the first ice of a run that floats over land; empty where none does.
 
     Where a run knows no sea floor, or one of coarse cells, bergs drift across islands without a word.
@@ -150,33 +150,33 @@ def over_land(run: xr.Dataset) -> str:
     if "lat" not in run or "depth" not in run:
         return ""
     records = np.unique(np.linspace(0, run.sizes["time"] - 1, 60).astype(int))
-    some = run[["lon", "lat", "depth", "thickness"]].isel(time=records).transpose("time", ...)
-    lon, lat, depth, thickness = (some[name].values for name in ("lon", "lat", "depth", "thickness"))
+    sample = run[["lon", "lat", "depth", "thickness"]].isel(time=records).transpose("time", ...)
+    lon, lat, depth, thickness = (sample[name].values for name in ("lon", "lat", "depth", "thickness"))
     if not np.isfinite(lat).any():
         return ""
     west, east, south, north = (float(f(v)) for v in (lon, lat) for f in (np.nanmin, np.nanmax))
     box = Box(west - 0.01, east + 0.01, south - 0.01, north + 0.01)  # a row of elements has no height
     afloat = (depth > thickness) & np.isfinite(lat)
     dry = np.zeros(lat.shape, np.bool_)
-    for area, colour in coast_in(box)[0]:
+    for area, colour in clip_coast(box)[0]:
         if colour == LAND:
             shapely.prepare(area)
             dry |= shapely.contains_xy(area, lon, lat)
-    found = np.argwhere(dry & afloat)
-    if not len(found):
+    cells = np.argwhere(dry & afloat)
+    if not len(cells):
         return ""
-    k, n = found[0]
-    date = str(some["time"].values[k].astype("datetime64[m]")).replace("T", " ")
-    place = place_text(float(lon[k, n]), float(lat[k, n]), latlon=True, digits=1)
+    k, n = cells[0]
+    date = str(sample["time"].values[k].astype("datetime64[m]")).replace("T", " ")
+    position = place_text(float(lon[k, n]), float(lat[k, n]), latlon=True, digits=1)
     floor = f"its sea floor is {depth[k, n]:.0f} m deep there" if depth[k, n] < UNKNOWN_DEPTH else "it has no sea floor"
     return (
-        f"from {date} on ice of this run floats over land of the map, at {place}: {floor}. Add one to the forcing, such as "
+        f"from {date} on ice of this run floats over land of the map, at {position}: {floor}. Add one to the forcing, such as "
         "that of 'riftberg fetch gebco'"
     )
 
 
 @lru_cache(maxsize=16)
-def coast_on(box: Box, plane: ConformalPlane) -> tuple[list[tuple[Any, str]], list[Any]]:
+def project_coast(box: Box, plane: ConformalPlane) -> tuple[list[tuple[Any, str]], list[Any]]:
     """Return areas with their colours, and lines, on the plane of a polar map."""
     import shapely
 
@@ -186,36 +186,36 @@ def coast_on(box: Box, plane: ConformalPlane) -> tuple[list[tuple[Any, str]], li
     if box.west < 0.0 < box.east and box.south < 0.0 < box.north:  # the pole is on the map
         low, high = (low, 90.0) if plane.lat0 > 0.0 else (-90.0, high)
         west, east = plane.lon0 - 179.99, plane.lon0 + 179.99
-    areas, lines = coast_in(Box(west, east, low, high))
+    areas, lines = clip_coast(Box(west, east, low, high))
 
-    def laid(part: Any) -> Any:
+    def laid(shape: Any) -> Any:
         # Cuts run along parallels and meridians, which are bent on the plane.
         return shapely.transform(
-            shapely.segmentize(part, 0.5), lambda xy: np.stack(plane.forward(xy[:, 0], xy[:, 1]), axis=-1)
+            shapely.segmentize(shape, 0.5), lambda xy: np.stack(plane.forward(xy[:, 0], xy[:, 1]), axis=-1)
         )
 
     return [(laid(area), colour) for area, colour in areas], [laid(line) for line in lines]
 
 
 @lru_cache(maxsize=64)
-def coast_in(box: Box) -> tuple[list[tuple[Any, str]], list[Any]]:
+def clip_coast(box: Box) -> tuple[list[tuple[Any, str]], list[Any]]:
     """Return areas with their colours, and lines, within and just around an extent."""
     finer = any(natural_earth(name) for name in ("land", "coastline"))
-    layers = [(_shapes(natural_earth(name)), colour) for name, colour in FILLED] if finer else packaged()
+    layers = [(_shapes(natural_earth(name)), colour) for name, colour in FILLED] if finer else packaged_coast()
     areas = [
-        (part, colour) for shapes, colour in layers for part in _clipped(shapes, box) if part.geom_type == "Polygon"
+        (piece, colour) for shapes, colour in layers for piece in _clip(shapes, box) if piece.geom_type == "Polygon"
     ]
-    lines = [part for name in SHORES for part in _clipped(_shapes(natural_earth(name)), box)] if finer else []
+    lines = [piece for name in SHORES for piece in _clip(_shapes(natural_earth(name)), box)] if finer else []
     if not finer:
-        lines = [part for shapes, _ in layers for part in _clipped(shapes, box, edges=True)]
-    lines = [part for part in lines if part.geom_type == "LineString"]
+        lines = [piece for shapes, _ in layers for piece in _clip(shapes, box, edges=True)]
+    lines = [piece for piece in lines if piece.geom_type == "LineString"]
     if finer and not lines:
         lines = [ring for polygon, _ in areas for ring in (polygon.exterior, *polygon.interiors)]
     return areas, lines
 
 
 @lru_cache(maxsize=1)
-def packaged() -> list[tuple[list[Any], str]]:
+def packaged_coast() -> list[tuple[list[Any], str]]:
     """Return the land and the ice shelves that come with the package."""
     import shapely
 
@@ -225,10 +225,10 @@ def packaged() -> list[tuple[list[Any], str]]:
             sizes, rings = file[f"{name}_sizes"], file[f"{name}_rings"]
             change = np.stack([file[f"{name}_x"], file[f"{name}_y"]], axis=-1).astype(np.int64)
             begins = np.cumsum(sizes) - sizes
-            whole = np.cumsum(change, axis=0)
+            path = np.cumsum(change, axis=0)
             # Each ring begins with its own first point, and goes on with differences.
-            offset = whole[begins] - change[begins]
-            points = (whole - np.repeat(offset, sizes, axis=0)) / UNITS
+            offset = path[begins] - change[begins]
+            points = (path - np.repeat(offset, sizes, axis=0)) / UNITS
             shores = shapely.linearrings(points, indices=np.repeat(np.arange(sizes.size), sizes))
             layers.append((list(shapely.polygons(shores, indices=np.repeat(np.arange(rings.size), rings))), colour))
     return layers
@@ -241,11 +241,13 @@ def natural_earth(name: str) -> Path | None:
         from cartopy.io import Downloader
     except ImportError:
         return None
-    # Cartopy's own path() downloads what it does not find; these two only say where it would be.
+    # Cartopy's own path() downloads missing files; these two only say where it would be.
     finder = Downloader.from_config(("shapefiles", "natural_earth", "10m", "physical", name))
     request = {"config": config, "category": "physical", "name": name, "resolution": "10m"}
-    places = (finder.pre_downloaded_path(request), finder.target_path(request))
-    return next((Path(place) for place in places if place is not None and Path(place).is_file()), None)
+    candidates = (finder.pre_downloaded_path(request), finder.target_path(request))
+    return next(
+        (Path(candidate) for candidate in candidates if candidate is not None and Path(candidate).is_file()), None
+    )
 
 
 @lru_cache(maxsize=16)
@@ -257,7 +259,7 @@ def _shapes(path: Path | None) -> list[Any]:
     return list(Reader(str(path)).geometries())
 
 
-def _clipped(shapes: list[Any], box: Box, *, edges: bool = False) -> list[Any]:
+def _clip(shapes: list[Any], box: Box, *, edges: bool = False) -> list[Any]:
     """Return the parts of shapes around a box, or of their ``edges`` without cuts, on the branch of its longitudes."""
     import shapely
 
@@ -276,7 +278,7 @@ def _clipped(shapes: list[Any], box: Box, *, edges: bool = False) -> list[Any]:
                 shapely.clip_by_rect(_edges(shape) if edges else sound, *bounds),
                 lambda xy, turn=turn: xy + np.array([turn, 0.0]),
             )
-            pieces += [part for part in getattr(moved, "geoms", [moved]) if not part.is_empty]
+            pieces += [piece for piece in getattr(moved, "geoms", [moved]) if not piece.is_empty]
     return pieces
 
 
@@ -292,8 +294,8 @@ def _edges(polygon: Any) -> Any:
         for cut in CUTS:
             beside = (np.abs(a[:, 1] - cut) < 0.02 for a in (begin, end))
             seam |= np.logical_and(*beside)
-        kept = np.split(np.arange(len(seam)), np.flatnonzero(np.diff(seam)) + 1)
-        segments += [points[k[0] : k[-1] + 2] for k in kept if len(k) and not seam[k[0]]]
+        runs = np.split(np.arange(len(seam)), np.flatnonzero(np.diff(seam)) + 1)
+        segments += [points[k[0] : k[-1] + 2] for k in runs if len(k) and not seam[k[0]]]
     return shapely.MultiLineString(segments)
 
 

@@ -21,22 +21,22 @@ SMALL: Final = "#666666"
 """Fragments too small to be named."""
 
 MODEL: Final = FRAGMENTS[0]
-"""The berg of the model beside what was observed or is known: that of the largest fragment."""
+"""The berg of the model beside observations: the colour of the largest fragment."""
 
 OBSERVED: Final = "#000000"
-"""What was observed, and theory."""
+"""Observations, and theory."""
 
 OBSERVED_DAYS: Final = ("#332288", "#117733", "#AA4499", "#88CCEE", "#999933", "#882255")
 """Outlines of several days in one panel (Tol's muted colours)."""
 
 GROUND: Final = "#A50026"
-"""Sea floor that the keel touches, what is aground, bonds that fail."""
+"""Sea floor that the keel touches, ice aground, bonds that fail."""
 
 STRESS_LINE: Final = "#CF2A27"
 """The largest stress, as a line."""
 
 DAMAGE_LINE: Final = "#63308F"
-"""What damage leaves of the strength, as a line."""
+"""The strength that damage leaves, as a line."""
 
 STRENGTH: Final = "#555555"
 """The strength of the ice, and quiet lines."""
@@ -46,7 +46,7 @@ ZERO: Final = "#BBBBBB"
 """The line at zero."""
 
 PAIRING: Final = "#999999"
-"""Lines that join what belongs together: model and observation of one time, a fragment and its birth."""
+"""Lines that join pairs: model and observation of one time, a fragment and its birth."""
 
 SEA: Final = "#F4F7FA"
 """Under everything, where neither currents nor a sea floor are known."""
@@ -74,7 +74,7 @@ _FORCE_COLOURS: Final = {
     "sea ice": "#999999",
 }
 REST: Final = "#8C510A"
-"""What the other part of a berg exerts through a cut."""
+"""Force of the other part of a berg through a cut."""
 
 _OTHER_FORCES: Final = ("#332288", "#999933", "#882255", "#44AA99")
 

@@ -1,4 +1,4 @@
-"""Pictures of ensembles: of a sweep, of a forecast, and of inputs: what each does, and what a calibration makes of them."""
+"""Pictures of ensembles: a sweep, a forecast, the effects of inputs, and their calibration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from riftberg.viz.panels import Map
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# ---- sweeps: where the largest pieces went, when they broke, and what was left ------------------------------------------
+# ---- sweeps: where the largest pieces went, when they broke, and the rest ----------------------------------------------
 
 Array = np.ndarray[Any, Any]
 
@@ -54,25 +54,25 @@ def draw_sweep(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     if "status" not in result or not (result["status"] == 0).any():
         raise InputError("no member of this sweep is done", where="draw_sweep", remedy="Look at its messages")
     style.check_format(path)
-    done, missing = result.isel(member=(result["status"] == 0).values), int((result["status"] != 0).sum())
+    finished, missing = result.isel(member=(result["status"] == 0).values), int((result["status"] != 0).sum())
     figure = style.new_figure(13.5, 7.2, dpi)
     axes = figure.subplot_mosaic([["tracks", "dates"], ["tracks", "sizes"]], width_ratios=(0.55, 0.45))
-    names = [str(name) for name in done.coords if "parameter" in done[name].attrs]
-    x, label, words = _scale(done, names[0])
+    names = [str(name) for name in finished.coords if "parameter" in finished[name].attrs]
+    x, label, words = _scale(finished, names[0])
     # A second parameter is shown by colour; with one alone the colour shows that one.
-    shade, shade_label, shade_words = _scale(done, names[min(1, len(names) - 1)])
-    scale = _scale_of(shade)
+    shade, shade_label, shade_words = _scale(finished, names[min(1, len(names) - 1)])
+    scale = _colour_scale(shade)
     shades = np.asarray(scale.to_rgba(shade))
     bar = style.colour_bar(list(axes.values()), scale, shade_label, location="right", shrink=1.0, aspect=50)
     if shade_words:
         bar.set_ticks(range(len(shade_words)), labels=shade_words)
-    chart, ice = _draw_members(axes["tracks"], done, shades)
+    chart, ice = _draw_members(axes["tracks"], finished, shades)
     distinct = np.unique(x)
     spread = x
     if len(names) > 1 and len(distinct) > 1:  # members of one value stand side by side, so that all are seen
         spread = x + (bar.norm(shade) - 0.5) * 0.35 * float(np.diff(distinct).min())
-    _draw_breakups(axes["dates"], done, spread, shades)
-    area = done["largest_area"].values / 1e6
+    _draw_breakups(axes["dates"], finished, spread, shades)
+    area = finished["largest_area"].values / 1e6
     axes["sizes"].scatter(spread, area, s=26, c=shades, ec="white", lw=0.5)
     axes["sizes"].set_ylim(0.0, 1.08 * float(np.nanmax(area)))
     axes["sizes"].set_ylabel("area (km²)", fontsize=9)
@@ -85,14 +85,16 @@ def draw_sweep(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
         if words:
             axes[name].set_xticks(range(len(words)), words)
     style.letters(list(axes.values()))
-    note = f"{done.sizes['member']} runs" + (f", {missing} more failed, unfinished or not yet run" if missing else "")
-    style.put_title(figure, f"{str(done.attrs.get('title', 'Sweep')).split(':')[0]}, {note}", size=13.0)
+    note = f"{finished.sizes['member']} runs" + (
+        f", {missing} more failed, unfinished or not yet run" if missing else ""
+    )
+    style.put_title(figure, f"{str(finished.attrs.get('title', 'Sweep')).split(':')[0]}, {note}", size=13.0)
     style.lay_out(figure)
     chart.draw_place(*ice)
     return style.save_figure(figure, path)
 
 
-def _scale_of(values: Array) -> Any:
+def _colour_scale(values: Array) -> Any:
     """Return the scale of colours of values."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
@@ -103,11 +105,11 @@ def _scale_of(values: Array) -> Any:
     return ScalarMappable(Normalize(low, high if high > low else low + 1.0), shades)
 
 
-def _draw_members(ax: Axes, done: xr.Dataset, shades: Array) -> tuple[Map, tuple[Array, Array]]:
-    """Draw where the pieces of each member were at each time, the largest one full; return the map and what is on it."""
-    latlon = "lat" in done
+def _draw_members(ax: Axes, finished: xr.Dataset, shades: Array) -> tuple[Map, tuple[Array, Array]]:
+    """Draw where the pieces of each member were at each time, the largest one full; return the map and the positions on it."""
+    latlon = "lat" in finished
     x_name, y_name = ("lon", "lat") if latlon else ("x", "y")
-    lon, lat, area = (done[name].values for name in (x_name, y_name, "area"))
+    lon, lat, area = (finished[name].values for name in (x_name, y_name, "area"))
     chart = Map.around(ax, lon, lat, latlon=latlon)
     x, y = chart.placed(lon, lat)
     for k, colour in enumerate(shades):
@@ -116,29 +118,29 @@ def _draw_members(ax: Axes, done: xr.Dataset, shades: Array) -> tuple[Map, tuple
         for piece in range(x.shape[1]):
             main = piece == largest
             ax.plot(
-                *style.gapped(x[k, piece], y[k, piece], area[k, piece]), color=colour, lw=1.4 if main else 0.6,
+                *style.insert_gaps(x[k, piece], y[k, piece], area[k, piece]), color=colour, lw=1.4 if main else 0.6,
                 ls="-" if main else (0, (3, 1.5)), alpha=0.9 if main else 0.6, solid_capstyle="round", zorder=5,
             )  # fmt: skip
-        born = done["fragment_parent"].values[k] > 0
-        births = chart.placed(*(done[f"fragment_{name}"].values[k][born] for name in (x_name, y_name)))
+        born = finished["fragment_parent"].values[k] > 0
+        births = chart.placed(*(finished[f"fragment_{name}"].values[k][born] for name in (x_name, y_name)))
         ax.plot(*births, ls="", marker="*", ms=7, mec="white", mew=0.4, color=colour, zorder=6)
     chart.draw_scale()
     ax.set_title("Tracks; a star where a piece broke off", fontsize=10, pad=6)
     return chart, (x, y)
 
 
-def _draw_breakups(ax: Axes, done: xr.Dataset, x: Array, shades: Array) -> None:
+def _draw_breakups(ax: Axes, finished: xr.Dataset, x: Array, shades: Array) -> None:
     """Draw the dates of the break-ups of each member, larger for larger pieces."""
     # One without a parent is a whole berg, and broke off nothing.
-    births, broke = done["fragment_birth_time"].values, done["fragment_parent"].values > 0
-    sizes = done["fragment_area"].values / 1e6
+    births, broke = finished["fragment_birth_time"].values, finished["fragment_parent"].values > 0
+    sizes = finished["fragment_area"].values / 1e6
     most = float(sizes[broke].max(initial=0.0)) or 1.0
     for k, colour in enumerate(shades):
         size = 12.0 + 120.0 * sizes[k][broke[k]] / most
         ax.scatter(np.full(broke[k].sum(), x[k]), births[k][broke[k]], s=size, color=colour, ec="white", lw=0.5)
-    times = done["time"].values
-    # Where the start is varied, the dates are those of member 0.
-    after = done["start_after"].values if "start_after" in done.coords else np.zeros(1)
+    times = finished["time"].values
+    # Where the start is varied, the dates belong to member 0.
+    after = finished["start_after"].values if "start_after" in finished.coords else np.zeros(1)
     first, last = (np.timedelta64(round(1e9 * float(end)), "ns") for end in (after.min(), after.max()))
     ax.set_ylim(times[0] + first, times[-1] + last)
     style.date_axis(ax, "y")
@@ -146,9 +148,9 @@ def _draw_breakups(ax: Axes, done: xr.Dataset, x: Array, shades: Array) -> None:
     ax.set_title(f"Break-ups ({largest})", fontsize=10, pad=6)
 
 
-def _scale(done: xr.Dataset, name: str) -> tuple[Array, str, list[str]]:
+def _scale(finished: xr.Dataset, name: str) -> tuple[Array, str, list[str]]:
     """Return a parameter as numbers for an axis, the label of that axis, and its words where it has no numbers."""
-    variable = done[name]
+    variable = finished[name]
     title = str(variable.attrs["parameter"])
     if variable.dtype.kind in "OUST":
         words = list(dict.fromkeys(str(value) for value in variable.values))
@@ -174,12 +176,12 @@ LEAST_WEIGHT: Final = 0.01
 """Members with less than this part of the largest weight are not drawn: sightings speak against them."""
 
 
-def tracks_shown(result: xr.Dataset) -> Array:
+def choose_tracks(result: xr.Dataset) -> Array:
     """Return the members of a forecast whose tracks are drawn."""
     weight = np.where(result["status"].values == 0, result["weight"].values, 0.0)
     count = np.flatnonzero(weight > LEAST_WEIGHT * weight.max())
-    shown: Array = count[np.unique(np.linspace(0, count.size - 1, min(count.size, MOST_TRACKS)).astype(int))]
-    return shown
+    chosen: Array = count[np.unique(np.linspace(0, count.size - 1, min(count.size, MOST_TRACKS)).astype(int))]
+    return chosen
 
 
 def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] = (), dpi: int = 150) -> Path:
@@ -192,14 +194,14 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     style.check_format(path)
     figure = style.new_figure(14.0, 8.0, dpi)
     axes = figure.subplot_mosaic([["map", "dates"], ["map", "cracks"]], width_ratios=(0.56, 0.44))
-    shown, finish = _draw_presence(axes["map"], result)
-    style.colour_bar([axes["map"]], shown, "probability that ice passes over", shrink=0.9)
+    shades, finish = _draw_presence(axes["map"], result)
+    style.colour_bar([axes["map"]], shades, "probability that ice passes over", shrink=0.9)
     _draw_dates(axes["dates"], result)
     cracks = _draw_cracks(axes["cracks"], result, notes)
     style.colour_bar([axes["cracks"]], cracks, "probability of a crack", location="right", shrink=1.0, aspect=25)
     style.letters(list(axes.values()))
-    done, count = int((result["status"] == 0).sum()), float(result.attrs.get("effective_members", np.inf))
-    members = count_text(done, "member") + (f", {count:.1f} of them count" if count < 0.995 * done else "")
+    finished, count = int((result["status"] == 0).sum()), float(result.attrs.get("effective_members", np.inf))
+    members = count_text(finished, "member") + (f", {count:.1f} of them count" if count < 0.995 * finished else "")
     unfinished = int((result["status"] == 3).sum())
     members += f", {unfinished} more unfinished" if unfinished else ""
     name = Path(str(result.attrs.get("experiment", "Forecast"))).stem
@@ -210,7 +212,7 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
 
 
 def _draw_presence(ax: Axes, result: xr.Dataset) -> tuple[Any, Callable[[], None]]:
-    """Draw where ice passes, tracks of the largest pieces, the control, ellipses; return the shades, and what comes last."""
+    """Draw where ice passes, tracks of the largest pieces, the control, ellipses; return shades, and a last step to draw."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
@@ -221,7 +223,7 @@ def _draw_presence(ax: Axes, result: xr.Dataset) -> tuple[Any, Callable[[], None
         *chart.placed(*cells), np.ma.masked_less(result["passes"].values, 0.005), cmap=shades, vmin=0.0, vmax=1.0,
         zorder=1.5,
     )  # fmt: skip
-    tracks = [result[name].isel(fragment=0, member=tracks_shown(result)).values for name in ("lon", "lat")]
+    tracks = [result[name].isel(fragment=0, member=choose_tracks(result)).values for name in ("lon", "lat")]
     for n, track in enumerate(zip(*tracks, strict=True)):
         label = "members" if n == 0 else None
         ax.plot(*chart.placed(*track), color=colours.STRENGTH, lw=0.4, alpha=0.5, zorder=4, label=label)
@@ -244,7 +246,7 @@ def _draw_presence(ax: Axes, result: xr.Dataset) -> tuple[Any, Callable[[], None
     chart.draw_scale()
 
     def finish() -> None:
-        """Draw what finds its place by where the axes came to lie."""
+        """Draw the parts whose positions depend on the layout of the axes."""
         labels = style.Labels(ax)
         ice = result["passes"].values > 0.005
         chart.draw_place(*chart.placed(*(axis[ice] for axis in cells)), labels)
@@ -286,7 +288,7 @@ def _draw_cracks(ax: Axes, result: xr.Dataset, notes: Sequence[str]) -> Any:
     return image
 
 
-# ---- inputs: what each does to the results, and what a calibration makes of them beside what was seen -----------------------
+# ---- inputs: the effect of each on the results, and their calibration beside observations ----------------------------------
 
 BINS = 20
 
@@ -326,9 +328,11 @@ def draw_posterior(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
                 )
             unit = "" if units[column] == "1" else f", {units[column]}"
             if row == count - 1:
-                ax.set_xlabel(f"{style.in_words(names[column])}{unit}", fontsize=8)
+                ax.set_xlabel(f"{style.spell_name(names[column])}{unit}", fontsize=8)
             if column == 0 and row > 0:
-                ax.set_ylabel(style.in_words(names[row]) + ("" if units[row] == "1" else f", {units[row]}"), fontsize=8)
+                ax.set_ylabel(
+                    style.spell_name(names[row]) + ("" if units[row] == "1" else f", {units[row]}"), fontsize=8
+                )
             ax.tick_params(labelsize=7)
             style.plain_axes(ax)
     if count > 1:
@@ -344,10 +348,10 @@ def _draw_input(ax: Any, ds: xr.Dataset, k: int, values: Floats, weight: Floats,
     edges = np.linspace(float(ends[0]), float(ends[1]), BINS + 1)
     first = ds["member_value"].values[ds["member_wave"].values == 1, k]
     ax.hist(first, edges, density=True, color=colours.ICE, label="before")
-    known = bool(ds["known"][k])
+    informed = bool(ds["known"][k])
     ax.hist(values, edges, weights=weight, density=True, histtype="step", lw=1.4,
-            color=colours.STRESS_LINE if known else colours.STRENGTH, label="after")  # fmt: skip
-    if known:
+            color=colours.STRESS_LINE if informed else colours.STRENGTH, label="after")  # fmt: skip
+    if informed:
         ax.axvline(float(ds["likeliest"][k]), color=colours.OBSERVED, lw=0.8, ls="--", label="likeliest")
     else:
         ax.set_title("not told by what was seen", fontsize=7)
@@ -357,7 +361,7 @@ def _draw_input(ax: Any, ds: xr.Dataset, k: int, values: Floats, weight: Floats,
 
 
 def draw_predictive(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
-    """Draw what was observed (0, with its error) beside the members of the first wave and what follows from the inputs after."""
+    """Draw observations (0, with their error) beside the members of the first wave and predictions of the inputs after."""
     style.check_format(path)
     names = ds["target"].values.tolist()
     kinds = {
@@ -370,24 +374,24 @@ def draw_predictive(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path
     heads = {"east": "model east of observed, km", "north": "model north of observed, km",
              "azimuth": "azimuth, model minus observed, degrees", "log margin": "log of the margin; 0: breaks"}  # fmt: skip
     for ax, (word, rows) in zip(axes, kinds.items(), strict=True):
-        place = np.arange(len(rows))
+        position = np.arange(len(rows))
         spread = ds["member_result"].values[first][:, rows]
-        ax.plot(np.tile(place, (len(spread), 1)).T, spread.T, color=colours.ZERO, lw=0.6, marker=".", ms=3)
+        ax.plot(np.tile(position, (len(spread), 1)).T, spread.T, color=colours.ZERO, lw=0.6, marker=".", ms=3)
         low, middle, high = (ds[f"predicted_{end}"].values[rows] for end in ("low", "median", "high"))
-        ax.errorbar(place - 0.08, middle, np.maximum([middle - low, high - middle], 0.0), fmt="o", ms=4, capsize=3,
+        ax.errorbar(position - 0.08, middle, np.maximum([middle - low, high - middle], 0.0), fmt="o", ms=4, capsize=3,
                     color=colours.STRESS_LINE, label="after, 90 %")  # fmt: skip
-        shown = np.r_[low, high, 3.0 * ds["error"].values[rows], -3.0 * ds["error"].values[rows]]
-        ends = 1.1 * shown.min() - 0.1, 1.1 * shown.max() + 0.1
+        limits = np.r_[low, high, 3.0 * ds["error"].values[rows], -3.0 * ds["error"].values[rows]]
+        ends = 1.1 * limits.min() - 0.1, 1.1 * limits.max() + 0.1
         ax.set_ylim(*ends)
         labels = [names[k].partition(",")[0].removesuffix(f" {word}").removesuffix(" 00:00") for k in rows]
         observed = {"color": colours.OBSERVED, "label": "observed, with the error of observation and model"}
         if word == "log margin":  # a berg that was whole had any margin below 0, one that was broken any above it
-            for x, label in zip(place, labels, strict=True):
+            for x, label in zip(position, labels, strict=True):
                 ax.plot([x + 0.08] * 2, [0.0, ends[0] if label.startswith("whole") else ends[1]], lw=3.0, **observed)
         else:
             error = 1.645 * ds["error"].values[rows]
-            ax.errorbar(place + 0.08, np.zeros(len(rows)), error, fmt="s", ms=4, capsize=3, **observed)
-        ax.set_xticks(place, [style.date_in(label) for label in labels], fontsize=7)
+            ax.errorbar(position + 0.08, np.zeros(len(rows)), error, fmt="s", ms=4, capsize=3, **observed)
+        ax.set_xticks(position, [style.reword_dates(label) for label in labels], fontsize=7)
         ax.set_xlim(-0.5, len(rows) - 0.5)
         ax.set_ylabel(heads[word], fontsize=8)
         style.plain_axes(ax)
@@ -397,23 +401,23 @@ def draw_predictive(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path
     return style.save_figure(figure, path)
 
 
-def draw_sensitivity(found: xr.Dataset, path: str | Path, *, title: str = "", dpi: int = 150) -> Path:
-    """Draw what `riftberg.ensembles.sensitivity.indices` returns: one panel for each result, one bar for each input."""
+def draw_sensitivity(sensitivities: xr.Dataset, path: str | Path, *, title: str = "", dpi: int = 150) -> Path:
+    """Draw the result of `riftberg.ensembles.sensitivity.indices`: one panel for each result, one bar for each input."""
     style.check_format(path)
-    names = found["result"].values.tolist()
-    inputs = found["input"].values.tolist()
+    names = sensitivities["result"].values.tolist()
+    inputs = sensitivities["input"].values.tolist()
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
     figure = style.new_figure(4.0 + 2.9 * columns, rows * (1.2 + 0.24 * len(inputs)) + 0.5, dpi)
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
-    place = np.arange(len(inputs))
+    position = np.arange(len(inputs))
     for k, ax in enumerate(grid.flat):
         if k >= len(names):
             ax.axis("off")
             continue
-        row = found.isel(result=k)
+        row = sensitivities.isel(result=k)
         unit = "" if row["unit"].item() == "1" else f", {row['unit'].item()}"
-        label, head = f"mean change{unit}", style.in_words(names[k])
+        label, head = f"mean change{unit}", style.spell_name(names[k])
         if "effect" in row and row["effect"].notnull().any():
             keys = [("effect", colours.MODEL, "")]
         elif "total" in row and row["total"].notnull().any():
@@ -427,14 +431,14 @@ def draw_sensitivity(found: xr.Dataset, path: str | Path, *, title: str = "", dp
             if key in row:
                 value, low, high = (row[f"{key}{end}"].values for end in ("", "_low", "_high"))
                 reach = np.maximum([value - low, high - value], 0.0)
-                ax.barh(place, value, 0.7 if word != "alone" else 0.4, color=colour, label=word or None)
-                ax.errorbar(value, place, xerr=reach, fmt="none", ecolor=colours.OBSERVED, elinewidth=0.8)
+                ax.barh(position, value, 0.7 if word != "alone" else 0.4, color=colour, label=word or None)
+                ax.errorbar(value, position, xerr=reach, fmt="none", ecolor=colours.OBSERVED, elinewidth=0.8)
         if len(keys) > 1 and k == 0:
             ax.legend(fontsize=7, loc="lower right")
         ax.axvline(0.0, color=colours.ZERO, lw=0.8)
         ax.set_title(head, fontsize=9)
         ax.set_xlabel(label, fontsize=8)
-        ax.set_yticks(place, [style.in_words(name) for name in inputs])
+        ax.set_yticks(position, [style.spell_name(name) for name in inputs])
         ax.set_ylim(len(inputs) - 0.4, -0.6)
         style.plain_axes(ax)
     style.put_title(figure, f"{title}; lines: 90 % intervals" if title else "Lines: 90 % intervals")

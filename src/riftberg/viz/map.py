@@ -14,7 +14,7 @@ from riftberg.config.values import required
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
 from riftberg.runs.groundings import title_lines
-from riftberg.runs.layout import heading_of
+from riftberg.runs.layout import run_heading
 from riftberg.runs.scene import Scene, Statics
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -29,15 +29,15 @@ from riftberg.viz.panels import (
     fragment_colours,
     fragment_name,
     fragment_patches,
+    make_panels,
     melt_bar,
     melts,
     nearest_record,
-    on_a_map,
-    panels_at,
+    project_run,
     speed_bar,
     speed_scale,
     thickness_lost,
-    widened,
+    widen_box,
 )
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def draw_map(
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`, or what `Model.run` returns.
+        From `riftberg.runs.run_file.open_run` or from `Model.run`.
     path : path, optional
         Picture to write; the ending decides on the format: ``.png``, ``.pdf``, ``.svg`` and others of matplotlib.
     ax : matplotlib.axes.Axes, optional
@@ -116,9 +116,9 @@ def draw_map(
     date : str or numpy.datetime64 or datetime, optional
         With ``ax``: draw the berg at this date, in the current of this date.
     forcing : Forcing or StoredWater, optional
-        Gives currents and depth of water; by default what the run file keeps of them, or the forcing of a run in memory.
+        Gives currents and depth of water; by default as stored in the run file, or the forcing of a run in memory.
     title : str, optional
-        First line of the title; by default the experiment. The second line says what the forcing is.
+        First line of the title; by default the experiment. The second line names the forcing.
     dates : int, optional
         Number of dates, 2 to 6.
     observed : mapping or Statics, optional
@@ -144,12 +144,12 @@ def draw_map(
     required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_map")
     if ax is not None and projection == "auto":
         projection = "degrees"
-    scene, water = on_a_map(run, projection, forcing)
+    scene, water = project_run(run, projection, forcing)
     statics, outlines = (observed, {}) if isinstance(observed, Statics) else (None, observed or {})
     if ax is not None:
         if path is not None:
             raise InputError("both a file and axes", where="draw_map", remedy="Give path or ax; save the figure of ax")
-        return _draw_into(ax, scene, water, outlines, statics, date)
+        return _draw_on_axes(ax, scene, water, outlines, statics, date)
     if path is not None:
         style.check_format(path)
     figure = _draw_figure(scene, water, outlines, statics, dates, _title(run, scene, title), dpi)
@@ -163,7 +163,7 @@ def draw_tracks(run: xr.Dataset, *, title: str = "", projection: Projection = "a
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.open_run`, or what `Model.run` returns.
+        From `riftberg.open_run` or from `Model.run`.
     path : path, optional
         Picture to write; the ending decides on the format.
     title : str, optional
@@ -179,7 +179,7 @@ def draw_tracks(run: xr.Dataset, *, title: str = "", projection: Projection = "a
         The picture if ``path`` is given, else the figure.
     """
     required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_tracks")
-    scene, water = on_a_map(run, projection)
+    scene, water = project_run(run, projection)
     figure = style.new_figure(7.0, 8.4, dpi)
     overview = Overview(figure.subplots(), scene, water, OVERVIEW)
     depth_bar(overview.panel)
@@ -192,8 +192,8 @@ def draw_tracks(run: xr.Dataset, *, title: str = "", projection: Projection = "a
 
 
 def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
-    """Return a title that names the run, its dates, its forcing and what melted."""
-    first = title or heading_of(run, "Iceberg drift")
+    """Return a title that names the run, its dates, its forcing and its melt."""
+    first = title or run_heading(run, "Iceberg drift")
     second = str(run.attrs.get("forcing_title", "")).strip()
     melted = "".join(f"\n{line}" for line in [*title_lines(scene.stays), *melt_lines(run)[:1]])
     return f"{first}, {style.span_text(scene.times)}" + (f"\nForcing: {second}" if second else "") + melted
@@ -206,46 +206,46 @@ def _draw_figure(
     shape = max(OVERVIEW, min(scene.shape(MARGIN), WIDEST))
     # Of a beam the overview shows the two dates that tell.
     records = [0, len(scene.times) - 1] if statics is not None else scene.telling_records(dates)
-    shown = records if statics is None else []
+    panel_records = records if statics is None else []
     wide = shape > WIDE
     if wide:
-        columns = max(4, len(shown))
-        heights = 13.5 / shape + 1.8, 13.5 / columns + 1.4 if shown else 0.0
+        columns = max(4, len(panel_records))
+        heights = 13.5 / shape + 1.8, 13.5 / columns + 1.4 if panel_records else 0.0
         figure = style.new_figure(15.5, sum(heights), dpi)
-        parts: Any = figure.subfigures(2, 1, height_ratios=heights) if shown else [figure]
+        subfigures: Any = figure.subfigures(2, 1, height_ratios=heights) if panel_records else [figure]
     else:
-        columns = (len(shown) + 1) // 2
-        figure = style.new_figure(15.5 if shown else 7.0, 7.8, dpi)
-        parts = figure.subfigures(1, 2, width_ratios=(0.4, 0.6)) if shown else [figure]
-    overview = Overview(parts[0].subplots(), scene, water, shape, observed, statics)
+        columns = (len(panel_records) + 1) // 2
+        figure = style.new_figure(15.5 if panel_records else 7.0, 7.8, dpi)
+        subfigures = figure.subfigures(1, 2, width_ratios=(0.4, 0.6)) if panel_records else [figure]
+    overview = Overview(subfigures[0].subplots(), scene, water, shape, observed, statics)
     depth_bar(overview.panel)
-    marks = "track and dates of the panels" if shown else "track and dates"
-    parts[0].legend(
+    marks = "track and dates of the panels" if panel_records else "track and dates"
+    subfigures[0].legend(
         handles=overview.handles(marks), fontsize=8, loc="outside lower left", ncols=6 if wide else 2, frameon=False
     )
     style.put_title(figure, title, size=11.0)
-    if not shown:
+    if not panel_records:
         style.lay_out(figure)
         overview.draw(records)
         return figure
-    places = list(parts[1].subplots(1 if wide else 2, columns, squeeze=False).flat)
-    for unused in places[len(shown) :]:
+    panel_axes = list(subfigures[1].subplots(1 if wide else 2, columns, squeeze=False).flat)
+    for unused in panel_axes[len(panel_records) :]:
         unused.remove()
-    places = places[: len(shown)]
-    panels = panels_at(places, scene, water, shown, margin=0.08)
+    panel_axes = panel_axes[: len(panel_records)]
+    panels = make_panels(panel_axes, scene, water, panel_records, margin=0.08)
     # One scale of speed for all dates, so that they can be compared.
-    top, flows = speed_scale(panels, shown)
-    style.letters([overview.ax, *places])
-    style.outer_names(places, columns)
+    top, flows = speed_scale(panels, panel_records)
+    style.letters([overview.ax, *panel_axes])
+    style.outer_names(panel_axes, columns)
     if flows:
-        speed_bar(places, top)
-    # The colours of fragments tell several pieces apart; those of a single one are free for what it has lost.
+        speed_bar(panel_axes, top)
+    # The colours of fragments tell several pieces apart; those of a single one are free for its loss of ice.
     lost = thickness_lost(scene) if len(scene.numbers) == 1 and melts(scene.run) else None
-    scale = None if lost is None else melt_bar(places, 0.0, float(np.nanmax(lost[shown], initial=0.0)))
+    scale = None if lost is None else melt_bar(panel_axes, 0.0, float(np.nanmax(lost[panel_records], initial=0.0)))
     style.lay_out(figure)
     # Only now, for labels find their places by where the axes came to lie.
     overview.draw(records)
-    for k, (panel, record) in enumerate(zip(panels, shown, strict=True)):
+    for k, (panel, record) in enumerate(zip(panels, panel_records, strict=True)):
         rings = observed.get(str(scene.times[record])[:10], ())
         melted = None if lost is None or scale is None else (lost[record], scale)
         quiver = panel.draw_date(record, top, overview.colours, rings, arrows=9, depths=False, melted=melted)
@@ -254,7 +254,7 @@ def _draw_figure(
     return figure
 
 
-def _draw_into(
+def _draw_on_axes(
     ax: Axes, scene: Scene, water: Water | None, observed: Outlines, statics: Statics | None, date: Any
 ) -> Axes:
     """Draw the tracks, or the berg at a date, into axes of the user's."""
@@ -271,20 +271,20 @@ def _draw_into(
             remedy="Give plain axes; x and y are those of the run",
         )
     # As the user laid them out, before an equal aspect shrank them.
-    place = ax.get_position(original=True)
-    shape = float(ax.figure.bbox.width * place.width / (ax.figure.bbox.height * place.height))
+    frame = ax.get_position(original=True)
+    shape = float(ax.figure.bbox.width * frame.width / (ax.figure.bbox.height * frame.height))
     if date is None:
         Overview(ax, scene, water, shape, observed, statics).draw(scene.telling_records(6))
         return ax
     record = nearest_record(scene, np.datetime64(date))
     (box,) = common_boxes(scene, [record])
-    panel = Panel(ax, scene, widened(box, scene.latlon, shape), water, labels=True)
-    (top, flows), shown = speed_scale([panel], [record]), fragment_colours(scene)
-    quiver = panel.draw_date(record, top, shown, observed.get(str(scene.times[record])[:10], ()), depths=False)
+    panel = Panel(ax, scene, widen_box(box, scene.latlon, shape), water, labels=True)
+    (top, flows), palette = speed_scale([panel], [record]), fragment_colours(scene)
+    quiver = panel.draw_date(record, top, palette, observed.get(str(scene.times[record])[:10], ()), depths=False)
     if quiver is not None and flows:
         arrow_key(quiver, top)
     ax.set_title(style.moment_text(scene.times, scene.times[record], year=True), fontsize=10, pad=4, loc="left")
-    for number, colour in shown.items():
+    for number, colour in palette.items():
         if (scene.berg[record] == number).any():
             ax.plot([], [], "s", color=colour, mec="black", mew=0.5, label=fragment_name(scene, number))
     return ax
@@ -299,7 +299,7 @@ class Overview:
     ) -> None:  # fmt: skip
         self.ax, self.scene, self.observed, self.statics = ax, scene, observed or {}, statics
         self.colours = fragment_colours(scene)
-        box = widened(scene.box(), scene.latlon, shape, margin=MARGIN)
+        box = widen_box(scene.box(), scene.latlon, shape, margin=MARGIN)
         self.panel = Panel(ax, scene, box, water, ticks=6, labels=True)
         self.panel.draw_ground(shaded=True)
 
@@ -324,9 +324,9 @@ class Overview:
             self._draw_track(number, labels)
         self.panel.draw_place(self.scene.x, self.scene.y, labels)
         self._draw_dates(labels, records)
-        for number, place in ends.items():
+        for number, position in ends.items():
             if len(ends) > 1:
-                labels.put(self.scene.name(number), *place, fontsize=8, style="italic")
+                labels.put(self.scene.name(number), *position, fontsize=8, style="italic")
         if self.statics is not None:
             self._draw_statics(self.statics, records)
         self.panel.draw_scale()
@@ -352,25 +352,25 @@ class Overview:
         labels.prefer_off_line(x, y)
 
     def _draw_dates(self, labels: style.Labels, records: list[int]) -> None:
-        """Mark and label the chosen dates on the track of the largest fragment, and before its birth of what it was part of."""
+        """Mark and label the chosen dates on the track of the largest fragment, before its birth on that of its parent."""
         largest = self.scene.numbers[0]
-        places = []
+        positions = []
         for record in records:
-            x, y, there = self.scene.track(self.scene.ancestor(largest, record))
+            x, y, track_records = self.scene.track(self.scene.ancestor(largest, record))
             # A track may miss this very record: the nearest one stands for it.
-            row = int(np.argmin(np.abs(there - record)))
-            places.append((float(x[row]), float(y[row])))
-        self.ax.plot(*zip(*places, strict=True), "o", ms=6.5, mfc="white", mec="black", mew=1.3, zorder=8)
-        for place in places:
-            labels.avoid(*place)
+            row = int(np.argmin(np.abs(track_records - record)))
+            positions.append((float(x[row]), float(y[row])))
+        self.ax.plot(*zip(*positions, strict=True), "o", ms=6.5, mfc="white", mec="black", mew=1.3, zorder=8)
+        for position in positions:
+            labels.avoid(*position)
         # Of dates at which the berg was in about the same place the first is labelled, and the last.
-        order = [0, len(places) - 1, *range(1, len(places) - 1)]
+        order = [0, len(positions) - 1, *range(1, len(positions) - 1)]
         texts = style.moment_texts(self.scene.times, records, hour=False)
         labelled: list[tuple[float, float]] = []
         for k in order:
-            if all(labels.apart(places[k], other) > NEAR for other in labelled):
-                labels.put(texts[k], *places[k], fontsize=9, fontweight="bold")
-                labelled.append(places[k])
+            if all(labels.apart(positions[k], other) > NEAR for other in labelled):
+                labels.put(texts[k], *positions[k], fontsize=9, fontweight="bold")
+                labelled.append(positions[k])
 
     def touches(self) -> list[tuple[float, float]]:
         """Return where bergs and fragments touched the sea floor, on the map."""
@@ -379,7 +379,7 @@ class Overview:
         return list(zip(x.tolist(), y.tolist(), strict=True))
 
     def handles(self, marks: str = "track and dates of the panels") -> list[Any]:
-        """Return what explains fragments and signs in a legend."""
+        """Return the entries of fragments and signs in a legend."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 

@@ -1,4 +1,4 @@
-"""One map panel and what can be drawn on it: extent and coast, water, sea floor, ice, bonds, observed outlines, scale bar.
+"""One map panel and its layers: extent and coast, water, sea floor, ice, bonds, observed outlines, scale bar.
 
 Beyond 60 degrees maps are polar stereographic, on a plane that touches a pole: meridians meet there, so a map in degrees is
 stretched from its lower to its upper edge. Everything that draws on them draws metres.
@@ -18,7 +18,7 @@ from riftberg.engines.common.rift_tips import tip_label
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.plane import ConformalPlane, near
-from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, stretch, water_of
+from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, find_water, stretch
 from riftberg.runs.tracks import is_channel
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -44,7 +44,7 @@ STEPS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0
 """Degrees between meridians, and between parallels."""
 
 
-def plane_at(lon: float, lat: float, radius: float) -> ConformalPlane:
+def polar_plane(lon: float, lat: float, radius: float) -> ConformalPlane:
     """Return the polar stereographic plane whose lengths are true at a place, with its meridian upright."""
     true = 0.5 * (1.0 + math.sin(math.radians(abs(lat))))
     return ConformalPlane(lon, math.copysign(90.0, lat), true * radius)
@@ -57,7 +57,7 @@ class PolarScene(Scene):
         super().__init__(run)
         self.degrees = Scene(run)
         lon, lat = (0.5 * float(v.min() + v.max()) for v in (self.x, self.y))
-        self.pole = self.plane = plane_at(lon, lat, self.radius)
+        self.pole = self.plane = polar_plane(lon, lat, self.radius)
         self.x, self.y = self.pole.forward(self.x, self.y)
         self.latlon = False
 
@@ -89,12 +89,12 @@ class PolarWater:
         return depth
 
 
-def on_a_map(run: xr.Dataset, projection: Projection = "auto", water: Any = None) -> tuple[Scene, Any]:
+def project_run(run: xr.Dataset, projection: Projection = "auto", water: Any = None) -> tuple[Scene, Any]:
     """Return a run and its water as maps draw them, in degrees or on the plane of a pole; ``water``: of the caller's."""
     if projection not in PROJECTIONS:
         raise InputError(f"{projection!r} is not known", where="projection", remedy=f"Use {', '.join(PROJECTIONS)}")
     scene = Scene(run)
-    water = water or water_of(run)
+    water = water or find_water(run)
     middle = 0.5 * float(scene.y.min() + scene.y.max())
     if projection == "polar" and (not scene.latlon or middle == 0.0):
         raise InputError(
@@ -116,8 +116,8 @@ def draw_graticule(ax: Axes, box: Box, plane: ConformalPlane, *, lines: int) -> 
     for which, values, names in (("x", 0, "EW"), ("y", 1, "NS")):
         low, high = float(mesh[values].min()), float(mesh[values].max())
         along = np.unwrap(edges[which][values], period=360.0) if which == "x" else edges[which][values]
-        shown = float(np.ptp(along)) if which == "x" else high - low
-        step = next((step for step in STEPS if shown <= step * lines), STEPS[-1])
+        extent = float(np.ptp(along)) if which == "x" else high - low
+        step = next((step for step in STEPS if extent <= step * lines), STEPS[-1])
         decimals = max(0, -math.floor(math.log10(step) + 1e-9))
         degrees = step * np.arange(math.floor(low / step), math.ceil(high / step) + 1)
         for value in degrees:
@@ -132,7 +132,8 @@ def draw_graticule(ax: Axes, box: Box, plane: ConformalPlane, *, lines: int) -> 
         ticks = [(float(here[k]), value) for value in degrees for k in np.flatnonzero(np.diff(np.sign(along - value)))]
         axis = ax.xaxis if which == "x" else ax.yaxis
         axis.set_ticks(
-            [place for place, _ in ticks], [degree_label(value, names[0], names[1], decimals) for _, value in ticks]
+            [position for position, _ in ticks],
+            [degree_label(value, names[0], names[1], decimals) for _, value in ticks],
         )
     ax.tick_params(labelsize=8, length=3)
 
@@ -172,7 +173,7 @@ def is_zone(depth: Floats) -> bool:
     return len(np.unique(depth)) < STEPPED and float(depth.min()) <= 0.0 < float(depth.max())
 
 
-def widened(box: Box, latlon: bool, shape: float, *, margin: float = 0.0, least: float = 0.0) -> Box:
+def widen_box(box: Box, latlon: bool, shape: float, *, margin: float = 0.0, least: float = 0.0) -> Box:
     """Return a box with a margin (part of its longer side), widened to a shape so that a map fills its axes.
 
     ``shape``: width over height on the ground; ``least``: smallest side, in units of y.
@@ -214,22 +215,22 @@ class Map:
     ) -> Map:  # fmt: skip
         """Return a map around positions of an ensemble or of several runs; beyond 60 degrees it is polar stereographic.
 
-        ``x``, ``y``: degrees, longitudes on any branch, or metres; what is not finite does not count. ``least``: smallest
+        ``x``, ``y``: degrees, longitudes on any branch, or metres; values that are not finite do not count. ``least``: smallest
         side, m.
         """
-        there = np.isfinite(x) & np.isfinite(y)
-        x, y = x[there], y[there]
+        finite = np.isfinite(x) & np.isfinite(y)
+        x, y = x[finite], y[finite]
         plane = None
         if latlon:
             x = near(x, x[0])
             lon, lat = (0.5 * float(v.min() + v.max()) for v in (x, y))
             if abs(lat) > POLAR:
-                plane = plane_at(lon, lat, radius)
+                plane = polar_plane(lon, lat, radius)
                 x, y = plane.forward(x, y)
         latlon = latlon and plane is None
         box = Box(float(x.min()), float(x.max()), float(y.min()), float(y.max()))
         smallest = max(least / (DEGREE * radius) if latlon else least, 1e-9)
-        box = widened(box, latlon, shape, margin=margin, least=smallest)
+        box = widen_box(box, latlon, shape, margin=margin, least=smallest)
         return cls(ax, box, latlon=latlon, radius=radius, ticks=ticks, plane=plane, labels=not latlon)
 
     def placed(self, x: Any, y: Any) -> tuple[Any, Any]:
@@ -258,7 +259,7 @@ class Map:
         self, water: Water | None, *, shaded: bool = False, labels: bool = True, draft: float | None = None,
         hatched: bool = False,
     ) -> None:  # fmt: skip
-        """Draw the sea floor: isobaths, if ``shaded`` steps of colour, and if ``hatched`` what is above ``draft``, m.
+        """Draw the sea floor: isobaths, if ``shaded`` steps of colour, and if ``hatched`` the floor above ``draft``, m.
 
         A shaded floor needs its `depth_bar`.
         """
@@ -313,7 +314,7 @@ FEWEST: Final = 4.0
 """A panel is at least so many elements wide: one that a single element fills shows nothing of the water."""
 
 LARGE_BOX: Final = 1.6
-"""Panels share one extent where it is at most so many times that of the largest berg."""
+"""Panels share one extent where it is at most so many times the extent of the largest berg."""
 
 
 class Panel(Map):
@@ -341,7 +342,7 @@ class Panel(Map):
         return (float(np.nanmin(speed)), float(np.nanmax(speed))) if np.isfinite(speed).any() else (0.0, 0.0)
 
     def draw_date(
-        self, record: int, top: float, shown: dict[int, str], rings: Sequence[Floats] = (), *, arrows: int = 13,
+        self, record: int, top: float, palette: dict[int, str], rings: Sequence[Floats] = (), *, arrows: int = 13,
         steps: int | None = None, depths: bool = True, melted: tuple[Floats, Normalize] | None = None, **look: Any,
     ) -> Quiver | None:  # fmt: skip
         """Draw a record: currents, sea floor, ice, observed outlines and a scale bar.
@@ -352,7 +353,7 @@ class Panel(Map):
         quiver = self.draw_currents(record, top, arrows=arrows, steps=steps)
         self.draw_ground(labels=depths)
         if melted is None:
-            self.draw_ice(record, shown)
+            self.draw_ice(record, palette)
         else:
             self.draw_values(record, melted[0], colours.melt_map(), melted[1])
         self.draw_outlines(rings, **look)
@@ -404,16 +405,16 @@ class Panel(Map):
         self.draw_floor(self.water, shaded=shaded, labels=labels, draft=scene.draft(), hatched=scene.has_floor)
 
     def ground_patches(self) -> list[Patch]:
-        """Return the entry of what `draw_ground` hatches in a legend; none where it hatches nothing."""
+        """Return the entry of the hatching by `draw_ground` in a legend; none where it hatches nothing."""
         from matplotlib.patches import Patch
 
         draft = self.scene.draft()
         depth = np.full(1, np.nan) if self.water is None else self.water.depth(*self.mesh(FLOOR_POINTS))
-        known = depth[np.isfinite(depth)]
-        if not (self.scene.has_floor and known.size and known.min() < draft and known.max() > min(NO_FLOOR, draft)):
+        finite = depth[np.isfinite(depth)]
+        if not (self.scene.has_floor and finite.size and finite.min() < draft and finite.max() > min(NO_FLOOR, draft)):
             return []
         hatch, label = "////", f"shallower than the keel ({draft:.0f} m)"
-        if is_zone(known):
+        if is_zone(finite):
             hatch, label = "//", "grounds here by the set-up; no depths"
         return [Patch(fc="white", ec=colours.GROUND, hatch=hatch, label=label)]
 
@@ -422,13 +423,13 @@ class Panel(Map):
         inches = self.ax.get_window_extent().height / float(self.ax.figure.dpi)
         return 72.0 * inches / (self.box.north - self.box.south) * self.units_per_km / 1e3
 
-    def draw_ice(self, record: int, shown: dict[int, str], *, alpha: float = 1.0, zorder: float = 5.0) -> None:
+    def draw_ice(self, record: int, palette: dict[int, str], *, alpha: float = 1.0, zorder: float = 5.0) -> None:
         """Draw the elements in the colours of their fragments."""
         from matplotlib.collections import PolyCollection
         from matplotlib.colors import to_rgba
 
         scene, numbers = self.scene, self.scene.berg[record]
-        faces = [to_rgba(shown.get(int(n), colours.SMALL), alpha) for n in numbers]
+        faces = [to_rgba(palette.get(int(n), colours.SMALL), alpha) for n in numbers]
         thin = 0.2 if len(numbers) < 2500 else 0.0
         self.ax.add_collection(
             PolyCollection(
@@ -439,22 +440,22 @@ class Panel(Map):
         # Fragments smaller than a dot get one: bergs of a field would not be seen otherwise.
         size = np.sqrt(scene.areas[record]) * self.points_per_metre()
         for number in np.unique(numbers[(numbers > 0) & (size < DOT)]):
-            own = numbers == number
-            if math.sqrt(float((size[own] ** 2).sum())) < DOT:
-                place = scene.x[record][own].mean(), scene.y[record][own].mean()
-                colour = shown.get(int(number), colours.SMALL)
+            members = numbers == number
+            if math.sqrt(float((size[members] ** 2).sum())) < DOT:
+                centre = scene.x[record][members].mean(), scene.y[record][members].mean()
+                colour = palette.get(int(number), colours.SMALL)
                 # Those without a name lie below the berg that they may come from.
-                on_top = zorder if int(number) in shown else zorder - 0.1
-                self.ax.plot(*place, "o", ms=DOT, color=colour, mec="black", mew=0.3, alpha=alpha, zorder=on_top)
+                on_top = zorder if int(number) in palette else zorder - 0.1
+                self.ax.plot(*centre, "o", ms=DOT, color=colour, mec="black", mew=0.3, alpha=alpha, zorder=on_top)
 
     def draw_values(self, record: int, values: Floats, shades: Colormap, scale: Normalize) -> None:
         """Draw the elements in the colour of their values."""
         from matplotlib.collections import PolyCollection
 
-        there = self.scene.there[record]
+        present = self.scene.there[record]
         ice = PolyCollection(
-            list(self.scene.polygons(record)[there]), array=values[there], cmap=shades, norm=scale, edgecolors=colours.ICE_EDGE,
-            linewidths=0.2, zorder=4,
+            list(self.scene.polygons(record)[present]), array=values[present], cmap=shades, norm=scale,
+            edgecolors=colours.ICE_EDGE, linewidths=0.2, zorder=4,
         )  # fmt: skip
         self.ax.add_collection(ice)
 
@@ -472,9 +473,9 @@ class Panel(Map):
         intact = np.flatnonzero(scene.unbroken[record])
         intact = intact[np.argsort(values[intact])]  # the largest values on top
         # Between its bonds an element has the mean of their colours, or the map would be a grid of gaps.
-        held = np.concatenate([first[intact], second[intact]])
-        bonds = np.bincount(held, minlength=len(scene.area))
-        mean = np.bincount(held, np.tile(values[intact], 2), minlength=len(scene.area)) / np.maximum(bonds, 1)
+        bonded = np.concatenate([first[intact], second[intact]])
+        bonds = np.bincount(bonded, minlength=len(scene.area))
+        mean = np.bincount(bonded, np.tile(values[intact], 2), minlength=len(scene.area)) / np.maximum(bonds, 1)
         faces = np.where(bonds[:, None] > 0, shades(scale(mean)), to_rgba(colours.ICE))
         self.ax.add_collection(PolyCollection(list(scene.polygons(record)), facecolors=faces, linewidths=0.0, zorder=4))
         self.ax.add_collection(
@@ -484,14 +485,14 @@ class Panel(Map):
             )
         )  # fmt: skip
         length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-        near = ~scene.unbroken[record] & (length < 2.5 * np.median(length))  # not across to a piece that drifted off
+        close = ~scene.unbroken[record] & (length < 2.5 * np.median(length))  # not across to a piece that drifted off
         for rows, line in scene.crack_lines(record):
-            shown = np.where(near[rows][:, None], line, np.nan)
-            self.ax.plot(*shown.T, color="black", lw=1.6, solid_capstyle="round", zorder=6)
-            near[rows] = False
+            visible = np.where(close[rows][:, None], line, np.nan)
+            self.ax.plot(*visible.T, color="black", lw=1.6, solid_capstyle="round", zorder=6)
+            close[rows] = False
         self.ax.add_collection(
             LineCollection(
-                list(ends[near]), colors="black", linewidths=np.minimum(1.8, 0.7 * points[near]), linestyles=":",
+                list(ends[close]), colors="black", linewidths=np.minimum(1.8, 0.7 * points[close]), linestyles=":",
                 zorder=6,
             )
         )  # fmt: skip
@@ -513,13 +514,13 @@ def fragment_patches(scene: Scene) -> list[Patch]:
     """Return the entries of the fragments in a legend."""
     from matplotlib.patches import Patch
 
-    shown = fragment_colours(scene).items()
-    return [Patch(fc=colour, ec="black", lw=0.5, label=fragment_name(scene, number)) for number, colour in shown]
+    palette = fragment_colours(scene).items()
+    return [Patch(fc=colour, ec="black", lw=0.5, label=fragment_name(scene, number)) for number, colour in palette]
 
 
 def fragment_name(scene: Scene, number: int) -> str:
-    """Return what a fragment is, in a few words."""
-    size, birth = area_text(scene.area_of(number), squared="²"), scene.birth(number)
+    """Return a description of a fragment, in a few words."""
+    size, birth = area_text(scene.final_area(number), squared="²"), scene.birth(number)
     if birth is None:
         return f"{scene.name(number)}: {size} at the end"
     when = moment_text(scene.times, birth[0])
@@ -543,8 +544,8 @@ def speed_bar(axes: Sequence[Axes], top: float) -> None:
     from matplotlib.colors import Normalize
     from matplotlib.ticker import MaxNLocator
 
-    shown = ScalarMappable(Normalize(0.0, top), colours.speed_map())
-    bar = style.colour_bar(axes, shown, "speed of the current (m s$^{-1}$)")
+    mappable = ScalarMappable(Normalize(0.0, top), colours.speed_map())
+    bar = style.colour_bar(axes, mappable, "speed of the current (m s$^{-1}$)")
     bar.ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
 
@@ -602,19 +603,19 @@ def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) 
     its record.
     """
     least = FEWEST * math.sqrt(float(scene.area.max())) / 1e3 * scene.units_per_km()
-    single = [widened(scene.box(record), scene.latlon, 1.0, margin=margin, least=least) for record in records]
+    single = [widen_box(scene.box(record), scene.latlon, 1.0, margin=margin, least=least) for record in records]
     side = max(box.north - box.south for box in single)
-    together = Box(
+    union = Box(
         min(b.west for b in single), max(b.east for b in single),
         min(b.south for b in single), max(b.north for b in single),
     )  # fmt: skip
-    shared = widened(together, scene.latlon, 1.0)
+    shared = widen_box(union, scene.latlon, 1.0)
     if shared.north - shared.south <= LARGE_BOX * side:
         return [shared] * len(single)
-    return [widened(box, scene.latlon, 1.0, least=side) for box in single]
+    return [widen_box(box, scene.latlon, 1.0, least=side) for box in single]
 
 
-def panels_at(
+def make_panels(
     axes: Sequence[Axes], scene: Scene, water: Water | None, records: Sequence[int], *, margin: float = 0.12,
     texts: Sequence[str] | None = None,
 ) -> list[Panel]:  # fmt: skip
@@ -628,10 +629,10 @@ def panels_at(
 
 def nearest_record(scene: Scene, moment: np.datetime64) -> int:
     """Return the record nearest to a date; refuses one more than an hour, or half a step of the records, outside of the run."""
-    apart = np.abs(scene.times - moment)
-    nearest = int(np.argmin(apart))
+    gaps = np.abs(scene.times - moment)
+    nearest = int(np.argmin(gaps))
     steps = np.diff(scene.times)
-    if apart[nearest] > max(np.timedelta64(1, "h"), 0.51 * steps.max() if len(steps) else np.timedelta64(0, "h")):
+    if gaps[nearest] > max(np.timedelta64(1, "h"), 0.51 * steps.max() if len(steps) else np.timedelta64(0, "h")):
         first, last = (scene.times[k].astype("datetime64[m]") for k in (0, -1))
         raise InputError(
             f"{moment.astype('datetime64[m]')} is not in the run", where="--date",

@@ -1,4 +1,4 @@
-"""Figures of a run: the berg at chosen dates beside what was observed, bond stress, and the life of its fragments."""
+"""Figures of a run: the berg at chosen dates beside observations, bond stress, and the life of its fragments."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import xarray as xr
 
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
-from riftberg.runs.layout import heading_of
+from riftberg.runs.layout import run_heading
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -26,15 +26,15 @@ from riftberg.viz.panels import (
     fragment_colours,
     fragment_name,
     fragment_patches,
+    make_panels,
     melt_bar,
     melts,
     nearest_record,
-    on_a_map,
-    panels_at,
+    project_run,
     speed_bar,
     speed_scale,
     thickness_lost,
-    widened,
+    widen_box,
 )
 from riftberg.viz.style import date_axis, day_text, is_short, moment_texts, new_figure
 
@@ -52,16 +52,16 @@ IMPACT = 0.1
 WHILE_IT_CRACKS = "off the scale: the last bonds of a crack bear its load"
 
 CRACK = 1.3
-"""Largest stress of the scale, as a part of the strength; what goes beyond is said."""
+"""Largest stress of the scale, as a part of the strength; the figure says where stresses go beyond."""
 
 
-def figure_title(run: xr.Dataset, what: str) -> str:
-    """Return the title of a figure; its second line says what the forcing is."""
+def figure_title(run: xr.Dataset, subject: str) -> str:
+    """Return the title of a figure; its second line names the forcing."""
     note = str(run.attrs.get("forcing_title", "")).strip()
-    return f"{heading_of(run)}: {what}" + (f"\nForcing: {note}" if note else "")
+    return f"{run_heading(run)}: {subject}" + (f"\nForcing: {note}" if note else "")
 
 
-def chosen(scene: Scene, dates: Sequence[np.datetime64] | None, most: int = 6) -> list[int]:
+def choose_records(scene: Scene, dates: Sequence[np.datetime64] | None, most: int = 6) -> list[int]:
     """Return the records of dates; by default the start, the large break-ups and evenly spaced days."""
     if dates:
         return sorted({nearest_record(scene, date) for date in dates})
@@ -79,13 +79,13 @@ def draw_dates(
 ) -> Path:
     """Draw the berg at chosen dates in the currents of these dates, with the outlines observed on these days.
 
-    With outlines, a first panel shows what was observed alone, as figure 1 of Huth et al. (2022); the others are as its
+    With outlines, a first panel shows the observations alone, as figure 1 of Huth et al. (2022); the others are as its
     figure 2.
 
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`, or what `Model.run` returns.
+        From `riftberg.runs.run_file.open_run` or from `Model.run`.
     path : path
         Picture; the ending decides on the format.
     dates : sequence of numpy.datetime64, optional
@@ -99,20 +99,20 @@ def draw_dates(
     """
     from matplotlib.lines import Line2D
 
-    scene, water = on_a_map(run, projection)
-    records = chosen(scene, dates)
+    scene, water = project_run(run, projection)
+    records = choose_records(scene, dates)
     days = [str(scene.times[record])[:10] for record in records]
     seen = {day: observed[day] for day in days if observed and day in observed}
     count = len(records) + bool(seen)
     columns = count if count <= 4 else math.ceil(count / 2)
     rows = math.ceil(count / columns)
     figure = new_figure(4.3 * columns + 0.6, 4.3 * rows + 1.8, dpi)
-    places = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
-    panels = panels_at(places[bool(seen) :], scene, water, records)
+    panel_axes = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
+    panels = make_panels(panel_axes[bool(seen) :], scene, water, records)
     top, flows = speed_scale(panels, records)
-    style.letters(places)
-    style.outer_names(places, columns)
-    shown = fragment_colours(scene)
+    style.letters(panel_axes)
+    style.outer_names(panel_axes, columns)
+    palette = fragment_colours(scene)
     handles: list[Any] = [
         *fragment_patches(scene),
         *next(filter(None, (panel.ground_patches() for panel in panels)), []),
@@ -121,15 +121,15 @@ def draw_dates(
         handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.4, label="observed outline of the day"))
     figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=columns, frameon=False)
     if flows:
-        speed_bar(places, top)
+        speed_bar(panel_axes, top)
     style.put_title(figure, figure_title(run, "model and observed outlines" if seen else "position and shape"))
     if seen:
         _observed_panel(
-            places[0], scene, [r for r, day in zip(records, days, strict=True) if day in seen], seen, water, top
+            panel_axes[0], scene, [r for r, day in zip(records, days, strict=True) if day in seen], seen, water, top
         )
     style.lay_out(figure)
     for k, (panel, record, day) in enumerate(zip(panels, records, days, strict=True)):
-        quiver = panel.draw_date(record, top, shown, seen.get(day, ()), lw=1.4)
+        quiver = panel.draw_date(record, top, palette, seen.get(day, ()), lw=1.4)
         if quiver is not None and flows and k == 0:
             arrow_key(quiver, top)
     return style.save_figure(figure, path)
@@ -141,7 +141,7 @@ def _observed_panel(
     """Draw all outlines over the currents of the middle one of their records."""
     x, y = scene.placed(*np.concatenate([ring for day in seen.values() for ring in day]).T)
     box = Box(float(x.min()), float(x.max()), float(y.min()), float(y.max()))
-    panel = Panel(ax, scene, widened(box, scene.latlon, 1.0, margin=0.06), water)
+    panel = Panel(ax, scene, widen_box(box, scene.latlon, 1.0, margin=0.06), water)
     middle = records[len(records) // 2]
     panel.draw_currents(middle, top, arrows=15)
     panel.draw_ground()
@@ -163,7 +163,7 @@ def draw_stress(
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.open_run`, or what `Model.run` returns.
+        From `riftberg.open_run` or from `Model.run`.
     path : path, optional
         Picture to write; the ending decides on the format.
     dates : sequence of numpy.datetime64, optional
@@ -178,10 +178,10 @@ def draw_stress(
     pathlib.Path or matplotlib.figure.Figure
         The picture if ``path`` is given, else the figure.
     """
-    scene, water = on_a_map(run, projection)
+    scene, water = project_run(run, projection)
     if not run.sizes["bond"]:
         raise InputError("the run has no bonds, so no stress in them", where="stress", remedy="Draw another kind")
-    records = chosen(scene, dates) if dates else _before_breakups(scene)
+    records = choose_records(scene, dates) if dates else _before_breakups(scene)
     fracture = scene.parameters.fracture
     stress = scene.tension()
     name, unit = stress_unit(max(float(np.nanmax(stress[r], initial=0.0)) for r in records))
@@ -192,7 +192,8 @@ def draw_stress(
     text = f"; strength {scene.strength / 1e3:.4g} kPa" if fracture.enabled else ""
     return _bond_maps(
         scene, water, tension, shades=colours.stress_map(), top=strength if beyond else top, beyond=beyond,
-        label=f"largest tensile stress at a bond ({name}){text}{_opened(scene, records)}", what="stress in the bonds", dpi=dpi,
+        label=f"largest tensile stress at a bond ({name}){text}{_line_name(scene, records)}", subject="stress in the bonds",
+        dpi=dpi,
     )  # fmt: skip
 
 
@@ -207,22 +208,22 @@ def draw_damage(
     run, path, dates, projection, dpi
         As in `draw_dates`.
     """
-    scene, water = on_a_map(run, projection)
+    scene, water = project_run(run, projection)
     damage = scene.bond_damage()
     if damage is None:
         raise InputError("the run has no damage", where="damage", remedy="Run with --set damage.enabled=true")
-    records = chosen(scene, dates) if dates else sorted({*_before_breakups(scene), len(scene.times) - 1})
+    records = choose_records(scene, dates) if dates else sorted({*_before_breakups(scene), len(scene.times) - 1})
     values = {r: damage[r] for r in records}
     top = max(0.01, *(float(np.nanmax(of_record, initial=0.0)) for of_record in values.values()))
     return _bond_maps(
-        scene, water, values, shades=colours.damage_map(), top=top, label=f"damage of a bond{_opened(scene, values)}",
-        what="damage of the bonds", dpi=dpi,
+        scene, water, values, shades=colours.damage_map(), top=top, label=f"damage of a bond{_line_name(scene, values)}",
+        subject="damage of the bonds", dpi=dpi,
     )  # fmt: skip
 
 
 def _bond_maps(
     scene: Scene, water: Water | None, values: Mapping[int, Floats], *, shades: Colormap, top: float, label: str,
-    what: str, dpi: int, beyond: bool = False,
+    subject: str, dpi: int, beyond: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw the bonds at each record in the colour of their values, with a scale up to ``top`` below, open if ``beyond``."""
     from matplotlib.cm import ScalarMappable
@@ -231,14 +232,14 @@ def _bond_maps(
 
     figure, records = new_figure(5.2 * len(values) + 0.8, 6.6, dpi), list(values)
     axes = list(figure.subplots(1, len(values), squeeze=False).flat)
-    panels = panels_at(axes, scene, water, records, margin=0.05, texts=_spans(scene, records))
+    panels = make_panels(axes, scene, water, records, margin=0.05, texts=_spans(scene, records))
     style.letters(axes)
     style.outer_names(axes, len(axes))
     # By the square root: a berg at rest has a tenth of its strength, and few bonds have most of the damage.
     scale = PowerNorm(0.5, 0.0, top)
     ground = [f"; hatched: {patch.get_label()}" for panel in panels for patch in panel.ground_patches()][:1]
     text = f"{label}{''.join(ground)}; square-root scale"
-    lines = style.wrapped(text, figure.get_figwidth() - 0.8, size=9)
+    lines = style.wrap_text(text, figure.get_figwidth() - 0.8, size=9)
     bar = style.colour_bar(
         axes,
         ScalarMappable(scale, shades),
@@ -251,7 +252,7 @@ def _bond_maps(
     bar.ax.xaxis.set_major_locator(FixedLocator([0.0, small, *np.arange(large, top * (1.0 + 1e-9), large)]))
     bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.3g}" if v < 1e3 else f"{v:,.0f}"))
     bar.ax.xaxis.set_minor_locator(FixedLocator([]))
-    style.put_title(figure, figure_title(scene.run, what))
+    style.put_title(figure, figure_title(scene.run, subject))
     style.lay_out(figure)
     for panel, record in zip(panels, records, strict=True):
         panel.draw_ground()
@@ -265,18 +266,18 @@ def _spans(scene: Scene, records: Sequence[int]) -> list[str]:
     births = [birth[0] for n in scene.numbers if (birth := scene.birth(n)) is not None]
     texts = []
     for record in records:
-        before, after = (scene.times[min(max(record + k, 0), len(scene.times) - 1)] for k in (-1, 1))
-        now = scene.times[record]
-        broke = next((birth for birth in births if before < birth <= after), None)
-        when = [before, now] if broke is not None and broke <= now else [now]
+        previous, following = (scene.times[min(max(record + k, 0), len(scene.times) - 1)] for k in (-1, 1))
+        record_time = scene.times[record]
+        broke = next((birth for birth in births if previous < birth <= following), None)
+        when = [previous, record_time] if broke is not None and broke <= record_time else [record_time]
         text = " to ".join(moment_texts(scene.times, [int(np.searchsorted(scene.times, date)) for date in when]))
-        known = "" if broke is None else f"; breaks {style.moment_text(scene.times, broke)}"
-        texts.append(text + known)
+        break_text = "" if broke is None else f"; breaks {style.moment_text(scene.times, broke)}"
+        texts.append(text + break_text)
     return texts
 
 
-def _opened(scene: Scene, records: Iterable[int]) -> str:
-    """Return what is drawn black: cracks where the run knows lines, else broken bonds; nothing where none broke."""
+def _line_name(scene: Scene, records: Iterable[int]) -> str:
+    """Return the name of the black lines: cracks where the run knows lines, else broken bonds; nothing where none broke."""
     if all(scene.unbroken[record].all() for record in records):
         return ""
     return "; black: cracks" if scene.crack_lines(0) else "; black: broken bonds"
@@ -307,12 +308,12 @@ def _before_breakups(scene: Scene) -> list[int]:
 def draw_melt(
     run: xr.Dataset, *, date: np.datetime64 | None = None, projection: Projection = "auto", dpi: int = 150
 ) -> Figure:
-    """Draw what melted: the ice in the colour of the thickness that it has lost, and the melt water by process over time.
+    """Draw the melt: the ice in the colour of the thickness that it has lost, and the melt water by process over time.
 
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.open_run`, or what `Model.run` returns; of a model with ``melt``.
+        From `riftberg.open_run` or from `Model.run`; of a model with ``melt``.
     path : path, optional
         Picture to write; the ending decides on the format.
     date : numpy.datetime64, optional
@@ -327,7 +328,7 @@ def draw_melt(
     pathlib.Path or matplotlib.figure.Figure
         The picture if ``path`` is given, else the figure.
     """
-    scene, water = on_a_map(run, projection)
+    scene, water = project_run(run, projection)
     if not melts(run):
         raise InputError("nothing melts in this run", where="melt", remedy="Run with --set melt.enabled=true")
     record = len(scene.times) - 1 if date is None else nearest_record(scene, date)
@@ -343,12 +344,12 @@ def draw_melt(
     # The melt water by process, one upon the other, so that the upper edge is all of it.
     melted = scene.run["melt_water"].transpose("process", "time") / 1e12
     names = [str(name) for name in melted["process"].values]
-    shown = [k for k in range(len(names)) if float(melted[k, -1]) > 0.0]
+    processes = [k for k in range(len(names)) if float(melted[k, -1]) > 0.0]
     times: Any = scene.times
     stacked = curves.stackplot(
-        times, *(melted[k].values for k in shown), colors=[colours.FRAGMENTS[k] for k in shown], alpha=0.8
+        times, *(melted[k].values for k in processes), colors=[colours.FRAGMENTS[k] for k in processes], alpha=0.8
     )
-    for area, k in zip(stacked, shown, strict=True):
+    for area, k in zip(stacked, processes, strict=True):
         area.set_label(f"{names[k].replace('_', ' ')}: {float(melted[k, -1]):.3g} Gt")
     style.plain_axes(curves)
     date_axis(curves)
@@ -366,12 +367,12 @@ def draw_melt(
 
 @style.saved_or_shown
 def draw_fragments(run: xr.Dataset, *, dpi: int = 150) -> Figure:
-    """Draw areas and births of the fragments, the largest tensile stress and what is aground, over time.
+    """Draw areas and births of the fragments, the largest tensile stress and the ice aground, over time.
 
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.open_run`, or what `Model.run` returns.
+        From `riftberg.open_run` or from `Model.run`.
     path : path, optional
         Picture to write; the ending decides on the format.
     dpi : int, optional
@@ -388,7 +389,7 @@ def draw_fragments(run: xr.Dataset, *, dpi: int = 150) -> Figure:
     bonded = run.sizes["bond"] > 0
     heights = [3.0, *([1.6] if bonded else []), *([1.0] if ground.any() else [])]
     axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
-    length, lower = style.length_of(scene.times), axes[-1]
+    length, lower = style.run_length(scene.times), axes[-1]
     times: Any = scene.times
     if is_short(scene.times):
         unit, seconds, _ = next(unit for unit in style.UNITS if length <= unit[2])
@@ -424,13 +425,13 @@ def _areas(ax: Axes, scene: Scene, times: Any) -> None:
     unit = 1e6 if float(scene.area.sum()) >= 1e4 else 1.0
     for rank, (number, colour) in enumerate(fragment_colours(scene).items()):
         area = np.where(scene.berg == number, scene.areas, 0.0).sum(axis=1) / unit
-        there = area > 0.0
+        exists = area > 0.0
         # Lower ranks are thinner by more than a point: else the second of two equal bergs would hide the first.
-        ax.step(times[there], area[there], where="post", color=colour, lw=max(1.4, 4.8 - 1.2 * rank),
+        ax.step(times[exists], area[exists], where="post", color=colour, lw=max(1.4, 4.8 - 1.2 * rank),
                 label=fragment_name(scene, number))  # fmt: skip
-        if scene.birth(number) is not None and there.any():
-            ax.axvline(times[there][0], color=colours.PAIRING, lw=0.8, ls=":")
-            ax.plot(times[there][0], area[there][0], "o", color=colour, mec="black", ms=7, zorder=5)
+        if scene.birth(number) is not None and exists.any():
+            ax.axvline(times[exists][0], color=colours.PAIRING, lw=0.8, ls=":")
+            ax.plot(times[exists][0], area[exists][0], "o", color=colour, mec="black", ms=7, zorder=5)
     ax.margins(y=0.12)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("area (km²)" if unit == 1e6 else "area (m²)", fontsize=9)
@@ -438,7 +439,7 @@ def _areas(ax: Axes, scene: Scene, times: Any) -> None:
 
 
 def _peak_stress(ax: Axes, scene: Scene, times: Any) -> None:
-    """Draw the largest tension between records and, thinner, at them: what lies between both is ringing and impact."""
+    """Draw the largest tension between records and, thinner, at them: the difference is ringing and impact."""
     peak = scene.tension().max(axis=1, initial=0.0) / 1e3
     ax.plot(times, peak, color=colours.STRESS_LINE, lw=1.3, label="largest between outputs")
     if "peak_stress" in scene.run:

@@ -23,34 +23,34 @@ from numpy.typing import NDArray
 from riftberg.diagnostics.summary import melt_lines, melted_words
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane, ellipses, ranges
-from riftberg.runs.layout import heading_of
-from riftberg.runs.scene import Scene, StoredWater, on_even_grid, stored_water
+from riftberg.runs.layout import run_heading
+from riftberg.runs.scene import Scene, StoredWater, interpolate_evenly, stored_water
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
-from riftberg.viz.coast import coast_in
+from riftberg.viz.coast import clip_coast
 from riftberg.viz.colours import FRAGMENTS, SMALL
-from riftberg.viz.ensemble import tracks_shown
+from riftberg.viz.ensemble import choose_tracks
 from riftberg.viz.style import degree_label
 
 _MISSING: Final = {"int16": -32768, "uint16": 65535, "uint8": 255}
 _LIMITS: Final = {"int16": (-32767, 32767), "uint16": (0, 65534), "uint8": (0, 254)}
 
 
-def quantised(values: NDArray[Any], kind: str = "int16", *, step: float | None = None) -> dict[str, Any]:
+def quantise(values: NDArray[Any], kind: str = "int16", *, step: float | None = None) -> dict[str, Any]:
     """Quantise an array."""
     low, high = _LIMITS[kind]
     values = np.asarray(values, np.float64)
-    there = np.isfinite(values)
+    finite = np.isfinite(values)
     # Whole numbers must come back as they were; others use the whole range of the integers.
     if step is not None:
         scale, offset = step, 0.0
     else:
-        least, most = (float(values[there].min()), float(values[there].max())) if there.any() else (0.0, 0.0)
+        least, most = (float(values[finite].min()), float(values[finite].max())) if finite.any() else (0.0, 0.0)
         scale = (most - least) / (high - low) or 1.0
         offset = least - scale * low
-    numbers = np.clip(np.rint((np.where(there, values, 0.0) - offset) / scale), low, high)
-    stored = np.where(there, numbers, _MISSING[kind]).astype(np.dtype(kind).newbyteorder("<"))
+    numbers = np.clip(np.rint((np.where(finite, values, 0.0) - offset) / scale), low, high)
+    stored = np.where(finite, numbers, _MISSING[kind]).astype(np.dtype(kind).newbyteorder("<"))
     return {
         "kind": kind,
         "shape": list(values.shape),
@@ -74,11 +74,11 @@ MOST_VALUES: Final = 1_500_000
 
 @dataclass(frozen=True)
 class ForecastMembers:
-    """A forecast around the run: what `riftberg replay` shows with the control."""
+    """A forecast around the run, which `riftberg replay` shows with the control."""
 
     result: xr.Dataset  # From `riftberg.open_sweep`
     scenarios: Sequence[tuple[int, float, str]]  # Number, probability and words, the likeliest first
-    words: str  # What is likely, in a line
+    words: str  # The likeliest outcome, in a line
 
 
 def write_replay(
@@ -127,7 +127,7 @@ def write_replay(
 
 @dataclass
 class ReplayContent:
-    """What the page is given."""
+    """Data of the page."""
 
     run: xr.Dataset
     title: str  # Heading
@@ -139,7 +139,7 @@ class ReplayContent:
         """Read the geometry of the run and choose the records."""
         self.scene = Scene(self.run)
         self.water: StoredWater | None = stored_water(self.run)
-        self.title = self.title or heading_of(self.run) + " replay"
+        self.title = self.title or run_heading(self.run) + " replay"
         self.records: Ints = chosen_records(self.run.sizes["time"], self.run.sizes["trajectory"], self.largest)
 
     @cached_property
@@ -167,14 +167,14 @@ class ReplayContent:
             "sides": scene.sides.tolist(),
             "draft": scene.draft(),
             "strength": scene.strength if scene.parameters.fracture.enabled else None,
-            "lowest": None if lowest is None else quantised(lowest[self.records], "uint16"),
+            "lowest": None if lowest is None else quantise(lowest[self.records], "uint16"),
             "colours": list(FRAGMENTS),
             "small": SMALL,
             "elements": self._elements(tension),
             "bonds": self._bonds(),
             "fragments": self._fragments(),
             "stays": self._stays(),
-            "peak": quantised(tension.max(axis=1, initial=0.0), "uint16"),
+            "peak": quantise(tension.max(axis=1, initial=0.0), "uint16"),
             "water": self._currents(),
             "floor": self._floor(),
             "coast": self._coast(),
@@ -199,23 +199,23 @@ class ReplayContent:
         damage = scene.bond_damage()
         return {
             "count": lon.shape[1],
-            "x": quantised(x),
-            "y": quantised(y),
-            "angle": quantised(np.mod(angle, 2.0 * np.pi / scene.sides)),
+            "x": quantise(x),
+            "y": quantise(y),
+            "angle": quantise(np.mod(angle, 2.0 * np.pi / scene.sides)),
             "scale": float(self.plane.scale(lon, lat).mean()),
-            "speed": quantised(np.hypot(self._table("u"), self._table("v")), "uint16"),
-            "stress": quantised(self._largest_of_bonds(tension), "uint16"),
-            "damage": None if damage is None else quantised(self._largest_of_bonds(damage[chosen]), "uint8"),
-            "berg": quantised(scene.berg[chosen], "uint16", step=1.0),
-            "thickness": quantised(thickness, "uint16"),
-            "side": quantised(side, "uint16"),
-            "aground": quantised(scene.aground(chosen.tolist()).sum(axis=1), "uint16", step=1.0),
+            "speed": quantise(np.hypot(self._table("u"), self._table("v")), "uint16"),
+            "stress": quantise(self._largest_bond_value(tension), "uint16"),
+            "damage": None if damage is None else quantise(self._largest_bond_value(damage[chosen]), "uint8"),
+            "berg": quantise(scene.berg[chosen], "uint16", step=1.0),
+            "thickness": quantise(thickness, "uint16"),
+            "side": quantise(side, "uint16"),
+            "aground": quantise(scene.aground(chosen.tolist()).sum(axis=1), "uint16", step=1.0),
         }
 
     def _table(self, name: str) -> Floats:
         return np.nan_to_num(self.run[name].transpose("time", "trajectory").values[self.records].astype(np.float64))
 
-    def _largest_of_bonds(self, values: Floats) -> Floats:
+    def _largest_bond_value(self, values: Floats) -> Floats:
         """Return the largest value over the bonds of each element, from values (record, bond) of at least 0."""
         first, second = self.run["bond_first"].values, self.run["bond_second"].values
         largest = np.zeros((len(self.records), self.run.sizes["trajectory"]))
@@ -238,20 +238,21 @@ class ReplayContent:
 
     def _stays(self) -> list[dict[str, Any]]:
         """Return when bergs touched the sea floor and came free (s since the first record shown), in words."""
-        zero, told = self.scene.times[self.records[0]], []
+        zero, events = self.scene.times[self.records[0]], []
         for stay in self.scene.stays:
             whom = f"{stay.name} " if stay.name else ""
-            told.append((stay.began, f"{whom}touches the sea floor"))
+            events.append((stay.began, f"{whom}touches the sea floor"))
             if not stay.lasts:
-                told.append((stay.ended, f"{whom}comes free of the sea floor"))
+                events.append((stay.ended, f"{whom}comes free of the sea floor"))
         return [
-            {"time": float((np.datetime64(date) - zero) / np.timedelta64(1, "s")), "text": text} for date, text in told
+            {"time": float((np.datetime64(date) - zero) / np.timedelta64(1, "s")), "text": text}
+            for date, text in events
         ]
 
     def _fragments(self) -> list[dict[str, Any]]:
         """Return the family tree, largest first at the end."""
         run, scene, zero = self.run, self.scene, self.scene.times[self.records[0]]
-        named = "fragment_name" in run and any(str(name) for name in run["fragment_name"].values)
+        has_names = "fragment_name" in run and any(str(name) for name in run["fragment_name"].values)
         melted = melted_words(run)
         rows = []
         for k, number in enumerate(run["fragment_number"].values.tolist()):
@@ -260,14 +261,14 @@ class ReplayContent:
                 {
                     "number": number,
                     "name": scene.name(number),
-                    "of": f"{scene.name(parent)} " if named and parent > 0 else "",
+                    "of": f"{scene.name(parent)} " if has_names and parent > 0 else "",
                     "named": number in scene.numbers,
                     "parent": parent,
                     "birth": float((run["fragment_birth_time"].values[k] - zero) / np.timedelta64(1, "s")),
                     "grounded": bool(run["fragment_grounded"].values[k] == 1),
                     "bonds": int(run["fragment_bonds_broken"].values[k]),
                     "area": float(run["fragment_area"].values[k]),
-                    "end": scene.area_of(number),
+                    "end": scene.final_area(number),
                     **({"melted": melted[number]} if number in melted else {}),
                 }
             )
@@ -278,27 +279,28 @@ class ReplayContent:
     def _members(self, members: ForecastMembers) -> dict[str, Any]:
         """Return tracks, probabilities and ellipses of a forecast; times are seconds since the first record shown."""
         ds = members.result
-        shown = tracks_shown(ds)
-        tracks = ds[["lon", "lat"]].isel(member=shown, fragment=0).transpose("member", "time")
+        chosen = choose_tracks(ds)
+        tracks = ds[["lon", "lat"]].isel(member=chosen, fragment=0).transpose("member", "time")
         x, y = self.plane.forward(tracks["lon"].values, tracks["lat"].values)
-        lines = [ellipses(ds, float(part)) for part in ds["cone"].values]
+        lines = [ellipses(ds, float(level)) for level in ds["cone"].values]
         few = not any(np.isfinite(line).all() for line in lines[-1]) and "members_west" in ds
         lines = [[], ranges(ds)] if few else lines
         share = {name: ds[name].values.round(4).tolist()
-                 for what in ("p_broken", "p_aground") for name in (what, f"{what}_low", f"{what}_high")}  # fmt: skip
+                 for quantity in ("p_broken", "p_aground")
+                 for name in (quantity, f"{quantity}_low", f"{quantity}_high")}  # fmt: skip
         return {
             "words": members.words,
             "scenarios": [{"number": n, "share": p, "text": text} for n, p, text in members.scenarios],
             "seconds": self._since_first(ds["time"].values),
-            "x": quantised(x),
-            "y": quantised(y),
-            "scenario": ds["scenario"].values[shown].tolist(),
+            "x": quantise(x),
+            "y": quantise(y),
+            "scenario": ds["scenario"].values[chosen].tolist(),
             "all": int((ds["status"].values == 0).sum()),
             **share,
             "presence": self._presence(ds),
             "few": few,
-            "ellipses": [[_flat_list(*self.plane.forward(*line.T)) if np.isfinite(line).all() else [] for line in part]
-                         for part in lines],
+            "ellipses": [[_flat_list(*self.plane.forward(*line.T)) if np.isfinite(line).all() else [] for line in group]
+                         for group in lines],
         }  # fmt: skip
 
     def _presence(self, ds: xr.Dataset) -> dict[str, Any]:
@@ -312,10 +314,10 @@ class ReplayContent:
         inside = (i >= 0) & (i < lon.size) & (j >= 0) & (j < lat.size)
         every = -(-ds.sizes["time"] * inside.size // MOST_VALUES)
         values = ds["presence"].isel(time=slice(None, None, every)).transpose("time", "cell_lat", "cell_lon").values
-        there = np.where(inside, values[:, np.where(inside, j, 0), np.where(inside, i, 0)], 0.0)
+        presence = np.where(inside, values[:, np.where(inside, j, 0), np.where(inside, i, 0)], 0.0)
         return {
             "x": [float(xs[0]), float(xs[-1])], "y": [float(ys[0]), float(ys[-1])],
-            "seconds": self._since_first(ds["time"].values[::every]), "share": quantised(100.0 * there, "uint8", step=0.5),
+            "seconds": self._since_first(ds["time"].values[::every]), "share": quantise(100.0 * presence, "uint8", step=0.5),
         }  # fmt: skip
 
     def _since_first(self, times: NDArray[Any]) -> list[float]:
@@ -348,12 +350,12 @@ class ReplayContent:
             "x": [float(xs[0]), float(xs[-1])],
             "y": [float(ys[0]), float(ys[-1])],
             "seconds": (self.water.times - zero).tolist(),
-            "u": quantised(u * np.cos(turn) - v * np.sin(turn)),
-            "v": quantised(u * np.sin(turn) + v * np.cos(turn)),
+            "u": quantise(u * np.cos(turn) - v * np.sin(turn)),
+            "v": quantise(u * np.sin(turn) + v * np.cos(turn)),
         }
 
     def _floor(self) -> dict[str, Any] | None:
-        """Return depth on a mesh, isobaths, and rings around what the keel would touch."""
+        """Return depth on a mesh, isobaths, and rings around the floor that the keel would touch."""
         if self.water is None or not np.isfinite(self.water.floor).any():
             return None
         water, draft = self.water, self.scene.draft()
@@ -364,7 +366,7 @@ class ReplayContent:
         shallow: list[list[float]] = []
         if self.scene.has_floor:
             fine_x, fine_y, lon, lat = self._mesh(max(water.floor.shape))
-            fine = on_even_grid(water.floor_x, water.floor_y, water.floor, lon, lat)
+            fine = interpolate_evenly(water.floor_x, water.floor_y, water.floor, lon, lat)
             # Outside of the box it is deep, so that rings close at its edge.
             fine = np.pad(np.where(np.isfinite(fine), fine, 1e5), 1, constant_values=1e5)
             fine_x, fine_y = (np.r_[2.0 * a[0] - a[1], a, 2.0 * a[-1] - a[-2]] for a in (fine_x, fine_y))
@@ -372,7 +374,7 @@ class ReplayContent:
         return {
             "x": [float(xs[0]), float(xs[-1])],
             "y": [float(ys[0]), float(ys[-1])],
-            "depth": quantised(depth, "uint16"),
+            "depth": quantise(depth, "uint16"),
             "lines": [
                 {"depth": level, "lines": lines} for level in _ISOBATHS if (lines := _contours(xs, ys, depth, level))
             ],
@@ -383,11 +385,11 @@ class ReplayContent:
         """Return land and ice shelves around the run as rings on the plane."""
         if not self.scene.latlon:
             return []
-        areas, _ = coast_in(self.scene.grown(self.scene.box(), 0.8))
+        areas, _ = clip_coast(self.scene.grown(self.scene.box(), 0.8))
         coast = []
         for area, colour in areas:
             rings = (np.asarray(ring.coords)[:, :2] for ring in (area.exterior, *area.interiors))
-            coast.append({"colour": colour, "rings": [_thinned(*self.plane.forward(*ring.T)) for ring in rings]})
+            coast.append({"colour": colour, "rings": [_thin(*self.plane.forward(*ring.T)) for ring in rings]})
         return coast
 
     def _graticule(self) -> list[dict[str, Any]]:
@@ -413,14 +415,14 @@ class ReplayContent:
     def _observed(self) -> list[dict[str, Any]]:
         """Return outlines of the days of the run: seconds of the day's noon, and rings on the plane."""
         zero = self.scene.times[self.records[0]]
-        shown = []
+        entries = []
         for day, rings in sorted(self.observed.items()):
             begin = float((np.datetime64(day) - zero) / np.timedelta64(1, "s"))
             span = float(self.scene.seconds[self.records[-1]] - self.scene.seconds[self.records[0]])
             if begin + 86_400.0 > 0.0 and begin < span:
-                drawn = [_thinned(*self.plane.forward(ring[:, 0], ring[:, 1])) for ring in rings]
-                shown.append({"day": day, "begin": begin, "rings": drawn})
-        return shown
+                drawn = [_thin(*self.plane.forward(ring[:, 0], ring[:, 1])) for ring in rings]
+                entries.append({"day": day, "begin": begin, "rings": drawn})
+        return entries
 
 
 def chosen_records(records: int, elements: int, largest: float) -> Ints:
@@ -440,13 +442,13 @@ def _flat_list(x: Floats, y: Floats) -> list[float]:
     return np.column_stack([x, y]).round(0).astype(int).ravel().tolist()
 
 
-def _thinned(x: Floats, y: Floats) -> list[float]:
+def _thin(x: Floats, y: Floats) -> list[float]:
     """Return a ring without points that are closer than `_THIN` to the one kept before."""
-    kept = [0]
+    rows = [0]
     for k in range(1, len(x)):
-        if np.hypot(x[k] - x[kept[-1]], y[k] - y[kept[-1]]) >= _THIN:
-            kept.append(k)
-    return _flat_list(x[kept], y[kept])
+        if np.hypot(x[k] - x[rows[-1]], y[k] - y[rows[-1]]) >= _THIN:
+            rows.append(k)
+    return _flat_list(x[rows], y[rows])
 
 
 def _contours(xs: Floats, ys: Floats, field: Floats, level: float) -> list[list[float]]:

@@ -1,4 +1,4 @@
-"""Figures of comparisons: of a run with observations, of several runs on one map, and of an ensemble with what came."""
+"""Figures of comparisons: of a run with observations, of several runs on one map, and of an ensemble with observations."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def draw_score(score: Score, path: str | Path, *, title: str = "", water: Water 
     path : path
         Picture.
     title : str, optional
-        Heading; its second line may say what the forcing is.
+        Heading; its second line may name the forcing.
     water : Forcing or StoredWater, optional
         Gives the sea floor behind the tracks, such as `riftberg.runs.scene.stored_water` of the run.
     dpi : int, optional
@@ -90,11 +90,11 @@ def _draw_distance(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
 def _draw_azimuth(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
     """Draw both headings without jumps at 180 degrees, each followed from day to day, the model's from near the observed one."""
     seen, off = _match_values(berg, "azimuth_observed"), _match_values(berg, "azimuth_difference")
-    known = np.isfinite(seen)
-    made = seen + off if known.any() else _match_values(berg, "azimuth")
-    for values, look, colour in ((seen, "s-", OBSERVED), (made, "o-", MODEL)):
-        there = np.isfinite(values)
-        ax.plot(times[there], np.unwrap(values[there], period=180.0), look, color=colour, **MARK)
+    is_seen = np.isfinite(seen)
+    modelled = seen + off if is_seen.any() else _match_values(berg, "azimuth")
+    for values, look, colour in ((seen, "s-", OBSERVED), (modelled, "o-", MODEL)):
+        finite = np.isfinite(values)
+        ax.plot(times[finite], np.unwrap(values[finite], period=180.0), look, color=colour, **MARK)
 
 
 def _draw_area(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
@@ -133,10 +133,10 @@ def _draw_tracks(figure: Figure, ax: Axes, score: Score, water: Water | None) ->
             ax.plot([seen_at[0], made_at[0]], [seen_at[1], made_at[1]], "-", color=PAIRING, lw=0.9, zorder=4)
             ax.plot(*made_at, "o", color=MODEL, mec="black", mew=0.5, **look)
     seen = chart.placed(*_columns((m.lon_observed, m.lat_observed) for _, m in berg))
-    there = ((math.nan, math.nan) if m.lon is None or m.lat is None else (m.lon, m.lat) for _, m in berg)
-    made = chart.placed(*_columns(there))
+    model_positions = ((math.nan, math.nan) if m.lon is None or m.lat is None else (m.lon, m.lat) for _, m in berg)
+    modelled = chart.placed(*_columns(model_positions))
     ax.plot(*seen, "s-", color=OBSERVED, ms=5, lw=1.4, label="observed", zorder=5)
-    ax.plot(*made, "o-", color=MODEL, ms=5.5, lw=1.4, mec="black", mew=0.5, label="model", zorder=5)
+    ax.plot(*modelled, "o-", color=MODEL, ms=5.5, lw=1.4, mec="black", mew=0.5, label="model", zorder=5)
     style.legend_above(ax, ncols=2)
     chart.draw_floor(water if chart.plane is None or water is None else PolarWater(water, chart.plane), shaded=True)
     chart.draw_scale()
@@ -147,12 +147,12 @@ def _draw_tracks(figure: Figure, ax: Axes, score: Score, water: Water | None) ->
     ax.set_xlabel(note, fontsize=8)
     style.lay_out(figure)
     labels = style.Labels(ax)
-    for line in (seen, made):
+    for line in (seen, modelled):
         for x, y in zip(*line, strict=True):
             if math.isfinite(x + y):
                 labels.avoid(x, y)
         labels.prefer_off_line(*line)
-    x, y = (np.concatenate([seen[k], made[k]]) for k in (0, 1))
+    x, y = (np.concatenate([seen[k], modelled[k]]) for k in (0, 1))
     chart.draw_place(x, y, labels)
     for k in range(0, len(berg), max(1, len(berg) // 8)):
         labels.put(day_text(np.datetime64(berg[k][0]), hour=False), float(seen[0][k]), float(seen[1][k]), fontsize=8)
@@ -170,21 +170,24 @@ def draw_suite(result: Sequence[dict[str, Any]], path: str | Path, *, dpi: int =
         rows = [row for row in case["rows"] if row["subset"] == "all" and row["starts"]]
         days, reference = [row["lead_days"] for row in rows], case["reference"]
         for k, name in enumerate(rows[0]["entrants"] if rows else ()):
-            one, ours = [row["entrants"][name] for row in rows], name == reference
-            shown = (
+            scores, ours = [row["entrants"][name] for row in rows], name == reference
+            look = (
                 {"color": MODEL, "lw": 2.5, "zorder": 4}
                 if ours
                 else {"color": f"C{k % 10}", "ls": ("-", "--", ":")[k // 10 % 3]}
             )
-            (line,) = above.plot(days, [value["mean_km"] for value in one], marker="o", ms=3, label=name, **shown)
-            if name == reference and all(value["interval_km"] for value in one):
+            (line,) = above.plot(days, [value["mean_km"] for value in scores], marker="o", ms=3, label=name, **look)
+            if name == reference and all(value["interval_km"] for value in scores):
                 above.fill_between(
-                    days, *zip(*(value["interval_km"] for value in one), strict=True), color=line.get_color(), alpha=0.2
+                    days,
+                    *zip(*(value["interval_km"] for value in scores), strict=True),
+                    color=line.get_color(),
+                    alpha=0.2,
                 )
             if name == "staying put" and name != reference:
-                below.plot(days, [value["reference_minus_this_km"] for value in one], "o-", ms=3, color=OBSERVED)
-                if all(value["difference_interval_km"] for value in one):
-                    ends = zip(*(value["difference_interval_km"] for value in one), strict=True)
+                below.plot(days, [value["reference_minus_this_km"] for value in scores], "o-", ms=3, color=OBSERVED)
+                if all(value["difference_interval_km"] for value in scores):
+                    ends = zip(*(value["difference_interval_km"] for value in scores), strict=True)
                     below.fill_between(days, *ends, color=OBSERVED, alpha=0.15)
         below.axhline(0.0, color=colours.ZERO, lw=1.0)
         above.set(ylim=(0.0, None), ylabel="mean error, km")
@@ -198,7 +201,7 @@ def draw_suite(result: Sequence[dict[str, Any]], path: str | Path, *, dpi: int =
 
 
 def draw_verification(result: dict[str, Any], path: str | Path, *, dpi: int = 150) -> Path:
-    """Draw what `riftberg.verification.forecast.report` returns."""
+    """Draw the result of `riftberg.verification.forecast.report`."""
     style.check_format(path)
     figure = style.new_figure(11.5, 7.5, dpi)
     axes = figure.subplot_mosaic([["score", "coverage"], ["ranks", "broken"]])
@@ -241,8 +244,8 @@ def draw_verification(result: dict[str, Any], path: str | Path, *, dpi: int = 15
         counts = [row[f"ranks_{axis}"] for row in rows if f"ranks_{axis}" in row]
         if counts and len({len(row) for row in counts}) == 1:
             total = np.sum(counts, axis=0)
-            place = (np.arange(len(total)) + 0.3 + 0.4 * k) / len(total)
-            a.bar(place, total, 0.38 / len(total), label=axis)
+            position = (np.arange(len(total)) + 0.3 + 0.4 * k) / len(total)
+            a.bar(position, total, 0.38 / len(total), label=axis)
             a.axhline(total.mean(), color="black", ls=":", lw=1.0)
     a.set(xlabel="part of the members below the observation", ylabel="observations", xlim=(0.0, 1.0))
     a.set_title("Ranks (dotted: reliable)", fontsize=10)
@@ -254,14 +257,14 @@ def draw_verification(result: dict[str, Any], path: str | Path, *, dpi: int = 15
     a = axes["broken"]
     a.set(xlabel="days after the start", ylabel="probability", ylim=(-0.03, 1.03))
     a.set_title("Broken", fontsize=10)
-    for one in result["forecasts"]:
-        if one["broken"]:
-            day = np.array([row["day"] for row in one["broken"]])
-            p = np.array([row["probability"] for row in one["broken"]])
-            low, high = np.array([row["interval"] for row in one["broken"]]).T
-            (line,) = a.plot(day, p, "o-", ms=4, label=one["berg"])
+    for forecast in result["forecasts"]:
+        if forecast["broken"]:
+            day = np.array([row["day"] for row in forecast["broken"]])
+            p = np.array([row["probability"] for row in forecast["broken"]])
+            low, high = np.array([row["interval"] for row in forecast["broken"]]).T
+            (line,) = a.plot(day, p, "o-", ms=4, label=forecast["berg"])
             a.fill_between(day, low, high, color=line.get_color(), alpha=0.2, lw=0)
-            a.plot(day, [float(row["occurred"]) for row in one["broken"]], "x", color=line.get_color())
+            a.plot(day, [float(row["occurred"]) for row in forecast["broken"]], "x", color=line.get_color())
     if a.lines:
         a.legend(fontsize=8, title="crosses: observed", title_fontsize=8)
     else:
@@ -281,7 +284,8 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
     ax = figure.subplots()
     seen_at = _columns((fix.lon, fix.lat) for fix in fixes)
     x, y = (
-        np.concatenate(parts) for parts in zip(*((run.course.x, run.course.y) for run in runs), seen_at, strict=True)
+        np.concatenate(columns)
+        for columns in zip(*((run.course.x, run.course.y) for run in runs), seen_at, strict=True)
     )
     panel = Map.around(
         ax, x, y, latlon=first.latlon, radius=first.radius, shape=0.95, margin=0.08, least=LEAST, ticks=6
@@ -291,7 +295,7 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
     seen = panel.placed(*seen_at)
     for k, (run, (east, north), born) in enumerate(zip(runs, lines, births, strict=True)):
         colour = colours.FRAGMENTS[k % len(colours.FRAGMENTS)]
-        ax.plot(*style.gapped(east, north, run.course.area), color=colour, lw=2.0, zorder=7, label=run.name)
+        ax.plot(*style.insert_gaps(east, north, run.course.area), color=colour, lw=2.0, zorder=7, label=run.name)
         ax.plot(east[-1], north[-1], "s", color=colour, mec="black", ms=6, zorder=8)
         ax.plot(*born, "*", color=colour, mec="black", ms=12, ls="", zorder=9)
     labels = style.Labels(ax)
@@ -309,7 +313,7 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
     style.put_title(figure, f"{berg}{', '.join(run.name for run in runs)}\n{style.span_text(first.times)}")
     style.lay_out(figure)
     labels.prefer_off_line(*lines[0])
-    for x, y in (place for born in births for place in zip(*born, strict=True)):
+    for x, y in (position for born in births for position in zip(*born, strict=True)):
         labels.avoid(float(x), float(y), 7.0)
     x, y = (np.concatenate([line[k] for line in (*lines, seen)]) for k in (0, 1))
     panel.draw_place(x, y, labels)
@@ -318,8 +322,8 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
     return style.save_figure(figure, path)
 
 
-def _columns(places: Iterable[tuple[float, float]]) -> tuple[Floats, Floats]:
-    pairs = np.array(list(places), np.float64).reshape(-1, 2)
+def _columns(positions: Iterable[tuple[float, float]]) -> tuple[Floats, Floats]:
+    pairs = np.array(list(positions), np.float64).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
 
 
@@ -343,20 +347,20 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, dpi: int = 150) -> Path:
         Resolution.
     """
     style.check_format(path)
-    shown, whole = reasons.breakups[:SHOWN], reasons.whole
-    figure = new_figure(15.0, 4.3 * len(shown) + 1.5 if shown else 7.5, dpi)
-    if shown:
-        grid = figure.subplots(len(shown), 3, squeeze=False, width_ratios=(0.9, 1.2, 1.0))
-        for axes, breakup in zip(grid, shown, strict=True):
+    drawn, whole_berg = reasons.breakups[:SHOWN], reasons.whole
+    figure = new_figure(15.0, 4.3 * len(drawn) + 1.5 if drawn else 7.5, dpi)
+    if drawn:
+        grid = figure.subplots(len(drawn), 3, squeeze=False, width_ratios=(0.9, 1.2, 1.0))
+        for axes, breakup in zip(grid, drawn, strict=True):
             for ax, draw in zip(axes, (_draw_forces, _draw_load, _draw_first_bonds), strict=True):
                 draw(ax, breakup)
         style.letters(list(grid.flat))
-        _legend(figure, shown)
-    elif whole is not None:
-        _draw_whole(figure, whole)
+        _legend(figure, drawn)
+    elif whole_berg is not None:
+        _draw_whole(figure, whole_berg)
     forcing = f"\nForcing: {reasons.forcing}" if reasons.forcing else ""
     melted = "".join(f"\n{line}" for line in reasons.melt[:1])
-    why = "why it broke" if shown else "why it stayed whole, what drove and braked it"
+    why = "why it broke" if drawn else "why it stayed whole, what drove and braked it"
     style.put_title(figure, f"{reasons.experiment or 'Iceberg'}: {why}{forcing}{melted}")
     return save_figure(figure, path)
 
@@ -367,10 +371,10 @@ def _draw_whole(figure: Figure, berg: WholeBerg) -> None:
     times, moments = (np.array(texts, "datetime64[s]") for texts in (berg.times, berg.moments))
     stress, speed, forces = axes if berg.used else (None, *axes)
     if stress is not None and berg.nearest is not None:
-        part = berg.nearest.stress / berg.nearest.strength if berg.nearest.strength else 0.0
+        ratio = berg.nearest.stress / berg.nearest.strength if berg.nearest.strength else 0.0
         stress.plot(times, berg.used, color=colours.STRESS_LINE, lw=1.4, label="of the bond nearest to breaking")
         stress.plot(
-            np.datetime64(berg.nearest.time), part, "o", color=colours.STRESS_LINE, mec="black", label="nearest"
+            np.datetime64(berg.nearest.time), ratio, "o", color=colours.STRESS_LINE, mec="black", label="nearest"
         )
         stress.axhline(1.0, color=colours.STRENGTH, ls="--", lw=1.0, label="strength")
         stress.set_ylabel("largest tensile stress\nover strength", fontsize=9)
@@ -392,12 +396,12 @@ def _draw_whole(figure: Figure, berg: WholeBerg) -> None:
     style.letters(axes)
 
 
-def _legend(figure: Figure, shown: Sequence[Breakup]) -> None:
+def _legend(figure: Figure, breakups: Sequence[Breakup]) -> None:
     """Explain colours and lines once, below all panels."""
     from matplotlib.lines import Line2D
 
-    shades = _shades(shown[0])
-    acting = [n for n in shades if any(math.hypot(*b.budgets[k].forces[n]) > 0.0 for b in shown for k in SIDES)]
+    shades = _shades(breakups[0])
+    acting = [n for n in shades if any(math.hypot(*b.budgets[k].forces[n]) > 0.0 for b in breakups for k in SIDES)]
     handles = [Line2D([], [], color=shades[name], lw=2.4, label=name) for name in acting]
     handles += [
         Line2D([], [], color="black", lw=2.4, label="all forces (curves)"),
@@ -421,7 +425,7 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
         vectors: list[tuple[Any, str]] = [(f, shades[n]) for n, f in budget.forces.items() if math.hypot(*f) > 0.0]
         if budget.residual is not None:
             vectors.append((budget.residual, colours.REST))
-        # On the rest as much of them as acts on a mass like that of the fragment: else its arrows would hide the others.
+        # On the rest as much of them as acts on a mass like the fragment: else its arrows would hide the others.
         share = b.budgets["fragment"].mass / budget.mass / 1e9
         drawn = [(np.array(force) * share, colour) for force, colour in vectors]
         reach = max(reach, *(float(np.hypot(*v)) for v, _ in drawn))
@@ -486,7 +490,7 @@ def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
 
 
 def _differs(bond: FirstBond) -> bool:
-    """Whether the stress at the records is another than the largest between them, as it is where it rings."""
+    """Whether the stress at the records differs from the largest between them, as in ringing ice."""
     return bool(bond.peak) and not np.allclose(bond.peak, bond.tension, rtol=0.02, atol=0.01 * bond.strength)
 
 

@@ -56,10 +56,12 @@ def check_format(path: str | Path) -> str:
     from matplotlib.backend_bases import FigureCanvasBase
 
     ending = Path(path).suffix.removeprefix(".").lower()
-    known = FigureCanvasBase.get_supported_filetypes()
-    if ending and ending not in known:
+    formats = FigureCanvasBase.get_supported_filetypes()
+    if ending and ending not in formats:
         raise InputError(
-            f"no picture can be written as .{ending}", where=str(path), remedy=f"Use one of {', '.join(sorted(known))}"
+            f"no picture can be written as .{ending}",
+            where=str(path),
+            remedy=f"Use one of {', '.join(sorted(formats))}",
         )
     return ending
 
@@ -69,12 +71,12 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     from matplotlib import rc_context
 
     ending = check_format(path)
-    with replacing(path) as part:
+    with replacing(path) as temporary:
         if ending in ("pdf", "ps", "eps", "svg"):
             with rc_context(EDITABLE):
-                figure.savefig(part, format=ending, metadata=UNDATED.get(ending))
+                figure.savefig(temporary, format=ending, metadata=UNDATED.get(ending))
         else:
-            figure.savefig(part, format=ending or None)
+            figure.savefig(temporary, format=ending or None)
     return Path(path)
 
 
@@ -109,7 +111,7 @@ def saved_or_shown(draw: Callable[Concatenate[xr.Dataset, P], Figure]) -> Pictur
 
 
 def new_figure(width: float, height: float, dpi: int) -> Figure:
-    """Return a figure (inches) that needs no display and arranges what stands on it by itself."""
+    """Return a figure (inches) that needs no display and arranges its parts automatically."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -164,9 +166,9 @@ def geographic_axes(ax: Axes, *, latlon: bool, ticks: int = 6, labels: bool = Tr
     for axis, names, origin in ((ax.xaxis, "EW", origins[0]), (ax.yaxis, "NS", origins[1])):
         axis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
         if latlon:
-            places = axis.get_major_locator().tick_values(*axis.get_view_interval())
+            tick_values = axis.get_major_locator().tick_values(*axis.get_view_interval())
             # As many decimals as the ticks are apart, so that no two read alike.
-            decimals = max(0, -math.floor(math.log10(float(np.diff(places).min())) + 1e-9))
+            decimals = max(0, -math.floor(math.log10(float(np.diff(tick_values).min())) + 1e-9))
             axis.set_major_formatter(FuncFormatter(lambda v, _, n=names, d=decimals: degree_label(v, n[0], n[1], d)))
         else:
             axis.set_major_formatter(FuncFormatter(lambda v, _, o=origin, f=factor: f"{(v - o) / f:.10g}"))
@@ -202,7 +204,7 @@ def date_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
     axis, limits = (ax.xaxis, ax.get_xlim) if which == "x" else (ax.yaxis, ax.get_ylim)
 
     def years() -> str:
-        first, last = sorted(num2date(place).year for place in limits())  # type: ignore[no-untyped-call]
+        first, last = sorted(num2date(limit).year for limit in limits())  # type: ignore[no-untyped-call]
         return f"{first}" if first == last else f"{first} to {last}"
 
     class Dates(ConciseDateFormatter):
@@ -271,8 +273,8 @@ class Labels:
     def prefer_off_line(self, x: Any, y: Any) -> None:
         """Keep labels off some sixty points along a line; it has gaps where a point is not finite."""
         length = max(2, 60 // max(1, len(x) - 1)) + 1
-        for part in np.linspace(0.0, 1.0, length)[:-1]:
-            between = (part * v[1:] + (1.0 - part) * v[:-1] for v in (x, y))
+        for fraction in np.linspace(0.0, 1.0, length)[:-1]:
+            between = (fraction * v[1:] + (1.0 - fraction) * v[:-1] for v in (x, y))
             for point in zip(*(v[:: max(1, len(v) // 60)] for v in between), strict=True):
                 if math.isfinite(sum(point)):
                     self.prefer_off(*map(float, point))
@@ -299,27 +301,29 @@ class Labels:
         )  # fmt: skip
         frame, free = self.ax.bbox, []
         # All places are tried: one off the lines may come after one on them.
-        for place in PLACES:
-            label.set(position=place[:2], ha=place[2], va=place[3])
+        for anchor in PLACES:
+            label.set(position=anchor[:2], ha=anchor[2], va=anchor[3])
             box = label.get_window_extent().padded(0.03 * self.ax.figure.dpi)
             inside = all(map(frame.containsx, (box.x0, box.x1))) and all(map(frame.containsy, (box.y0, box.y1)))
             if inside and not any(map(box.overlaps, self._taken)):
-                free.append((any(map(box.overlaps, self._better_free)), place, box))
+                free.append((any(map(box.overlaps, self._better_free)), anchor, box))
         if not free:
             label.remove()
             return False
-        _, place, box = min(free, key=lambda found: found[0])  # the first of those off the lines, else the first
-        label.set(position=place[:2], ha=place[2], va=place[3])
+        _, anchor, box = min(
+            free, key=lambda candidate: candidate[0]
+        )  # the first of those off the lines, else the first
+        label.set(position=anchor[:2], ha=anchor[2], va=anchor[3])
         self._taken.append(box)
-        if math.hypot(*place[:2]) > LED:
+        if math.hypot(*anchor[:2]) > LED:
             self.ax.annotate(
-                "", (x, y), place[:2], textcoords="offset points", zorder=6.5,
+                "", (x, y), anchor[:2], textcoords="offset points", zorder=6.5,
                 arrowprops={"arrowstyle": "-", "lw": 0.8, "color": colours.STRENGTH, "shrinkA": 0.0, "shrinkB": 3.0},
             )  # fmt: skip
         return True
 
 
-def gapped(x: Any, y: Any, area: Any) -> tuple[Any, Any]:
+def insert_gaps(x: Any, y: Any, area: Any) -> tuple[Any, Any]:
     """Return a track with gaps where its berg lost more than a hundredth of its area at once: there its centroid jumps."""
     with np.errstate(invalid="ignore"):
         jumps = np.flatnonzero(np.diff(area) < -0.01 * area[:-1]) + 1
@@ -366,10 +370,10 @@ _UNIT = r"(?:[kcm]?m|km²|m/s|[kMG]?Pa|kg|Gt|°C?|h|s|days?|degrees?|[NSEW]|[A-Z
 def put_title(figure: Figure, text: str, *, size: float = 12.0) -> None:
     """Put a title at the top left of a figure, in as many lines as it takes."""
     width = figure.get_figwidth()
-    figure.suptitle("\n".join(wrapped(text, width - 0.4, size=size)), x=0.1 / width, ha="left", fontsize=size)
+    figure.suptitle("\n".join(wrap_text(text, width - 0.4, size=size)), x=0.1 / width, ha="left", fontsize=size)
 
 
-def wrapped(text: str, width: float, *, size: float) -> list[str]:
+def wrap_text(text: str, width: float, *, size: float) -> list[str]:
     """Break the lines of a text so that they fit into a width (inches) at a size of letters (points).
 
     A number stays with its unit.
@@ -377,8 +381,8 @@ def wrapped(text: str, width: float, *, size: float) -> list[str]:
     from textwrap import wrap
 
     letters = max(20, int(width * 72.0 / (0.56 * size)))  # mean letter: 0.56 of the size
-    held = re.sub(rf"(?<=\d) (?={_UNIT})", "\u00a0", text)
-    return [part for line in held.split("\n") for part in wrap(line, letters)]
+    bound = re.sub(rf"(?<=\d) (?={_UNIT})", "\u00a0", text)
+    return [row for line in bound.split("\n") for row in wrap(line, letters)]
 
 
 Times = NDArray[np.datetime64]
@@ -390,14 +394,14 @@ UNITS: Final = (("s", 1.0, 180.0), ("min", 60.0, 3.0 * 3600.0), ("h", 3600.0, ma
 """Name, seconds, and the longest run that is shown in it."""
 
 
-def length_of(times: Times) -> float:
+def run_length(times: Times) -> float:
     """Return the length of a run, s."""
     return float((times[-1] - times[0]) / np.timedelta64(1, "ms")) / 1e3
 
 
 def is_short(times: Times) -> bool:
     """Return whether moments of a run are shown as the time since its start."""
-    return length_of(times) <= SHORT
+    return run_length(times) <= SHORT
 
 
 def day_text(moment: np.datetime64, *, year: bool = False, hour: bool = True) -> str:
@@ -407,22 +411,22 @@ def day_text(moment: np.datetime64, *, year: bool = False, hour: bool = True) ->
     return text + (f" {when:%H:%M}" if hour else "")
 
 
-def in_words(name: str) -> str:
+def spell_name(name: str) -> str:
     """Return the name of an input or result as words, such as ``start east`` for ``start.east``."""
     words = re.sub(r"[._]", " ", name)
     return re.sub(r"\blat\b", "latitude", re.sub(r"\blon\b", "longitude", words))
 
 
-def date_in(text: str) -> str:
+def reword_dates(text: str) -> str:
     """Return a text with its ISO date as in all other places of a picture, such as ``17 Dec 2020 13:00``."""
-    return re.sub(r"\d{4}-\d\d-\d\d", lambda found: day_text(np.datetime64(found[0]), year=True, hour=False), text)
+    return re.sub(r"\d{4}-\d\d-\d\d", lambda match: day_text(np.datetime64(match[0]), year=True, hour=False), text)
 
 
 def moment_text(times: Times, moment: np.datetime64, *, year: bool = False) -> str:
     """Return a moment of a run with these records: its date, or in a short run the time since the start."""
     if not is_short(times):
         return day_text(moment, year=year)
-    name, size, _ = next(unit for unit in UNITS if length_of(times) <= unit[2])
+    name, size, _ = next(unit for unit in UNITS if run_length(times) <= unit[2])
     steps = np.diff(times) / np.timedelta64(1, "ms") / 1e3 / size
     least = float(steps.min()) if len(steps) else 1.0
     # As many decimals as distinguish neighbouring records.
@@ -446,7 +450,7 @@ def span_text(times: Times) -> str:
     """Return from when to when a run goes, or how long it is."""
     if is_short(times):
         return f"{moment_text(times, times[-1])} long"
-    hour = length_of(times) < 2.0 * SECONDS_PER_DAY
+    hour = run_length(times) < 2.0 * SECONDS_PER_DAY
     same_year = times[0].astype("datetime64[Y]") == times[-1].astype("datetime64[Y]")
     # The hour would stand between day and year.
     begin, end = (day_text(times[k], year=k != 0 or hour or not same_year, hour=hour) for k in (0, -1))
