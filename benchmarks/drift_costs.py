@@ -1,4 +1,4 @@
-"""What the laws of drift cost: processor time with each of them and without, by turns in one process.
+"""What the laws of drift, and the tips of rifts, cost: processor time with each of them and without, by turns in one process.
 
 python benchmarks/drift_costs.py [NAME ...]       rows by the words of ROWS; all without
 python benchmarks/drift_costs.py --profile NAME   where the time with the law goes
@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg.engines.quasi_static.fracture.crack_paths import CrackPaths
 from riftberg.engines.quasi_static.lattice.sides import FragmentSides
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
@@ -126,6 +127,20 @@ def by_directions() -> AbstractContextManager[Any]:
     return patch.object(FragmentSides, "find", lambda *_: None)
 
 
+def rifted(*, melt: bool) -> Model:
+    """Return a giant with a rift of 24 km inside, both tips of which stand, in warm or in cold water."""
+    berg = Iceberg.rectangle(60e3, 40e3, thickness=200.0, radius=1500.0, placement=(-38.0, -56.0))
+    berg = berg.with_rifts([((-38.19, -56.01), (-37.81, -56.01))], broken=True)
+    water = {"enabled": melt, "temperature": 2.0, "salinity": 34.0}
+    strong = {"criterion": "toughness", "toughness": 5e5, "normal_strength": 1e6}
+    return Model(berg, Forcing.uniform((0.1, 0.05), wind=(8.0, 2.0)), Parameters(melt=water, fracture=strong))
+
+
+def without_tips() -> AbstractContextManager[Any]:
+    """Rifts without tips, whose stress intensity nobody asks for."""
+    return patch.object(CrackPaths, "standing", lambda *_: [])
+
+
 class Row(NamedTuple):
     """A law: a model with it and one without, and days of a turn."""
 
@@ -154,6 +169,12 @@ ROWS = {
     "cloud": Row(
         "10,000 bergs by length and width, for as many by radius",
         lambda: open_sea(cloud()), lambda: open_sea(by_radius()), 1 / 48
+    ),
+    "tips": Row(
+        "two tips of a rift, for none: 60 x 40 km", lambda: rifted(melt=False), lambda: rifted(melt=False), 1.0, without_tips
+    ),
+    "tips, melt": Row(
+        "the same in ice that melts", lambda: rifted(melt=True), lambda: rifted(melt=True), 0.4, without_tips
     ),
 }  # fmt: skip
 

@@ -682,6 +682,8 @@ class BareModel(RunState):
 
     def describe(self) -> str:
         """Return what this model is, in plain words, with all parameters."""
+        from riftberg.life.edges import EdgeIce, front_lines  # with shapely, half a second
+
         notices = [f"  notice: {text}" for text in self.notices]
         forcing = f"  forcing: {self.forcing.describe()}"
         e = self.elements
@@ -690,7 +692,8 @@ class BareModel(RunState):
             begins = np.cumsum([0, *(count for _, count in self.fragments.bergs)])
             names = {int(e.berg[k]): name for k, (name, _) in zip(begins, self.fragments.bergs, strict=False)}
         bears = reserve_lines(e.berg, e.thickness, e.length * e.width, names, self.parameters)
-        ice = [f"  ice: {text}" for text in bears]
+        fronts = front_lines(EdgeIce(e.lon, e.lat, e.length, e.width, e.thickness), e.berg, self.parameters)
+        ice = [f"  ice: {text}" for text in (*fronts, *bears)]
         step = [f"  time step of {self.parameters.time_step:g} s: {self._why_time_step}"] if self._why_time_step else []
         return "\n".join([*self._heading(), *step, *notices, forcing, *ice, self.parameters.describe()])
 

@@ -11,8 +11,8 @@ import pytest
 
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.diagnostics import why
-from riftberg.diagnostics.edges import EdgeIce, edge_bending
 from riftberg.diagnostics.summary import summarize
+from riftberg.life.edges import EdgeIce, edge_bending
 from riftberg.physics.edge_bending import flexural_length, foot_moment, front_moment, surface_stress
 from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import open_run
@@ -104,9 +104,14 @@ def test_without_footloose_calving_nothing_is_known_of_feet_and_nothing_of_what_
 
 
 def test_the_reasons_of_a_run_say_how_much_its_fronts_bend(tmp_path: Path) -> None:
+    """Of its largest berg, which need not be the first; a model says it before it runs."""
+    small = Iceberg.rectangle(6e3, 3e3, thickness=300.0, placement=(-39.0, -56.0))
     berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, placement=(-38.0, -56.0))
-    Model(berg, Steady(), Parameters()).run(steps=1, output=tmp_path / "run.nc")
+    model = Model(Iceberg.join([small, berg]), Steady(), Parameters())
+    described = model.describe()
+    model.run(steps=1, output=tmp_path / "run.nc")
     with open_run(tmp_path / "run.nc") as run:
         text = " ".join(why.reason_lines(why.explain(run)))
-    assert "fronts by up to 98 kPa of tension at the top" in text
-    assert "pre-stress of 142 kPa" in text
+    for said in (described, text, model.describe()):
+        assert "fronts by up to 98 kPa of tension at the top" in said
+        assert "pre-stress of 142 kPa" in said

@@ -14,6 +14,7 @@ from riftberg.coupling.fields import OceanForcing
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.quasi_static import lone_bergs
 from riftberg.engines.quasi_static import stepper as general
+from riftberg.engines.quasi_static.fracture import crack_paths
 from riftberg.state import ELEMENT_VARIABLES
 
 pytestmark = pytest.mark.compiled
@@ -212,3 +213,29 @@ def test_a_population_goes_on_from_a_restart(tmp_path: Any) -> None:
     for name, values in state_of(whole).items():
         np.testing.assert_array_equal(state_of(rest)[name], values, err_msg=name)
     assert rest.contacts.rows == whole.contacts.rows
+
+
+@pytest.mark.parametrize("near", [True, False], ids=["rift meets", "rift alone"])
+def test_tips_of_rifts_are_told_whichever_bergs_meet(near: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in the general step, and by rings that are made once while the ice melts."""
+    giant = Iceberg.rectangle(15e3, 15e3, thickness=150.0, radius=500.0, placement=(-41.0, -60.0))
+    giant = giant.with_rifts([((-40.997, -60.02), (-40.997, -59.98))], broken=True)
+    place = (-41.0, -60.0 - 8.55 / 111.0) if near else (-44.0, -60.0)
+    others = [
+        Iceberg.rectangle(2e3, 2e3, thickness=150.0, radius=500.0, placement=(place[0] + dx, place[1]))
+        for dx in (0.0, 2.03 / 55.7)
+    ]
+    alone = [berg(8.0 * (k % 40), 30.0 + 8.0 * (k // 40), True) for k in range(300)]
+    made, make = [], crack_paths.tip_ring
+    monkeypatch.setattr(crack_paths, "tip_ring", lambda *a, **k: made.append(a[3]) or make(*a, **k))
+    tips = []
+    for least in (1, 10**6):
+        monkeypatch.setattr(lone_bergs, "MIN_LONE_BERGS", least)
+        made.clear()
+        model = Model(Iceberg.join([*alone, giant, *others]), Steady(**OCEAN), Parameters(**MELT))
+        model.advance(steps=3)
+        tips.append(model.rift_tips)
+        assert len(made) == 2
+    assert np.isfinite([tip.opening for tip in tips[0]]).tolist() == [True, True]
+    for one, other in zip(*tips, strict=True):
+        assert (one.opening, one.shearing) == pytest.approx((other.opening, other.shearing), rel=1e-6)

@@ -199,7 +199,7 @@ def breakups(model: BareModel) -> list[dict[str, Any]]:
 
 def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per berg of the start, and per one that was added later."""
-    from riftberg.diagnostics.edges import berg_edges  # with shapely, half a second
+    from riftberg.life.edges import berg_edges  # with shapely, half a second
 
     rows = {row.number: row for row in model.fragments.rows}
     e, p = model.elements, model.parameters

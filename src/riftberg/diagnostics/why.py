@@ -14,10 +14,10 @@ import numpy as np
 
 from riftberg.config.units import area_text, count_text, minute_text, place_text
 from riftberg.diagnostics.cut import GEOSTROPHIC, Breakup, Collision, Cut, FirstBond, birth_members, iso
-from riftberg.diagnostics.edges import edge_lines
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.diagnostics.whole import WholeBerg, whole_berg, whole_lines
 from riftberg.engines.common.rift_tips import tip_lines
+from riftberg.life.edges import EdgeIce, front_lines
 from riftberg.runs.groundings import read_stays, why_lines
 from riftberg.runs.layout import run_heading
 from riftberg.runs.scene import SMALL, Scene
@@ -111,13 +111,21 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         breakups=breakups,
         small=small,
         strength=scene.strength if scene.parameters.fracture.enabled else None,
-        reserves=[*edge_lines(scene), *scene.reserves()],
+        reserves=[*_front_lines(scene), *scene.reserves()],
         rifts=tip_lines(scene.rift_tips, scene.parameters),
         melt=melt_lines(run),
         whole=None if breakups else whole_berg(scene),
         latlon=scene.latlon,
         ground=why_lines(read_stays(run, scene.name), scene.parameters, latlon=scene.latlon),
     )
+
+
+def _front_lines(scene: Scene) -> list[str]:
+    """Return how much the fronts of the largest berg bend at the start of a run."""
+    present = scene.there[0]
+    side = np.sqrt(scene.area)
+    ice = EdgeIce(*(array[present] for array in (scene.x[0], scene.y[0], side, side, scene.thickness(0))))
+    return front_lines(ice, scene.berg[0][present], scene.parameters)
 
 
 def find_collision(scene: Scene, b: Breakup) -> Collision | None:

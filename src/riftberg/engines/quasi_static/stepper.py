@@ -60,7 +60,9 @@ class QuasiStaticStepper:
         self._bodies: Bodies | None = None
         # The elastic cells of bonded ice are made at the start of a run; a restart holds them from then on.
         self._cells: ElasticCells | None = None
-        self._cell_topology: CellTopology | None = None  # found once as long as ice melts but nothing breaks
+        # Found once as long as ice melts but nothing breaks; beside bergs that go by themselves, of the others that may meet.
+        self._cell_topology: CellTopology | None = None
+        self._meeting_topology: CellTopology | None = None
         self._tips = NO_TIPS
         if model.bonds.first.size and model.step_number == 0:
             self._cells = add_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
@@ -220,7 +222,8 @@ class QuasiStaticStepper:
                 )
                 self._cell_topology = step.lattice.topology
             if meeting[0].size:
-                step_group(*meeting[:2], cells=(self._cells, None), laws=self._laws)
+                step = step_group(*meeting[:2], cells=(self._cells, self._meeting_topology), laws=self._laws)
+                self._meeting_topology = step.lattice.topology
             else:
                 self._faces.forget_pairs()
             blocks = lone_steps.result()

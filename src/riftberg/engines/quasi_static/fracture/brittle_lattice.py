@@ -25,7 +25,6 @@ from riftberg.engines.quasi_static.fracture.criteria import (
     overloads,
     residual_strengths,
 )
-from riftberg.engines.quasi_static.fracture.stress_intensity import TipRing
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness, CellTopology
 from riftberg.engines.quasi_static.lattice.cells import ElasticCells, add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import Supports, find_lattice
@@ -61,7 +60,6 @@ class BrittleLattice:
         # Of bonded ice: elements that nothing joins are rigid, and bear no loads.
         self.cells: CellStiffness | None = None
         self.paths: CrackPaths | None = None
-        self._rings: dict[tuple[float, ...], TipRing | float] = {}
         self._solver: StiffnessSolver | None = None
         if self.intact.size:
             self.elastic_cells = add_new_cells(self.elastic_cells, el, bonds, (), c)
@@ -85,8 +83,7 @@ class BrittleLattice:
         if self.cells is not None:
             model = self._model
             self.paths = CrackPaths(
-                tips, model.bonds, model.elements.body.id, bodies.body, self.xy, self.cells, self._last_crack,
-                self._rings,
+                tips, model.bonds, model.elements.body.id, bodies.body, self.xy, self.cells, self._last_crack
             )  # fmt: skip
 
     @property
@@ -120,7 +117,6 @@ class BrittleLattice:
         """Correct the factors for a bond that has broken."""
         assert self._solver is not None
         self._solver.downdate(bond)
-        self._rings.clear()
         self.intact = self.intact[self.intact != bond]
 
     def strengths(self) -> Strengths:

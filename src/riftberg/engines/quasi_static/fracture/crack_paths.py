@@ -14,13 +14,13 @@ A tip keeps its place beside the ends of the bond that it crossed last, so it mo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
 
 import numpy as np
 
 from riftberg.engines.common.crack_tips import NO_TIPS, RUN_OUT, UNTOLD, CrackTips
-from riftberg.engines.quasi_static.fracture.stress_intensity import TipRing, tip_ring
+from riftberg.engines.quasi_static.fracture.stress_intensity import TipRing, ring_intensities, tip_ring
 from riftberg.parameters import KernelParameters
 from riftberg.physics.crack_tip import hoop_intensity
 from riftberg.plane import ConformalPlane
@@ -94,6 +94,9 @@ def find_rift_tips(el: Elements, bonds: Bonds, p: KernelParameters) -> CrackTips
     ])  # fmt: skip
 
 
+T = TypeVar("T")
+
+
 class Tip(NamedTuple):
     """A tip in the frame of its fragment."""
 
@@ -129,22 +132,27 @@ class Crossing(NamedTuple):
 class CrackPaths:
     """Where the tips of a fragmented lattice stand, and where they go next.
 
-    ``last``: a number of a crack above which new ones are numbered; ``rings``: around tips by their place, found since a bond
-    broke last.
+    ``last``: a number of a crack above which new ones are numbered.
     """
 
     def __init__(
         self, tips: CrackTips, bonds: Bonds, ids: Ints, body: Ints, xy: Floats, cells: CellStiffness, last: int = 0,
-        rings: dict[tuple[float, ...], TipRing | float] | None = None,
     ) -> None:  # fmt: skip
         self.tips, self._bonds, self._ids, self._body, self._xy, self._cells = tips, bonds, ids, body, xy, cells
-        self._last, self._rings = last, {} if rings is None else rings
-        self._standing: tuple[CrackTips | None, list[Tip]] = None, []
+        self._last = last
+
+    def _until_a_break(self, name: str, find: Callable[[], T]) -> T:
+        """Return what is found at the tips where they are, once for as long as no bond breaks, though the ice melts."""
+        at_tips, place = self._cells.at_tips, self.tips.place
+        if name not in at_tips or at_tips[name][0] is not place:  # a tip that moves makes new arrays
+            at_tips[name] = place, find()
+        return cast(T, at_tips[name][1])
 
     def standing(self) -> list[Tip]:
         """Return the tips in the frames of their fragments, without those whose elements have parted or melted away."""
-        if self._standing[0] is self.tips:
-            return self._standing[1]
+        return self._until_a_break("tips", self._find_standing)
+
+    def _find_standing(self) -> list[Tip]:
         rows, is_present = find_rows(self._ids, self.tips.beside.ravel())
         a, b = rows.reshape(-1, 2).T
         here = is_present.reshape(-1, 2).all(axis=1)
@@ -158,29 +166,28 @@ class CrackPaths:
             axes = np.array([along, [-along[1], along[0]]]) / spacing
             position, direction = self._xy[i] + self.tips.place[n] @ axes, self.tips.direction[n] @ axes
             tips.append(Tip(int(n), int(self._body[i]), position, direction, spacing))
-        self._standing = self.tips, tips
         return tips
 
-    def intensities(self, of_elements: Floats, load: Floats) -> dict[int, TipIntensity]:
+    def intensities(self, displacement: Floats, load: Floats) -> dict[int, TipIntensity]:
         """Stress intensity at the standing tips, by their rows; tips without a ring are left out.
 
-        ``of_elements``: displacements (m, m, rad); ``load``: balanced (N, N, N m).
+        ``displacement``: of all nodes (m, m, rad); ``load``: of the elements, balanced (N, N, N m).
         """
-        rings = [(tip, ring) for tip in self.standing() if isinstance(ring := self._find_ring(tip), TipRing)]
         intensities = {}
-        if rings:
-            displacement = self._cells.displacements(of_elements)
-            for tip, ring in rings:
-                opening, shearing = ring.intensities(displacement, load).tolist()
+        for tip, ring in self._rings():
+            if isinstance(ring, TipRing):
+                opening, shearing = ring_intensities(ring.weights, self._cells.volume, displacement, load)
                 intensities[tip.row] = TipIntensity(tip, ring, opening, shearing, *hoop_intensity(opening, shearing))
         return intensities
 
-    def _find_ring(self, tip: Tip) -> TipRing | float:
-        """Ring around a tip, found anew where a bond has broken."""
-        key = (tip.body, *tip.place, *tip.direction)
-        if key not in self._rings:
-            self._rings[key] = self._ring(tip)
-        return self._rings[key]
+    def bonds_beside_tips(self) -> Ints:
+        """Rows of the intact bonds beside the tips with a ring, sorted."""
+        rings = (ring for _, ring in self._rings() if isinstance(ring, TipRing))
+        return self._until_a_break("beside", lambda: np.unique(np.concatenate([ring.beside for ring in rings])))
+
+    def _rings(self) -> list[tuple[Tip, TipRing | float]]:
+        """Return the standing tips with their rings."""
+        return self._until_a_break("rings", lambda: [(tip, self._ring(tip)) for tip in self.standing()])
 
     def _ring(self, tip: Tip) -> TipRing | float:
         """Ring around the end of a crack; ``UNTOLD`` where there is no room for one, ``RUN_OUT`` where the crack has ended."""
@@ -226,15 +233,14 @@ class CrackPaths:
         return np.asarray(a + bonds.crack_part[rows, None] * (b - a))
 
     def with_intensities(self, intensities: Mapping[int, TipIntensity]) -> CrackTips:
-        """Return the tips with their intensities, as far as these can be told."""
-        values = np.zeros((self.tips.crack.size, 3))
-        values[:, 2] = UNTOLD
-        for tip in self.standing():
-            ring, k = self._find_ring(tip), intensities.get(tip.row)
+        """Return the tips with the intensities of those that stand here, as far as these can be told."""
+        values = self.tips.intensity.copy()
+        for tip, ring in self._rings():
+            k = intensities.get(tip.row)
             if k is not None and k.ring.reliable:
-                values[tip.row] = k.opening, k.shearing, max(k.hoop, self.tips.intensity[tip.row, 2])
-            elif ring == RUN_OUT:
-                values[tip.row, 2] = RUN_OUT
+                values[tip.row] = k.opening, k.shearing, max(k.hoop, values[tip.row, 2])
+            else:
+                values[tip.row] = 0.0, 0.0, RUN_OUT if ring == RUN_OUT else UNTOLD
         return self.tips._replace(intensity=values)
 
     def next_bond(

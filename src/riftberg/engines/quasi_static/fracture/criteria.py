@@ -25,6 +25,7 @@ from riftberg.config.parameter_groups import Fracture
 from riftberg.engines.common.laws import Ratios, law_name, to_read
 from riftberg.engines.common.reserves import bond_strengths
 from riftberg.engines.quasi_static.fracture.crack_paths import CrackPaths, TipIntensity
+from riftberg.engines.quasi_static.fracture.stress_intensity import NONE
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness, CellStresses
 from riftberg.engines.quasi_static.lattice.equilibrium import ElasticLattice, bond_deformations
 from riftberg.errors import RunError
@@ -66,7 +67,9 @@ class Equilibrium:
     @cached_property
     def _ice(self) -> CellStresses:
         if self._cells is None:
-            return CellStresses(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0, np.int64))
+            return CellStresses(
+                np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0, np.int64)
+            )
         return self._cells.stresses(self.lattice, self.intact, self.displacement, self.load)
 
     @property
@@ -84,7 +87,7 @@ class Equilibrium:
         """Stress intensity at the tips of cracks that are long enough, by their rows."""
         if self._cells is None or self._paths is None or not self._paths.tips.crack.size:
             return {}
-        return self._paths.intensities(self.displacement, self.load)
+        return self._paths.intensities(self._ice.displacement, self.load)
 
     @property
     def bridges(self) -> Ints:
@@ -132,10 +135,17 @@ def _residual_strengths(
 
 
 @kernel
-def most_overloaded(stress: Floats, strengths: Strengths) -> tuple[int, float]:
-    """Row of the bond whose stress is highest over its strength, and that ratio; -1 without bonds."""
-    row, highest = -1, -np.inf
+def most_overloaded(stress: Floats, strengths: Strengths, intact: Ints, left_out: Ints) -> tuple[int, float]:
+    """Row of the bond whose stress is highest over its strength, and that ratio; -1 without bonds.
+
+    ``left_out``: sorted rows of the state, as in ``intact``, of bonds that do not count.
+    """
+    row, highest, n = -1, -np.inf, 0
     for k in range(stress.shape[0]):
+        while n < left_out.size and left_out[n] < intact[k]:
+            n += 1
+        if n < left_out.size and left_out[n] == intact[k]:
+            continue
         ratio = stress_ratio(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
         if ratio > highest:
             row, highest = k, ratio
@@ -267,7 +277,7 @@ class IceStress:
 
     def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
-        row, ratio = most_overloaded(moment.stress, strengths)
+        row, ratio = most_overloaded(moment.stress, strengths, moment.intact, NONE)
         if (
             ratio > 1.0
             and stress_ratio(moment.stress[row, 0], 0.0, strengths.normal[row], strengths.shear[row]) == ratio
@@ -294,10 +304,8 @@ class Toughness(IceStress):
         at_tips = moment.intensities
         if not at_tips:
             return super().most_critical(moment, strengths)
-        stress, intact = moment.stress.copy(), moment.intact
-        for k in at_tips.values():
-            stress[np.searchsorted(intact, k.ring.beside)] = -np.inf  # there the toughness alone decides
-        row, ratio = most_overloaded(stress, strengths)
+        # Beside tips the toughness alone decides.
+        row, ratio = most_overloaded(moment.stress, strengths, moment.intact, moment.paths.bonds_beside_tips())
         for k in sorted(at_tips.values(), key=lambda k: k.hoop, reverse=True):
             share = k.hoop / self._toughness
             if share <= ratio:
@@ -305,7 +313,7 @@ class Toughness(IceStress):
             if share <= 1.0:
                 return row, share  # nothing breaks, so it does not matter which bond the crack would cross
             if (crossing := moment.paths.find_crossing(k.tip, moment.triangle_stress, k)) is not None:
-                return int(np.searchsorted(intact, crossing.bond)), share
+                return int(np.searchsorted(moment.intact, crossing.bond)), share
         return row, ratio
 
 

@@ -10,7 +10,8 @@ with stress s, strain e and displacements u of a triangle, V the volume of its i
 F the load of an element, and H the thickness at the tip (Moran and Shih 1987, Eng. Fract. Mech. 27). Triangles that a break has
 freed are left out: their displacements have a jump, and they lie along the crack, whose faces bear nothing.
 
-So K is linear in displacements and loads, by weights that stay the same until a bond breaks.
+So K is linear in displacements and loads. Its weights stay the same until a bond breaks: what melts are H and V, which come in
+when K is asked for.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.physics.crack_tip import crack_tip_fields
 from riftberg.state import Floats, Ints
 
@@ -31,22 +33,65 @@ MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 """Middles of the edges of a triangle, by its vertices."""
 
 
-class TipRing(NamedTuple):
-    """Weights by which K follows from displacements and loads."""
+class RingWeights(NamedTuple):
+    """Weights by which K follows from volumes, displacements and loads."""
 
+    triangle: Ints  # Rows of those of the ring
+    vertex: Ints  # Their vertices, as rows of ``node``; shape (triangles, 3)
+    by_displacement: Floats  # For each m3 of them, Pa m-5/2, shape (2, triangles, 3, 2): K_I and K_II
     node: Ints
-    by_displacement: Floats  # Pa m-1/2, shape (2, 2 nodes): K_I and K_II
+    rotation: Floats  # How a rotation moves the nodes, with 1 as the sum of all squares; shape (nodes, 2)
     element: Ints
-    by_load: Floats  # m-3/2, shape (2, 2 elements)
+    by_load: Floats  # m-1/2, shape (2, elements, 2)
+    disc: Ints  # Rows of the triangles at the tip, whose mean thickness is H
+    area: Floats  # Of these, m2
+
+
+class TipRing(NamedTuple):
+    """The ring around a tip."""
+
+    weights: RingWeights
     end: Floats  # Where the crack ends, m
     radius: float  # m
     reliable: bool  # Whether the ring is wide enough for K to be told
     beside: Ints  # Rows of the intact bonds beside the tip
 
-    def intensities(self, displacement: Floats, load: Floats) -> Floats:
-        """Return K_I and K_II (Pa m1/2); ``displacement``: of all nodes (m, m, rad); ``load``: of the elements (N, N, N m)."""
-        moved, pull = displacement[self.node, :2].ravel(), load[self.element, :2].ravel()
-        return np.asarray(self.by_displacement @ moved + self.by_load @ pull)
+
+@kernel
+def ring_intensities(ring: RingWeights, volume: Floats, displacement: Floats, load: Floats) -> tuple[float, float]:
+    """Return K_I and K_II (Pa m1/2).
+
+    ``volume``: of all triangles, m3; ``displacement``: of all nodes (m, m, rad); ``load``: of the elements (N, N, N m).
+    """
+    triangle, vertex, by_displacement, node, rotation = (
+        ring.triangle, ring.vertex, ring.by_displacement, ring.node, ring.rotation
+    )  # fmt: skip
+    element, by_load, disc, area = ring.element, ring.by_load, ring.disc, ring.area
+    # A rigid rotation has no part in K. Left to round-off of the integral it would: bergs turn more than they strain.
+    turned = 0.0
+    for n in range(node.size):
+        turned += rotation[n, 0] * displacement[node[n], 0] + rotation[n, 1] * displacement[node[n], 1]
+    opening = shearing = 0.0
+    for t in range(triangle.size):
+        first = second = 0.0
+        for v in range(3):
+            n = vertex[t, v]
+            for c in range(2):
+                moved = displacement[node[n], c] - turned * rotation[n, c]
+                first += by_displacement[0, t, v, c] * moved
+                second += by_displacement[1, t, v, c] * moved
+        opening += volume[triangle[t]] * first
+        shearing += volume[triangle[t]] * second
+    for n in range(element.size):
+        for c in range(2):
+            opening -= by_load[0, n, c] * load[element[n], c]
+            shearing -= by_load[1, n, c] * load[element[n], c]
+    ice = extent = 0.0
+    for n in range(disc.size):
+        ice += volume[disc[n]]
+        extent += area[n]
+    half = 0.5 * extent / ice  # m-1, by the thickness at the tip, where it changes evenly
+    return half * opening, half * shearing
 
 
 def tip_ring(
@@ -65,7 +110,6 @@ def tip_ring(
     axes = np.array([direction, [-direction[1], direction[0]]])
     vertex = (ice.vertex - position) @ axes.T
     disc = np.hypot(*vertex.mean(axis=1).T) < 0.5 * radius
-    thickness = float(ice.volume[disc].sum() / ice.area[disc].sum())  # that at the tip, where it changes evenly
     weight = np.clip(2.0 - 2.0 * np.hypot(vertex[..., 0], vertex[..., 1]) / radius, 0.0, 1.0)
     rows = np.flatnonzero(ice.whole & (weight.max(axis=1) > 0.0) & (weight.min(axis=1) < 1.0))
     vertex, weight, count = vertex[rows], weight[rows], rows.size
@@ -97,24 +141,18 @@ def tip_ring(
             by_displacement[mode, :, :, c] += np.einsum("tj,tj->t", pulled, falls)[:, None] * slope[:, :, 0]
             energy = np.einsum("ti,tiv->tv", s * [1.0, 1.0, 2.0], strain[..., c])
             by_displacement[mode, :, :, c] -= energy * falls[:, :1]
-    by_displacement *= (0.5 * youngs / thickness * ice.volume[rows])[:, None, None]
     node, at = np.unique(ice.node[rows], return_inverse=True)
-    at, of_nodes = at.reshape(-1, 3), np.zeros((node.size, 2, 2))
-    np.add.at(of_nodes, at, by_displacement.transpose(1, 2, 0, 3))
-    of_nodes = of_nodes.transpose(1, 0, 2)
-    # A rigid rotation has no part in K. Left to round-off of the integral it would: bergs turn more than they strain.
-    where = np.zeros((node.size, 2))
-    where[at] = vertex
+    at, where = at.reshape(-1, 3), np.zeros((node.size, 2))
+    where[at] = ice.vertex[rows]
     arm = where - where.mean(axis=0)
     rotation = np.column_stack([-arm[:, 1], arm[:, 0]])
-    of_nodes -= ((of_nodes * rotation).sum(axis=(1, 2)) / (rotation**2).sum())[:, None, None] * rotation
 
     centre = (centre - position) @ axes.T
     weight = np.clip(2.0 - 2.0 * np.hypot(*centre.T) / radius, 0.0, 1.0)
     loaded = np.flatnonzero(weight > 0.0)
     _, gradient = crack_tip_fields(centre[loaded, 0], centre[loaded, 1], poisson)
-    by_load = -0.5 / thickness * weight[loaded, None] * gradient
-    return TipRing(
-        node, (of_nodes @ axes).reshape(2, -1), element[loaded], (by_load @ axes).reshape(2, -1),
-        position, radius, reliable, beside,
+    weights = RingWeights(
+        ice.row[rows], at, youngs * by_displacement @ axes, node, rotation / np.sqrt((rotation**2).sum()),
+        element[loaded], weight[loaded, None] * gradient @ axes, ice.row[disc], ice.area[disc],
     )  # fmt: skip
+    return TipRing(weights, position, radius, reliable, beside)

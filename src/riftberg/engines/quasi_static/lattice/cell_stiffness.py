@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -86,6 +86,9 @@ class CellTopology:
         # The side along which two cells meet: hexagons touch along less than their width.
         self.facet = np.where(el.body.sides == 6, 1.0 / np.sqrt(3.0), 1.0)
         self.held: Booleans = np.asarray((el.static >= 0.5) | (el.free_y < 0.5))
+        # Vertices of the triangles as they were laid last (m), and what `CrackPaths` has found at the tips in them.
+        self.vertex: Floats = np.zeros(0)
+        self.at_tips: dict[str, tuple[Floats, Any]] = {}
 
     @staticmethod
     def _key(cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints) -> tuple[ElasticCells, list[bytes]]:
@@ -203,7 +206,6 @@ def node_displacements(outline: OutlineNodes, of_elements: Floats) -> Floats:
 class StressTables(NamedTuple):
     """Tables for the stress of the ice by displacements and loads, for some intact bonds."""
 
-    outline: OutlineNodes
     at: Ints  # Freedoms of the triangles; shape (triangles, 9)
     by_displacement: Floats  # Their stress by these; shape (triangles, 3, 9)
     faces: FaceTables  # Of triangles whose faces may close
@@ -218,14 +220,15 @@ class StressTables(NamedTuple):
 
 
 @kernel
-def find_stresses(t: StressTables, of_elements: Floats, load: Floats, tensor: Floats, stress: Floats) -> Floats:
+def find_stresses(t: StressTables, displacement: Floats, load: Floats, tensor: Floats, stress: Floats) -> Floats:
     """Return the stress (Pa; xx, yy, xy) of the triangles, and fill that of intact bonds: as tensor, tension and shear.
+
+    ``displacement``: of all nodes (m, m, rad); ``load``: of the elements (N, N, N m).
 
     Bonds lie inside the ice, so the stress at nodes of the outline beside them counts where it is larger. Bridges bear
     6 M / (H w^2) at the end of the facet in addition, as in a beam as high as the facet is long (w): the mean stress of a bond
     knows nothing of the moment M that it bears.
     """
-    displacement = node_displacements(t.outline, of_elements)
     triangle = triangle_stresses(t.at, t.by_displacement, displacement)
     if t.faces.row.size > 0:
         put_closed_stress(t.faces, displacement, triangle)
@@ -247,8 +250,9 @@ def find_stresses(t: StressTables, of_elements: Floats, load: Floats, tensor: Fl
 
 
 class CellStresses(NamedTuple):
-    """Stress (Pa) of elastic cells."""
+    """Stress (Pa) of elastic cells, and the displacements by which it was found."""
 
+    displacement: Floats  # Of all nodes, m, m, rad
     triangle: Floats  # xx, yy, xy; shape (triangles, 3)
     tensor: Floats  # Of the ice at the intact bonds: xx, yy, xy; shape (intact bonds, 3)
     bond: Floats  # Largest tension and shear of the ice at the bonds; shape (intact bonds, 2)
@@ -284,9 +288,9 @@ def stiffness_blocks(at: Ints, stiffness: Floats, start: Ints, second: Ints) -> 
 class LaidTriangles(NamedTuple):
     """Some triangles of a fragment, in its frame."""
 
+    row: Ints
     vertex: Floats  # m; shape (triangles, 3, 2)
     node: Ints  # Shape (triangles, 3)
-    volume: Floats  # With its weight, m3
     area: Floats  # With its weight, m2
     whole: Booleans  # Those without a freed edge
 
@@ -309,10 +313,13 @@ class CellStiffness:
         self._freed, self._broken = topology.freed, topology.broken.copy()
         living, row = topology.living, topology.row
         self._vertex = self._in_frames(np.where(living, row, -1), body, xy)
-        self._volume = volumes(self._mesh, np.where(living, el.thickness[row], np.nan))
+        if not np.array_equal(topology.vertex, self._vertex):  # else ice has melted, and no more
+            topology.vertex, topology.at_tips = self._vertex, {}
+        self.at_tips = topology.at_tips
+        self.volume = volumes(self._mesh, np.where(living, el.thickness[row], np.nan))
         triangles = _triangles(self._vertex.tobytes(), self._freed.tobytes(), p.youngs_modulus, p.poisson)
         # Of these triangles with their volume; further breaks change them.
-        self._triangles = Triangles(triangles.stiffness * self._volume[:, None, None], triangles.stress.copy())
+        self._triangles = Triangles(triangles.stiffness * self.volume[:, None, None], triangles.stress.copy())
         self._whole: Booleans = np.asarray(~self._freed.any(axis=1))  # triangles without a freed edge
         self._tables: tuple[Ints, StressTables] | None = None  # of some intact bonds
         self._blocks: tuple[Floats, Floats] | None = None
@@ -370,13 +377,14 @@ class CellStiffness:
         self._whole = np.asarray(~self._freed.any(axis=1))
         changed = np.flatnonzero((self._freed != old_freed).any(axis=1))
         new = find_triangles(self._vertex[changed], self._freed[changed], self._p.youngs_modulus, self._p.poisson)
-        new_stiffness = new.stiffness * self._volume[changed, None, None]
+        new_stiffness = new.stiffness * self.volume[changed, None, None]
         at, index = np.unique(self._at[changed], return_inverse=True)
         index, reduction = index.reshape(-1, 9), np.zeros((at.size, at.size))
         np.add.at(reduction, (index[:, :, None], index[:, None, :]), stiffness[changed] - new_stiffness)
         least = NEGLIGIBLE * float((stiffness[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
         stiffness[changed], self._triangles.stress[changed] = new_stiffness, new.stress
         self._blocks = self._outline = self._faces = self._tables = None
+        self.at_tips = {}
         value, vector = np.linalg.eigh(reduction * np.outer(scale[at], scale[at]))
         columns = np.zeros((int((value > least).sum()), scale.size))
         columns[:, at] = (vector[:, value > least] * np.sqrt(value[value > least])).T
@@ -406,7 +414,7 @@ class CellStiffness:
             across = find_gap_shares(mesh.xy[mesh.triangle[row]], self._freed[row], faces[row], normal)
             youngs, poisson = self._p.youngs_modulus, self._p.poisson
             self._faces = ClosingFaces(
-                row, self._at[row], self._vertex[row], self._freed[row], across, self._volume[row], youngs, poisson
+                row, self._at[row], self._vertex[row], self._freed[row], across, self.volume[row], youngs, poisson
             )
         return self._faces
 
@@ -415,8 +423,9 @@ class CellStiffness:
         if self._tables is None or self._tables[0] is not rows:  # nearly always the rows of the previous step
             self._tables = rows, self._stress_tables(lattice, rows)
         tables, tensor, stress = self._tables[1], np.empty((rows.size, 3)), np.empty((rows.size, 2))
-        triangle = find_stresses(tables, of_elements, load, tensor, stress)
-        return CellStresses(triangle, tensor, stress, tables.bridges.bond)
+        displacement = self.displacements(of_elements)
+        triangle = find_stresses(tables, displacement, load, tensor, stress)
+        return CellStresses(displacement, triangle, tensor, stress, tables.bridges.bond)
 
     def _stress_tables(self, lattice: ElasticLattice, rows: Ints) -> StressTables:
         topology, number = self.topology, self.topology.bond_number[rows]
@@ -425,7 +434,7 @@ class CellStiffness:
         beside = np.stack([row[topology.bond_beside], topology.node_beside])
         width = lattice.width[rows] * self.facet[lattice.first[rows]]
         return StressTables(
-            self._nodes_on_outline(), self._at, self._triangles.stress, self.faces.tables,
+            self._at, self._triangles.stress, self.faces.tables,
             topology.at_bond.exclude_freed(self._whole), topology.at_node.exclude_freed(self._whole), number,
             beside[:, beside[0] >= 0], (self._broken.size, topology.outer_nodes), self._bridges(lattice, rows),
             (lattice.first, lattice.second, rows, self._xy, topology.held), lattice.thickness[rows] * width**2,
@@ -447,9 +456,7 @@ class CellStiffness:
         """Return the triangles of a fragment whose middle lies within a radius (m) of a point."""
         rows = np.flatnonzero((self._of_body == body) & (np.hypot(*(self._middle - point).T) <= radius))
         area = (self._mesh.weight * self._mesh.area)[rows]
-        return LaidTriangles(
-            self._vertex[rows], self._at[rows, 0:6:2] // 3, self._volume[rows], area, self._whole[rows]
-        )
+        return LaidTriangles(rows, self._vertex[rows], self._at[rows, 0:6:2] // 3, area, self._whole[rows])
 
     def mean_ahead(
         self, stress: Floats, body: int, point: Floats, direction: Floats, radius: float

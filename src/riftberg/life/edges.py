@@ -29,8 +29,7 @@ from riftberg.physics.edge_bending import (
     surface_stress,
 )
 from riftberg.plane import ConformalPlane
-from riftberg.runs.scene import Scene
-from riftberg.state import Elements, Floats
+from riftberg.state import Elements, Floats, Ints
 
 STEP: Final = 1.05
 """Height of the steps of a lattice that are straightened, in distances of its elements."""
@@ -169,17 +168,12 @@ def berg_edges(el: Elements, rows: NDArray[np.bool_], parameters: Parameters, yo
     )
 
 
-def edge_lines(scene: Scene) -> list[str]:
-    """Return in a sentence how much the fronts of the largest berg of a run bend at its start, beside the pre-stress."""
-    present = scene.there[0]
-    numbers, areas = scene.berg[0][present], scene.area[present]
-    if not numbers.size:
+def front_lines(ice: EdgeIce, berg: Ints, parameters: Parameters) -> list[str]:
+    """Return in a sentence how much the fronts of the largest berg bend, beside the pre-stress; ``berg``: of each element."""
+    if not berg.size:
         return []
-    largest = present.copy()
-    largest[present] = numbers == np.bincount(numbers, areas).argmax()
-    side = np.sqrt(scene.area[largest])
-    ice = EdgeIce(scene.x[0][largest], scene.y[0][largest], side, side, scene.thickness(0)[largest])
-    parameters = scene.parameters
+    largest = berg == np.bincount(berg, ice.area).argmax()
+    ice = EdgeIce(*(array[largest] for array in ice))
     front = edge_bending(ice, parameters).front
     where = place_text(front.lon, front.lat, latlon=parameters.earth.latlon, digits=2)
     corner = f", a corner of {front.corner:.0f} degrees" if front.corner else ""
