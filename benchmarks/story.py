@@ -78,7 +78,7 @@ RUNS = (
     Run("`--without shear`", frozenset({"shear"})),
     Run("`--without shoal --without shear`", frozenset({"shoal", "shear"})),
     *(Run(f"strength {value} kPa", changes=strength(value)) for value in (9, 10, 12, 13, 14, 18)),
-    *(Run(f"long step of {value} s", changes={"stepping": {"time_step": value}}) for value in (3600, 900, 450, 225)),
+    *(Run(f"long step of {value} s", changes={"stepping": {"time_step": value}}) for value in (1800, 900, 450, 225)),
     Run("stiffness of ice, 9 GPa", changes={"bonds": {"youngs_modulus": 9e9}}),
     Run("start 1.3 km further east", moved=(0.02, 0.0)),
     Run("start 1.3 km further west", moved=(-0.02, 0.0)),
