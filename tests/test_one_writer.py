@@ -175,7 +175,7 @@ def round_the_doors(text: str, file: str) -> list[str]:
         opens = name in OPENERS and owner in ("netCDF4", "xr", "xarray", "h5netcdf", "") and name != "Dataset"
         opens |= (name == "Dataset" and owner == "netCDF4") or name == "to_netcdf"
         modules = name in ("write_text", "write_bytes", "tofile") or owner in ("np", "numpy", "shutil")
-        writes = name in WRITERS and owner != "part" and modules and owner != ""
+        writes = name in WRITERS and owner not in ("part", "temporary") and modules and owner != ""
         writes |= name == "open" and any(set(mode) & set("wax+") and set(mode) <= set("rwaxbt+") for mode in modes)
         if (opens and file not in DOORS) or (writes and file not in {**DOORS, **OTHER_WRITERS}):
             found.append(f"{file}:{call.lineno} {ast.unparse(call)[:60]}")

@@ -34,8 +34,10 @@ PHYSICS: dict[str, Parameters] = {
     "dem, broken bonds dropped": EXPLICIT.changed(fracture={**WEAK, "broken_as_contact": False}),
     # The reference's explicit drag of the floor flings a lone element that touches down: 30 m/s, and 0.4 m/s by the implicit one.
     "dem as the reference": A68A_2022_KID.changed(fracture=WEAK, stepping={"speed_limit": 100.0}),
-    "quasi-static": A68A_2022.changed(fracture=STRONGER, stepping={"scheme": "quasi_static"}),
-    "quasi-static, damage": A68A_2022.changed(fracture=STRONGEST, damage=WEAR, stepping={"scheme": "quasi_static"}),
+    "quasi-static": A68A_2022.changed(fracture=STRONGER, stepping={"scheme": "quasi_static", "time_step": 1800.0}),
+    "quasi-static, damage": A68A_2022.changed(
+        fracture=STRONGEST, damage=WEAR, stepping={"scheme": "quasi_static", "time_step": 1800.0}
+    ),
     "spring": A68A_2022_MTS.changed(**SPRING, stepping={"substeps": None}),
     "spring, implicit sub-steps": A68A_2022_MTS.changed(
         **SPRING, stepping={"explicit_substeps": False, "time_step": 600.0, "substeps": 60}

@@ -51,6 +51,8 @@ forcing:
   uniform: {current: [0.2, 0.0]}
 """
 
+HALF_HOUR = "parameters: {stepping: {time_step: 30 min}}\n"
+
 
 def berg(**options: Any) -> Iceberg:
     """Return a berg of 4 x 2 elements."""
@@ -194,7 +196,7 @@ def test_a_step_that_passes_over_records_is_told() -> None:
 
 
 def test_python_logs_notices_once(caplog: pytest.LogCaptureFixture) -> None:
-    model = Model(berg(thickness=0.3), Steady(current=(0.2, 0.0)))
+    model = Model(berg(thickness=0.3), Steady(current=(0.2, 0.0)), Parameters(stepping={"time_step": 1800.0}))
     with caplog.at_level(logging.WARNING, "riftberg"):
         model.run(steps=3, every_hours=0.75)
     assert [record.message.split(" is ")[0] for record in caplog.records if "unusual" in record.message] == [
@@ -206,7 +208,7 @@ def test_python_logs_notices_once(caplog: pytest.LogCaptureFixture) -> None:
 def test_run_and_doctor_tell_the_same_once(tmp_path: Path) -> None:
     path = tmp_path / "slip.yaml"
     text = EXPERIMENT.replace("  placement", "  thickness: 0.3\n  placement")
-    path.write_text(text.replace("days: 0.25", "days: 0.0625\noutput_every_hours: 0.75"))
+    path.write_text(text.replace("days: 0.25", "days: 0.0625\noutput_every_hours: 0.75") + HALF_HOUR)
     run = CliRunner().invoke(app, ["run", str(path), "-q", "--no-map", "-o", str(tmp_path / "out")])
     asked = CliRunner().invoke(app, ["doctor", "--for", str(path)])
     assert (run.exit_code, asked.exit_code) == (0, 0), run.output + asked.output
@@ -232,14 +234,14 @@ def test_an_end_between_two_steps_is_said(days: float, step: float, end: str) ->
 
 def test_run_doctor_and_python_say_once_where_a_run_ends(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = tmp_path / "end.yaml"
-    path.write_text(EXPERIMENT.replace("days: 0.25", "days: 0.05"))
+    path.write_text(EXPERIMENT.replace("days: 0.25", "days: 0.05") + HALF_HOUR)
     run = CliRunner().invoke(app, ["run", str(path), "-q", "--no-map", "-o", str(tmp_path / "out")])
     asked = CliRunner().invoke(app, ["doctor", "--for", str(path)])
     words = "0.05 days are no whole number of time steps of 1800 s: the run ends after 2 of them, at 0.0416667 days"
     assert run.stderr.count(words) == asked.output.replace("\n", " ").count(words) == 1
     caplog.clear()
     with caplog.at_level(logging.WARNING, "riftberg"):
-        Model(berg(), Steady(current=(0.2, 0.0))).run(days=0.05)
+        Model(berg(), Steady(current=(0.2, 0.0)), Parameters(stepping={"time_step": 1800.0})).run(days=0.05)
     assert sum(words in record.message for record in caplog.records) == 1
 
 

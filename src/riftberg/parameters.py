@@ -690,7 +690,7 @@ A68A_2022_KID = A68A_2022_MTS.changed(
         "grounding": {"implicit": False},
         "bonds": {"objective_damping": False},
         "fracture": {"normal_strength": 18e3},
-        "stepping": {"skip_first_long_force": True},
+        "stepping": {"time_step": USUAL_STEP, "skip_first_long_force": True},
     }
 )
 """The published A68a run with the numerics and quirks of the reference."""

@@ -355,7 +355,7 @@ def test_the_default_errors_stand_in_the_docs() -> None:
     page = (Path(__file__).parents[2] / "docs/howto/ensemble-forecast.md").read_text("utf-8")
     # Of a function and of an experiment with another lattice, between them all errors.
     for error in {*default_errors("a68a"), *default_errors(drifting)}:
-        assert error.what in page, error.what
+        assert error.text in page, error.text
         assert error.source in page, error.source
         assert all(text in page for text in error.vary), error.vary
 

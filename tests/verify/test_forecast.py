@@ -270,7 +270,7 @@ def test_coverage_of_the_forecast_s_own_ellipses(tmp_path: Path) -> None:
         lon, lat = moved(-40.0, -56.0, np.array(2 * SPEED + axis[0]), np.array(axis[1]))
         path.write_text(f"date,lon,lat\n2020-12-11T13:00,{float(lon)},{float(lat)}\n")
         found = verified(with_cones(ensemble(1), 5.0), read_observed(path))
-        offset, covariance = found.own[2][0]
+        offset, covariance = found.own_areas[2][0]
         assert offset == pytest.approx(axis, abs=0.2)
         assert np.diag(covariance) == pytest.approx([25.0, 100.0], rel=1e-6)
         row = report([found], 0.0)["with_error"][0]

@@ -234,7 +234,7 @@ def reference_numerics(
         notices.append(_left_out(explicit, left_out))
     return explicit.changed(**{
         **kid_quirks(), "drag": {"rotational": False}, "grounding": {"implicit": False}, "contact": {"on_substeps": False},
-        "bonds": {"objective_damping": False}, "stepping": {"skip_first_long_force": True},
+        "bonds": {"objective_damping": False}, "stepping": {"time_step": explicit.time_step, "skip_first_long_force": True},
     })  # fmt: skip
 
 
