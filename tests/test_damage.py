@@ -25,6 +25,8 @@ from verification.setups import RADIUS, parameters
 STRENGTH = 10e3
 HOUR = 3600.0
 
+HALF_HOUR = {"time_step": 1800.0}
+
 
 def pulled(r: float, columns: int = 2, *, time_step: float = 600.0, **damage: Any) -> Model:
     """Return a row of elements, held at one end and pulled at the other so that its bonds bear about ``r`` times the strength."""
@@ -133,7 +135,7 @@ def test_off_it_leaves_no_trace(name: str) -> None:
 
 
 def test_a_stress_that_is_never_reached_changes_no_bit() -> None:
-    p = A68A_2022.changed(fracture={"normal_strength": 1e9, "shear_strength": 1e9})
+    p = A68A_2022.changed(stepping=HALF_HOUR, fracture={"normal_strength": 1e9, "shear_strength": 1e9})
     on = run_of(p.changed(damage={"enabled": True, "threshold": 0.9}))
     assert (on.elements.lon != bergs().elements.lon).any()
     assert differing(on, run_of(p)) == ["parameters"]
@@ -141,7 +143,7 @@ def test_a_stress_that_is_never_reached_changes_no_bit() -> None:
 
 def test_it_makes_a_berg_break_that_else_holds() -> None:
     """Above the 30 kPa at which the impact breaks bonds itself: whichever breaks first decides there what breaks after it."""
-    p = A68A_2022.changed(fracture={"normal_strength": 40e3, "shear_strength": 1e9})
+    p = A68A_2022.changed(stepping=HALF_HOUR, fracture={"normal_strength": 40e3, "shear_strength": 1e9})
     whole = run_of(p)
     worn = run_of(p.changed(damage={"enabled": True, "threshold": 0.0, "time_scale": 0.5}))
     assert whole.bonds_broken == 0
