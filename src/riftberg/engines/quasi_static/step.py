@@ -44,7 +44,8 @@ EVENT_TOLERANCE = 1.0 / 64.0
 the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
 
 LONGEST_CONTACT_STEP = 1800.0
-"""Longest trial step (s) in which fragments touch: in longer ones the loads at its end are not those of the impact."""
+"""Longest trial step (s) in which fragments touch each other or the bed: in longer ones the loads at its end are not those of
+the impact, and a berg that lifts off the bed comes free hours too early."""
 
 
 class TimeStep:
@@ -114,9 +115,9 @@ class TimeStep:
 
         The order in which events are looked for is the order in which one invalidates what the trial shows about the next:
 
-        1. Fragments touch in a step of hours, or push one to where the sea floor holds it otherwise. All loads of the trial are
-           then wrong, so it is rejected whatever else is in it, and shorter ones follow, in which all events are looked for
-           again; they grow again where nobody is pushed.
+        1. Fragments touch each other or the bed in a step of hours, or push one to where the bed holds it otherwise. All loads of
+           the trial are then wrong, so it is rejected whatever else is in it, and shorter ones follow, in which all events are
+           looked for again; they grow again where nobody is pushed.
         2. Fracture by contact or the sea floor. Their loads peak within the step, so it comes before what the end of the step
            shows.
         3. Overload under the loads at the end, which grow evenly from the start of the step.
@@ -127,8 +128,7 @@ class TimeStep:
         tolerance = self.dt / MAX_CRACKS_PER_STEP * EVENT_TOLERANCE
         self._checkpoint()
         trial = self.motion.trial(self.state, h)
-        in_contact = trial.contact is not None and trial.contact.first.size > 0
-        if in_contact and h > LONGEST_CONTACT_STEP * (1.0 + 1e-9):
+        if trial.touching and h > LONGEST_CONTACT_STEP * (1.0 + 1e-9):
             self._longest = LONGEST_CONTACT_STEP
             return self._retry(LONGEST_CONTACT_STEP)
         if trial.pushed and h > LONGEST_PUSHED_STEP * (1.0 + 1e-9):

@@ -123,6 +123,7 @@ class Trial:
     h: float  # s
     state: BodyState  # At its end
     contact: SubcycledMotion | None  # What contact and the bed did on the way
+    touching: bool = False  # Whether fragments have touched each other or the bed
     pushed: bool = False  # Whether others have pushed a fragment to where the bed holds it otherwise
     peak: Equilibrium | None = None  # Under the peak contact loads, once it has been needed
 
@@ -185,7 +186,8 @@ class FragmentMotion:
             lattice, displacement = self.lattice, 0.5 * (bodies.displacement + state.bodies.displacement)
             middle = lattice.moment(displacement, 0.5 * (start.load + state.load))
             grow_damage(self.bonds, lattice.intact, lattice.criterion.damage_drive(middle, lattice.strengths()), h, c)
-        return Trial(h, state, join_motions(contact, ground, bodies.body), pushed)
+        touching = ground is not None or (contact is not None and contact.first.size > 0)
+        return Trial(h, state, join_motions(contact, ground, bodies.body), touching, pushed)
 
     def _resolve_contacts_and_bed(
         self, start: BodyState, h: float
