@@ -98,7 +98,10 @@ class TimeStep:
         may_break = self.model.parameters.fracture.enabled
         if may_break and self.model.step_number == 0:
             self._propagate_crack()
-        self._max_dt = self._longest = longest_trial_step(self.state.operators.forcing, self.dt)
+        longest = longest_trial_step(self.state.operators.forcing, self.dt)
+        if self._begins_touching():  # they go on to touch, as a rule: a longer trial would be taken in vain
+            longest = min(longest, LONGEST_CONTACT_STEP)
+        self._max_dt = self._longest = longest
         end, next_dt = self.start + self.dt, math.inf
         while (rest := end - self.state.time) > 1e-9 * self.dt:
             # The rest in equal parts, so that the last one is no shorter than it must be.
@@ -107,6 +110,11 @@ class TimeStep:
         equilibrium = self._equilibrium(self.state)
         self._store(equilibrium)
         self.tips = self.lattice.tips_with_intensities(equilibrium)
+
+    def _begins_touching(self) -> bool:
+        """Whether fragments press each other or the bed at the start."""
+        faces = self.laws.faces
+        return (faces is not None and faces.pairs.pair.size > 0) or bool((self.el.keel.floor_load > 0.0).any())
 
     # One step to the first event
 
