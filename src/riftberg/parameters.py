@@ -668,7 +668,7 @@ A68A_2022 = QuasiStaticParameters(
 )
 """Physics of the published A68a run (equations 10.5) with Riftberg's numerics; see `A68A_2022_KID` for the reference's.
 
-The published strength, 18 kPa, is one of bonds. 11 kPa is one of the ice: with it tip and finger break off on twenty lattices
+The published strength, 18 kPa, is one of bonds. 11 kPa is one of the ice: with it tip and finger break off on 19 of 20 lattices
 (docs/explanation/a68a-story.md).
 """
 
