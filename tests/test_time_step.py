@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +38,17 @@ def test_the_shortest_berg_decides() -> None:
     assert step_of(berg(), berg("15 km", (-38.0, -56.0))) == 3600.0
     lone = Iceberg.from_points([-38.0], [-56.0], length=11e3, width=5e3, thickness=150.0)
     assert step_of(lone) == 3600.0
+
+
+def test_bergs_that_come_later_count_when_the_step_is_fitted_to_records() -> None:
+    """Bug: the step was chosen anew by the bergs that were there, and became one hour with a small berg to come."""
+    cloud = Iceberg.from_points(
+        [-37.0, -38.0], [-56.0, -56.0], length=[12e3, 300.0], width=[6e3, 200.0], thickness=150.0
+    )
+    coming = replace(cloud, dates=(datetime(2020, 12, 1), datetime(2020, 12, 2)))
+    model = Model(coming, SEA, start="2020-12-01")
+    model.run(days=0.25, every_hours=3.0)
+    assert model.parameters.time_step == 1800.0
 
 
 def test_a_step_that_is_given_is_taken_as_given() -> None:
@@ -102,6 +115,12 @@ def test_members_take_the_step_of_the_first() -> None:
             assert np.ravel(track)[-1] == pytest.approx(
                 np.average(model.elements.lon, weights=model.elements.mass), abs=1e-6
             )
+
+
+def test_a_member_says_that_its_step_is_that_of_the_first() -> None:
+    member = Model(berg(), SEA)
+    member.take_time_step(1800.0, "it is that of the first member")
+    assert "time step of 1800 s: it is that of the first member" in member.describe()
 
 
 def test_the_model_says_which_step_it_takes_and_why() -> None:

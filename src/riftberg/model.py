@@ -31,7 +31,7 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.common.slenderness import narrow_warning
 from riftberg.engines.common.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
 from riftberg.engines.common.stepper import Stepper, complete_state, sample_new_elements
-from riftberg.engines.common.time_step import LONG_STEP, choose_time_step
+from riftberg.engines.common.time_step import LONG_STEP, divide_interval, longest_time_step
 from riftberg.engines.schemes import assign_substeps, check_long_step, make_stepper, resonance_warning, size_bins
 from riftberg.errors import InputError
 from riftberg.life.coming import COMING, bear, coming, coming_text, split_by_date
@@ -114,8 +114,8 @@ class BareModel(RunState):
     """
 
     remembered: dict[str, Floats]
-    _chooses_time_step = False  # Whether another one may yet be taken: a run that goes on keeps its own
-    _why_time_step = ""  # Why it is that one, where it was not given
+    _step_limit: float | None = None  # Longest time step (s) that may yet be taken; none where it is settled
+    _step_reason = ""  # Why the time step is what it is, where it was not given
 
     def __init__(
         self,
@@ -145,8 +145,8 @@ class BareModel(RunState):
             split_by_date(elements, berg.dates, began, berg.bergs) if berg.dates else (elements, berg.bergs, {})
         )
         if packed.stepping.time_step is None:
-            step, self._why_time_step = choose_time_step(elements, bonds, forcing, packed)
-            self._chooses_time_step, packed = True, packed.changed(stepping={"time_step": step})
+            self._step_limit, self._step_reason = longest_time_step(elements, bonds, forcing, packed)
+            packed = packed.changed(stepping={"time_step": divide_interval(LONG_STEP, self._step_limit)})
         sized = _with_constant_size(packed, present, bonds)
         self._begin(
             Population(present, bonds), forcing, sized, began, bergs=present_bergs, outlines=berg.outlines, laws=laws
@@ -236,16 +236,17 @@ class BareModel(RunState):
 
         It does nothing once the run has begun.
         """
-        if self._chooses_time_step and not self._visited:
+        if self._step_limit is not None:
+            step, reason = divide_interval(interval, self._step_limit), self._step_reason
             self.take_time_step(
-                *choose_time_step(self.elements, self.bonds, self.forcing, self.parameters, interval=interval)
+                step, reason if step == self._step_limit else f"it divides {interval / 3600.0:g} h; {reason}"
             )
 
-    def take_time_step(self, step: float, reason: str = "") -> None:
+    def take_time_step(self, step: float, reason: str) -> None:
         """Take a time step (s) that was chosen for this run and others, unless one was given or the run has begun."""
-        if not self._chooses_time_step or self._visited:
+        if self._step_limit is None or self._visited:
             return
-        self._chooses_time_step, self._why_time_step = False, reason or self._why_time_step
+        self._step_limit, self._step_reason = None, reason
         if step == self.parameters.time_step:
             return
         self.parameters = self.parameters.changed(stepping={"time_step": step})
@@ -626,8 +627,8 @@ class BareModel(RunState):
         failed: BaseException | None = None
         logged = len(self.fragments.rows)
         _LOG.info("%d steps from %s, %d sub-steps in each", count, f"{self.date:%Y-%m-%d %H:%M}", self.substeps)
-        if self._why_time_step:
-            _LOG.info("time step of %g s: %s", self.parameters.time_step, self._why_time_step)
+        if self._step_reason:
+            _LOG.info("time step of %g s: %s", self.parameters.time_step, self._step_reason)
         try:
             for recorder in recorders:
                 recorder.start(self)
@@ -694,7 +695,7 @@ class BareModel(RunState):
         bears = reserve_lines(e.berg, e.thickness, e.length * e.width, names, self.parameters)
         fronts = front_lines(EdgeIce(e.lon, e.lat, e.length, e.width, e.thickness), e.berg, self.parameters)
         ice = [f"  ice: {text}" for text in (*fronts, *bears)]
-        step = [f"  time step of {self.parameters.time_step:g} s: {self._why_time_step}"] if self._why_time_step else []
+        step = [f"  time step of {self.parameters.time_step:g} s: {self._step_reason}"] if self._step_reason else []
         return "\n".join([*self._heading(), *step, *notices, forcing, *ice, self.parameters.describe()])
 
     @property

@@ -147,7 +147,7 @@ def build_member(job: Job) -> Model:
     """Return the model of a member at its start, with the time step of the first one."""
     model = _make_model(job)
     if job.time_step:
-        model.take_time_step(job.time_step)
+        model.take_time_step(job.time_step, "it is that of the first member")
     return model
 
 

@@ -25,12 +25,10 @@ LONG_BERG: Final = 10e3
 """Longest side (m) from which a berg is long."""
 
 
-def choose_time_step(
-    elements: Elements, bonds: Bonds, forcing: Forcing, parameters: Parameters, interval: float = LONG_STEP
-) -> tuple[float, str]:
-    """Return a time step (s) that the bergs and the forcing allow and that divides an interval (s), and why it is that.
+def longest_time_step(elements: Elements, bonds: Bonds, forcing: Forcing, parameters: Parameters) -> tuple[float, str]:
+    """Return the longest time step (s) that the bergs and the forcing allow, and why it is no longer.
 
-    ``interval``: time between records, or step of an ocean.
+    ``elements``: all of the run, with those that come later.
     """
     longest, reason = USUAL_STEP, "half an hour serves bergs of any size"
     if parameters.stepping.scheme == "quasi_static" and _shortest_berg(elements, bonds, parameters) >= LONG_BERG:
@@ -38,8 +36,12 @@ def choose_time_step(
     for change, seconds, step in changes_in_time(forcing):
         if step < longest:
             longest, reason = step, f"it follows {change} {seconds / 3600.0:.4g} h"
-    step = interval / math.ceil(interval / longest * (1.0 - 1e-9))
-    return step, reason if step == longest else f"it divides {interval / 3600.0:g} h; {reason}"
+    return longest, reason
+
+
+def divide_interval(interval: float, longest: float) -> float:
+    """Return the longest time step up to ``longest`` of which a whole number makes an interval; all in s."""
+    return interval / math.ceil(interval / longest * (1.0 - 1e-9))
 
 
 def _shortest_berg(elements: Elements, bonds: Bonds, parameters: Parameters) -> float:
