@@ -237,8 +237,6 @@ def _run_one(experiment: str, options: Options, run_options: RunOptions, resume:
 def _run_both(experiment: str, options: Options, run_options: RunOptions, resume: Path | None) -> None:
     """Run an experiment with both numerics and show them side by side."""
     from riftberg.cli.compare import comparison, show
-    from riftberg.ensembles.uncertain import with_errors
-    from riftberg.experiments import build
 
     if resume is not None:
         raise InputError("two runs cannot go on from one state", where="--resume", remedy="Resume them one by one")
@@ -247,9 +245,7 @@ def _run_both(experiment: str, options: Options, run_options: RunOptions, resume
     words = words_without(run_options.words, "--numerics")
     for numerics in BOTH:
         chosen = replace(options, numerics=numerics)
-        model, info = build(experiment, chosen)
-        model = with_errors(model, run_options.errors)
-        model.fit_time_step(3600.0 * run_options.hours(info))
+        model, info = _build_model(experiment, chosen, run_options)
         info = run_options.extend_info(info)
         if not folders:
             _print_notices(info, model, chosen, run_options)
@@ -328,17 +324,23 @@ def _free_folder(folder: Path) -> Path:
     return free
 
 
+def _build_model(experiment: str, options: Options, run_options: RunOptions) -> tuple[Model, Info]:
+    """Return the model of an experiment at its start, with the errors that were set and a step that divides its records."""
+    from riftberg.ensembles.uncertain import with_errors
+    from riftberg.experiments import build
+
+    model, info = build(experiment, options)
+    model = with_errors(model, run_options.errors)
+    model.fit_time_step(3600.0 * run_options.hours(info))
+    return model, info
+
+
 def build_run(
     experiment: str, options: Options, resume: Path | None, run_options: RunOptions
 ) -> tuple[Model, Info, Parameters]:
     """Return the model at its start or where it goes on, and the parameters of the experiment."""
-    from riftberg.ensembles.uncertain import with_errors
-    from riftberg.experiments import build
-
     if resume is None:
-        model, info = build(experiment, options)
-        model = with_errors(model, run_options.errors)
-        model.fit_time_step(3600.0 * run_options.hours(info))
+        model, info = _build_model(experiment, options, run_options)
         return model, info, model.parameters
     if options.changes:
         raise InputError(
@@ -349,9 +351,7 @@ def build_run(
 
     if not is_folder(resume):
         check_file(resume, remedy="Name a restart file that Riftberg wrote (*.restart.nc), or the folder of a run")
-    fresh, info = build(experiment, options)
-    fresh = with_errors(fresh, run_options.errors)
-    fresh.fit_time_step(3600.0 * run_options.hours(info))
+    fresh, info = _build_model(experiment, options, run_options)
     if is_folder(resume):
         interval = 3600.0 * run_options.hours(info)
         resume = last_good(

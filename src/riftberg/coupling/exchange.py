@@ -195,11 +195,13 @@ class Exchange:
                 "the model has the forcing " + type(model.forcing).__name__, where="Exchange",
                 remedy="Make the model with OceanForcing(grid, grid.fields(...))",
             )  # fmt: skip
-        if ocean_step is not None:
-            model.fit_time_step(number(ocean_step, "s", where="Exchange, ocean_step"))
+        if ocean_step is None:
+            self.ocean_step = model.parameters.time_step
+        else:
+            self.ocean_step = number(ocean_step, "s", where="Exchange, ocean_step")
+            model.fit_time_step(self.ocean_step)
         p = model.parameters
         self.model, self.forcing, self.grid = model, model.forcing, model.forcing.ocean_grid
-        self.ocean_step = p.time_step if ocean_step is None else number(ocean_step, "s", where="Exchange, ocean_step")
         self.steps = _whole_steps(self.ocean_step, p.time_step)
         self.staggering: Staggering = staggering
         self.wind_staggering: Staggering = wind_staggering

@@ -141,7 +141,7 @@ class CrackPaths:
         self.tips, self._bonds, self._ids, self._body, self._xy, self._cells = tips, bonds, ids, body, xy, cells
         self._last = last
 
-    def _until_a_break(self, name: str, find: Callable[[], T]) -> T:
+    def _find_once(self, name: str, find: Callable[[], T]) -> T:
         """Return what is found at the tips where they are, once for as long as no bond breaks, though the ice melts."""
         at_tips, place = self._cells.at_tips, self.tips.place
         if name not in at_tips or at_tips[name][0] is not place:  # a tip that moves makes new arrays
@@ -150,7 +150,7 @@ class CrackPaths:
 
     def standing(self) -> list[Tip]:
         """Return the tips in the frames of their fragments, without those whose elements have parted or melted away."""
-        return self._until_a_break("tips", self._find_standing)
+        return self._find_once("tips", self._find_standing)
 
     def _find_standing(self) -> list[Tip]:
         rows, is_present = find_rows(self._ids, self.tips.beside.ravel())
@@ -183,11 +183,11 @@ class CrackPaths:
     def bonds_beside_tips(self) -> Ints:
         """Rows of the intact bonds beside the tips with a ring, sorted."""
         rings = (ring for _, ring in self._rings() if isinstance(ring, TipRing))
-        return self._until_a_break("beside", lambda: np.unique(np.concatenate([ring.beside for ring in rings])))
+        return self._find_once("beside", lambda: np.unique(np.concatenate([ring.beside for ring in rings])))
 
     def _rings(self) -> list[tuple[Tip, TipRing | float]]:
         """Return the standing tips with their rings."""
-        return self._until_a_break("rings", lambda: [(tip, self._ring(tip)) for tip in self.standing()])
+        return self._find_once("rings", lambda: [(tip, self._ring(tip)) for tip in self.standing()])
 
     def _ring(self, tip: Tip) -> TipRing | float:
         """Ring around the end of a crack; ``UNTOLD`` where there is no room for one, ``RUN_OUT`` where the crack has ended."""
