@@ -44,8 +44,8 @@ EVENT_TOLERANCE = 1.0 / 64.0
 the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
 
 LONGEST_CONTACT_STEP = 1800.0
-"""Longest trial step (s) in which fragments touch each other or the bed: in longer ones the loads at its end are not those of
-the impact, and a berg that lifts off the bed comes free hours too early."""
+"""Longest trial step (s) in which fragments touch each other, or the bed catches, stops or frees one: in longer ones the loads at
+its end are not those of the impact, and a berg that lifts off the bed comes free hours too early."""
 
 SHRINK, GROWTH = 0.25, 2.0
 """Factors of the next trial where others push a fragment on the bed and where nobody does any more: three rejected trials lead to
@@ -117,9 +117,10 @@ class TimeStep:
         self.tips = self.lattice.tips_with_intensities(equilibrium)
 
     def _begins_touching(self) -> bool:
-        """Whether fragments press each other or the bed at the start."""
-        faces = self.laws.faces
-        return (faces is not None and faces.pairs.pair.size > 0) or bool((self.el.keel.floor_load > 0.0).any())
+        """Whether fragments press each other at the start, or move on the bed."""
+        faces, keel = self.laws.faces, self.el.keel
+        moves_on_bed = (keel.floor_load > 0.0) & (keel.floor_substep < self.dt)
+        return (faces is not None and faces.pairs.pair.size > 0) or bool(moves_on_bed.any())
 
     # One step to the first event
 
