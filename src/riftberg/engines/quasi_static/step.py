@@ -28,6 +28,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import longest_trial_step
 from riftberg.engines.quasi_static.bodies.pose import Bodies, bodies_from_elements, split_bodies
 from riftberg.engines.quasi_static.fracture.brittle_lattice import MAX_LOW_RANK_UPDATES, BrittleLattice
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, record_peak_stress, store_stresses
+from riftberg.engines.quasi_static.ground.landing import TOUCH_STEP
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellTopology
 from riftberg.engines.quasi_static.lattice.cells import ElasticCells
 from riftberg.engines.quasi_static.lattice.equilibrium import released_energy
@@ -117,10 +118,10 @@ class TimeStep:
         self.tips = self.lattice.tips_with_intensities(equilibrium)
 
     def _begins_touching(self) -> bool:
-        """Whether fragments press each other at the start, or move on the bed."""
+        """Whether fragments press each other at the start, or the bed is just catching one."""
         faces, keel = self.laws.faces, self.el.keel
-        moves_on_bed = (keel.floor_load > 0.0) & (keel.floor_substep < self.dt)
-        return (faces is not None and faces.pairs.pair.size > 0) or bool(moves_on_bed.any())
+        is_caught = (keel.floor_load > 0.0) & (keel.floor_substep <= TOUCH_STEP)
+        return (faces is not None and faces.pairs.pair.size > 0) or bool(is_caught.any())
 
     # One step to the first event
 

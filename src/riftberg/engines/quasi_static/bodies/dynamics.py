@@ -283,6 +283,8 @@ def outline_quadratic(forcing: ElementForcing, e: int) -> float:
         return 0.0
     length, points = 0.0, forcing.sides[e]
     for i in range(points.shape[0]):
+        if points[i, SIDE_LENGTH] == 0.0:
+            break
         length += points[i, SIDE_LENGTH]
     return float(0.5 * forcing.side_drag[e] * length / forcing.mass[e])
 
@@ -584,13 +586,10 @@ def accumulate_excess_drag(
     work: BodyWorkspace,
 ) -> None:  # fmt: skip
     """Add `accumulate_excess` of all elements, right after `first_half_kick` from ``twist`` to ``new``."""
-    for b in range(twist.shape[0]):
-        if not _is_zero(work.jacobian[b]):
-            break
-    else:
-        return
     for e in range(op.body.size):
         b, m = op.body[e], op.levers[e]
+        if _is_zero(work.jacobian[b]):  # nearly all: no element of the fragment has excess drag
+            continue
         (u, v, _), (u_new, v_new, _) = element_velocity(m, twist[b]), element_velocity(m, new[b])
         au, av, _ = element_velocity(m, work.increment[b])
         rates = drag_rates(op.forcing, e, u, v, math.hypot(au, av), terms.drag_rate[e, 2])

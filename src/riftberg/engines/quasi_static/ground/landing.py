@@ -329,7 +329,7 @@ def _request_depth(fragments: Landing, a: int, t: float, status: int, latlon: bo
 def _substep_length(number: Floats, h: float) -> float:
     """Length (s) of the sub-step that is tried, in a step of ``h`` s."""
     left = h - number[TIME]
-    return float(left if left < 1.001 * number[SUBSTEP] else number[SUBSTEP])
+    return float(left / max(math.ceil(left / number[SUBSTEP] - 1e-3), 1))  # in equal parts: the last one is no sliver
 
 
 @kernel
@@ -395,9 +395,22 @@ def _go_through_middle(
         if not _solve_friction(fragments, a, forcing, bed, dt):
             _refuse(fragments, a, dt, 0.5, h, latlon, radius)
             return
+    stays = flag[MIDDLE_TOUCHES] == 1 and _is_held(fragments, a, bed, dt)
+    if stays and _interpolate_level(number, (number[TIME] + 0.5 * dt) / h) == _interpolate_level(number, (number[TIME] + dt) / h):
+        # A berg that stands still in water that does not rise or fall is pressed at the end as it is in the middle.
+        _end_substep(fragments, a, forcing, bed, h, True, latlon, radius)
+        return
     for k in range(3):
         motion[WAY, k] = motion[PATH, k] + 0.5 * dt * (motion[VELOCITY, k] + motion[NEXT, k])
     _request_depth(fragments, a, number[TIME] + dt, END, latlon, radius)
+
+
+@kernel
+def _is_held(fragments: Landing, a: int, bed: Bed, dt: float) -> bool:
+    """Whether no anchor slides in the middle of a sub-step, and the fragment goes no farther in it than an anchor gives way."""
+    first, last = fragments.motion[a, VELOCITY], fragments.motion[a, NEXT]
+    speed = math.hypot(first[0] + last[0], first[1] + last[1]) + fragments.number[a, ARM] * abs(first[2] + last[2])
+    return bool(fragments.flag[a, SLIDES] == 0 and 0.5 * dt * speed <= bed.anchor_way)
 
 
 @kernel
@@ -424,26 +437,30 @@ def _change(fragments: Landing, a: int, dt: float, touches: bool) -> float:
 def _go_through_end(
     fragments: Landing, a: int, forcing: ElementForcing, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float
 ) -> None:  # fmt: skip
-    """Accept a sub-step by the forces at its end, or refuse it; begin the next one."""
-    number, flag, motion, dt = (
-        fragments.number[a],
-        fragments.flag[a],
-        fragments.motion[a],
-        _substep_length(fragments.number[a], h),
-    )
+    """Find the forces at the end of a sub-step, and end it."""
+    number, flag = fragments.number[a], fragments.flag[a]
+    dt = _substep_length(number, h)
     touches = _press(fragments, a, bed, h, number[TIME] + dt, depth)
     if flag[STATUS] == UNSETTLED:
         return
-    same = flag[TOUCHES] == flag[MIDDLE_TOUCHES] == int(touches)
-    if same and not touches and dt == h:
+    if flag[TOUCHES] == flag[MIDDLE_TOUCHES] == int(touches) == 0 and dt == h:
         flag[STATUS] = AFLOAT
-        return
+    else:
+        _end_substep(fragments, a, forcing, bed, h, touches, latlon, radius)
+
+
+@kernel
+def _end_substep(
+    fragments: Landing, a: int, forcing: ElementForcing, bed: Bed, h: float, touches: bool, latlon: bool, radius: float
+) -> None:  # fmt: skip
+    """Accept a sub-step by the forces at its end, or refuse it; begin the next one."""
+    number, flag, motion = fragments.number[a], fragments.flag[a], fragments.motion[a]
+    dt = _substep_length(number, h)
+    same = flag[TOUCHES] == flag[MIDDLE_TOUCHES] == int(touches)
     if not same and dt > TOUCH_STEP:
         _refuse(fragments, a, dt, 0.5, h, latlon, radius)
         return
-    v0, v1 = motion[VELOCITY], motion[NEXT]
-    distance = 0.5 * dt * (math.hypot(v0[0] + v1[0], v0[1] + v1[1]) + number[ARM] * abs(v0[2] + v1[2]))
-    is_held = flag[SLIDES] == 0 and distance <= bed.anchor_way
+    v0, is_held = motion[VELOCITY], _is_held(fragments, a, bed, dt)
     speed = math.hypot(v0[0], v0[1]) + number[ARM] * abs(v0[2])
     ratio = (
         0.0
@@ -457,7 +474,7 @@ def _go_through_end(
     flag[TOUCHES], flag[ACCEPTED] = int(touches), 1
     longer = dt * (2.0 if ratio == 0.0 else min(max(0.85 / ratio, 1.0), 3.0))
     slowing = -(motion[ACCELERATION, 0] * v0[0] + motion[ACCELERATION, 1] * v0[1])
-    if flag[SLIDES] == 0 and touches:
+    if is_held and touches:
         longer = HELD_STEP
     elif slowing > 0.0 and flag[SLIDES]:
         # Just before it stops: over a way shorter than that of the anchor the floor stops the fragment at once.

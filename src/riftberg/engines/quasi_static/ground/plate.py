@@ -239,6 +239,7 @@ def fit_plate(
     ``merged``: squares along the side of a group that bends as one; elements are no smaller.
     """
     rounded, per = 2.0 ** (math.floor(LENGTH_RUNGS * math.log2(length) + 0.5) / LENGTH_RUNGS), int(SIDES_PER_LAMBDA)
+    first = plates.element_start[b]
     while per < merged:
         per *= 2
     while True:
@@ -246,6 +247,10 @@ def fit_plate(
         loaded, marked = np.zeros((rows, columns), np.bool_), np.empty((rows, columns), np.bool_)
         for k in polygons:
             loaded[pads.square[k, 0] // per, pads.square[k, 1] // per] = True
+        previous_loaded = plates.loaded[first : first + rows * columns].reshape(rows, columns)
+        same = plates.shape[b, PER_SIDE] == per and plates.length[b] == rounded
+        if same and np.array_equal(previous_loaded, loaded):
+            return
         reach = math.floor(math.sqrt(2.0) * REACH * rounded / (per * pads.frame[b, SIDE]) + 0.5)
         _mark_around(pads, b, loaded, per, max(reach, 1), marked)
         numbers = np.empty((rows + 1) * (columns + 1), np.int64)
@@ -253,10 +258,6 @@ def fit_plate(
         if count <= MOST_NODES:
             break
         per *= 2
-    first, same = plates.element_start[b], plates.shape[b, PER_SIDE] == per and plates.length[b] == rounded
-    previous_loaded = plates.loaded[first : first + rows * columns].reshape(rows, columns)
-    if same and np.array_equal(previous_loaded, loaded):
-        return
     nodes = plates.node[plates.node_start[b] : plates.node_start[b] + numbers.size]
     unknowns = 4 * _number_nodes(loaded, nodes)
     unknown_rows, matrix = np.empty(unknowns, np.int64), np.zeros((4 * count, 4 * count))
