@@ -242,7 +242,8 @@ def _solve_friction(fragments: Landing, a: int, forcing: ElementForcing, bed: Be
             x = fragments.anchors[e, ANCHOR_X] - spring[i] * (w[0] * new[0] + w[1] * new[1] + w[2] * new[2])
             y = fragments.anchors[e, ANCHOR_Y] - spring[i] * (w[3] * new[0] + w[4] * new[1] + w[5] * new[2])
             size, limit, fraction, cx, cy = math.hypot(x, y), fragments.loads[e, HOLD], 1.0, 0.0, 0.0
-            slides[i] = size > limit
+            # As if all anchors held at first: a fragment that turns about one of them seems to slide by its last velocity.
+            slides[i] = size > limit and passes > 0
             if slides[i]:
                 fraction, cx, cy = limit / size, x / size, y / size
             force[i, 0], force[i, 1] = fraction * x, fraction * y
@@ -261,7 +262,7 @@ def _solve_friction(fragments: Landing, a: int, forcing: ElementForcing, bed: Be
         for k in range(3):
             r[k] = new[k] - v0[k] - dt * acceleration[k]
         size = math.hypot(r[0], r[1]) + arm * abs(r[2])
-        if passes > 0 and size >= previous_size and scale >= 1e-3:
+        if passes > 1 and size >= previous_size and scale >= 1e-3:
             scale *= 0.5
             for k in range(3):
                 new[k] = v[k] + scale * step[k]
@@ -269,9 +270,6 @@ def _solve_friction(fragments: Landing, a: int, forcing: ElementForcing, bed: Be
         for k in range(3):
             v[k] = new[k]
         previous_size = size
-        gone = scale * (math.hypot(step[0], step[1]) + arm * abs(step[2]))
-        if passes > 0 and gone <= 1e-12 * max(math.hypot(v[0], v[1]) + arm * abs(v[2]), 1e-6):
-            break
         if passes == PASSES:
             return False
         matrix = np.empty((3, 3))
@@ -282,6 +280,9 @@ def _solve_friction(fragments: Landing, a: int, forcing: ElementForcing, bed: Be
                 for i in range(3):
                     matrix[k, j] += dt * mobility[k, i] * tangent[i, j]
         step[0], step[1], step[2] = solve(matrix, r)
+        change, speed = math.hypot(step[0], step[1]) + arm * abs(step[2]), math.hypot(v[0], v[1]) + arm * abs(v[2])
+        if passes > 0 and change <= 1e-12 * max(speed, 1e-6):
+            break
         for k in range(3):
             new[k] = v[k] + step[k]
         scale, passes = 1.0, passes + 1
