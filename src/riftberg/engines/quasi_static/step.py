@@ -48,10 +48,9 @@ LONGEST_CONTACT_STEP = 1800.0
 """Longest trial step (s) in which fragments touch each other, or the bed catches, stops or frees one: in longer ones the loads at
 its end are not those of the impact, and a berg that lifts off the bed comes free hours too early."""
 
-SHRINK, GROWTH = 0.25, 2.0
-"""Factors of the next trial where others push a fragment on the bed and where nobody does any more: three rejected trials lead to
-a minute, beginning with half an hour. The choice matters little: on the day on which the tip of A68a breaks off 1/4, 1/8 and 1/30
-took 237, 234 and 244 trials."""
+SHRINK, GROWTH, SAFETY = 0.25, 4.0, 0.85
+"""Where others push a fragment over the bed the next trial is so long that the hold of the bed changes by `SAFETY` of what a step
+may change; no shorter than the first and no longer than the second of these times the last one."""
 
 
 class TimeStep:
@@ -146,10 +145,10 @@ class TimeStep:
         if trial.touching and h > LONGEST_CONTACT_STEP * (1.0 + 1e-9):
             self._longest = LONGEST_CONTACT_STEP
             return self._retry(LONGEST_CONTACT_STEP)
-        if trial.pushed and h > LONGEST_PUSHED_STEP * (1.0 + 1e-9):
-            return self._retry(max(LONGEST_PUSHED_STEP, SHRINK * h))
-        if not trial.pushed:
-            self._max_dt = min(self._longest, GROWTH * self._max_dt)
+        allowed = h * SAFETY / trial.pushed if trial.pushed > 0.0 else math.inf
+        if trial.pushed > 1.0 and h > LONGEST_PUSHED_STEP * (1.0 + 1e-9):
+            return self._retry(max(LONGEST_PUSHED_STEP, SHRINK * h, allowed))
+        self._max_dt = min(self._longest, GROWTH * self._max_dt, max(LONGEST_PUSHED_STEP, allowed))
 
         if not may_break:
             self._accept(trial)

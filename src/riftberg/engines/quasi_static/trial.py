@@ -125,7 +125,7 @@ class Trial:
     state: BodyState  # At its end
     contact: SubcycledMotion | None  # What contact and the bed did on the way
     touching: bool = False  # Whether fragments have touched each other, or the bed has caught, stopped or freed one
-    pushed: bool = False  # Whether others have pushed a fragment to where the bed holds it otherwise
+    pushed: float = 0.0  # How much otherwise the bed holds a fragment where others have pushed it, over what a step may change
     peak: Equilibrium | None = None  # Under the peak contact loads, once it has been needed
 
 
@@ -194,11 +194,11 @@ class FragmentMotion:
 
     def _resolve_contacts_and_bed(
         self, start: BodyState, h: float
-    ) -> tuple[SubcycledMotion | None, SubcycledMotion | None, bool]:
+    ) -> tuple[SubcycledMotion | None, SubcycledMotion | None, float]:
         """Take fragments through contact and over a bed of sediment; the third value goes into `Trial.pushed`."""
         contact = self._resolve_contacts(start, h)
         if self.seabed is None:
-            return contact, None, False
+            return contact, None, 0.0
         op = linear_pack(start.operators, start.bodies.twist)
         ground, pushed = self.seabed.resolve(self.model, start.bodies, op, start.time, h, contact)
         if contact is not None and ground is not None:

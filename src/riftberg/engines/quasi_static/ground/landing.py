@@ -78,18 +78,20 @@ PATH, VELOCITY, ACCELERATION, NEXT, PUSH, NET, WAY = range(7)
 sub-step, velocity at the end of this one (m s-1), force of others and of the floor (N), way to where the depth is asked (m)."""
 
 (
-    TIME, SUBSTEP, RADIUS, ARM, SPEED, SHORTEST, PEAK, PEAK_SPIN, RUBBED, RUBS, CLEARANCE, HELD, REACH, LENGTH, THICKNESS, LEVEL,
-) = range(16)  # fmt: skip
+    TIME, SUBSTEP, RADIUS, ARM, SPEED, SHORTEST, PEAK, PEAK_SPIN, RUBBED, RUBS, CLEARANCE, HELD, CHANGE, REACH, LENGTH, THICKNESS,
+    LEVEL,
+) = range(17)  # fmt: skip
 """Columns of `Landing.number`: time since the start and length of the sub-step (s), radii of fragment and gyration (m), speed at
 the start (m s-1), shortest sub-step (s), largest force of the floor (N) and the spin then, work of friction so far and in the
-sub-step (J), clearance at least (m), friction that can hold in its middle (N), way for which pads are watched (m), bending length
-and thickness of the ice (m), and the level at the start, in the middle and at the end of the step (m)."""
+sub-step (J), clearance at least (m), friction that can hold in its middle (N), by how many times `CARRIED_CHANGE` the floor holds it
+otherwise where contact has taken it, way for which pads are watched (m), bending length and thickness of the ice (m), and the
+level at the start, in the middle and at the end of the step (m)."""
 
 NUMBERS: Final = LEVEL + 3
 
-STATUS, TOUCHES, MIDDLE_TOUCHES, SLIDES, ACCEPTED, CARRIED, CHANGED = range(7)
-"""Columns of `Landing.flag`; the third and fourth are of the middle of the sub-step, the fifth is of the last call. The last two:
-whether contact has taken a fragment that stood on the floor through the step, and whether the floor then holds it otherwise."""
+STATUS, TOUCHES, MIDDLE_TOUCHES, SLIDES, ACCEPTED, CARRIED = range(6)
+"""Columns of `Landing.flag`; the third and fourth are of the middle of the sub-step, the fifth is of the last call. The last:
+whether contact has taken a fragment that stood on the floor through the step."""
 
 BEGINS, MIDDLE, END, DONE, AFLOAT, BEYOND, TOO_SHORT, UNSETTLED = range(8)
 """Status of a fragment: what it needs the depth for, or how it ended: it touched the floor, or nothing; it went beyond the pads
@@ -128,7 +130,7 @@ def prepare(pads: Pads, plates: Plates, polygons: Ints, start: Ints, pose: Float
     count, n = len(pose), draft.size
     return Landing(
         pads, plates, polygons, start, pose, np.empty_like(pose), np.empty_like(pose), np.empty_like(pose),
-        np.zeros((count, 7, 3)), np.zeros((count, NUMBERS)), np.zeros((count, 7), np.int64), np.zeros((count, 3)), draft,
+        np.zeros((count, 7, 3)), np.zeros((count, NUMBERS)), np.zeros((count, 6), np.int64), np.zeros((count, 3)), draft,
         np.empty((n, 3)), np.empty((n, 11)), np.zeros((n, 7)), np.zeros((n, 7)), np.zeros((n, PRESSED)), np.empty(n),
         np.zeros((polygons.size, 5)), np.zeros((n, len(FORCES), 2)), np.zeros((n, 5)),
     )  # fmt: skip
@@ -585,8 +587,9 @@ def _set_down(fragments: Landing, a: int, bed: Bed, h: float, depth: Floats, lat
     distance = math.hypot(fragments.motion[a, PATH, 0], fragments.motion[a, PATH, 1]) + number[ARM] * abs(
         fragments.motion[a, PATH, 2]
     )
-    changed = abs(friction - number[HELD]) > CARRIED_CHANGE * number[HELD]
-    flag[CHANGED], flag[ACCEPTED], flag[STATUS] = int(changed and distance > bed.anchor_way), 1, DONE
+    if distance > bed.anchor_way:
+        number[CHANGE] = abs(friction - number[HELD]) / max(CARRIED_CHANGE * number[HELD], 1e-30)
+    flag[ACCEPTED], flag[STATUS] = 1, DONE
 
 
 @kernel

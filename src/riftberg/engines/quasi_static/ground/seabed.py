@@ -254,12 +254,12 @@ class Seabed:
 
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: SubcycledMotion | None
-    ) -> tuple[SubcycledMotion | None, bool]:
+    ) -> tuple[SubcycledMotion | None, float]:
         """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does.
 
-        Those that stood on it before ``contact`` go as it says. The second value: whether the floor holds one of them otherwise
-        where contact has taken it, or a fragment in contact has touched it. Writes its loads to the keels at the end,
-        and the largest bending stress that each bond has borne.
+        Those that stood on it before ``contact`` go as it says. The second value: how much otherwise the floor holds one of them
+        where contact has taken it, over what a step may change; endless where a fragment in contact has touched the floor. Writes
+        its loads to the keels at the end, and the largest bending stress that each bond has borne.
         """
         further, by_the_floor = 1.0, NO_PAIRS[0]
         model.bonds.flexural_stress[:] = 0.0
@@ -267,14 +267,14 @@ class Seabed:
             flexure = self._run(model, op, h, contact, by_the_floor, *prepared)
             fragments, numbers = prepared
             beyond = (fragments.flag[:, landing.STATUS] == landing.BEYOND).any()
-            changed = fragments.flag[:, landing.CHANGED] == 1
+            changed = fragments.number[:, landing.CHANGE] > 1.0
             if not beyond and changed.any() and h <= landing.TOUCH_STEP * (1.0 + 1e-9):
                 # The floor changes faster than others push: those go as it says, pushed by the mean force.
                 by_the_floor = np.union1d(by_the_floor, numbers[changed])
                 continue
             if not beyond:
                 model.bonds.flexural_stress[:] = flexure
-                return self._finish(model, *prepared, h), _is_pushed_elsewhere(contact, *prepared)
+                return self._finish(model, *prepared, h), _change_of_hold(contact, *prepared)
             further *= 8.0  # a light berg may be taken up by the water
             if further > FARTHEST:
                 raise RunError(
@@ -282,7 +282,7 @@ class Seabed:
                     "floor. Compare thickness and depth, or take a shorter stepping.time_step"
                 )
         landing.lift_off(model.elements.keel)
-        return None, False
+        return None, 0.0
 
     def _run(
         self, model: RunState, op: BodyOperators, h: float, contact: SubcycledMotion | None, by_the_floor: Ints,
@@ -444,12 +444,13 @@ def _carry(
         )  # fmt: skip
 
 
-def _is_pushed_elsewhere(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> bool:
-    """Whether contact has taken a fragment to where the floor holds it otherwise, or down onto the floor."""
+def _change_of_hold(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> float:
+    """Largest `landing.CHANGE` of the fragments; endless where contact has taken one down onto the floor."""
     if contact is None:
-        return False
+        return 0.0
     touched = (fragments.flag[:, landing.STATUS] == landing.DONE) & (fragments.flag[:, landing.CARRIED] == 0)
-    return bool(fragments.flag[:, landing.CHANGED].any() or (touched & np.isin(numbers, contact.bodies)).any())
+    landed = (touched & np.isin(numbers, contact.bodies)).any()
+    return math.inf if landed else float(fragments.number[:, landing.CHANGE].max())
 
 
 @kernel
