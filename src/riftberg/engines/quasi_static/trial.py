@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.engines.common.broad_phase import NO_PAIRS
 from riftberg.engines.common.forces.media import FORCES
 from riftberg.engines.common.forces.sizes import Sizes
 from riftberg.engines.common.land import (
@@ -46,7 +45,7 @@ from riftberg.engines.quasi_static.contact.islands import (
 from riftberg.engines.quasi_static.fracture.brittle_lattice import BrittleLattice
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, grow_damage
 from riftberg.engines.quasi_static.ground.landing import TOUCH_STEP
-from riftberg.engines.quasi_static.ground.seabed import Seabed, drop_fragments, join_motions
+from riftberg.engines.quasi_static.ground.seabed import Seabed, drop_fragments, join_drifts, join_motions
 from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, supported_loads
 from riftberg.engines.quasi_static.lattice.sides import FragmentSides
 from riftberg.engines.quasi_static.rigid_step import (
@@ -125,7 +124,9 @@ class Trial:
     state: BodyState  # At its end
     contact: SubcycledMotion | None  # What contact and the bed did on the way
     touching: bool = False  # Whether fragments have touched each other, or the bed has caught, stopped or freed one
-    pushed: float = 0.0  # How much otherwise the bed holds a fragment where others have pushed it, over what a step may change
+    pushed: float = (
+        0.0  # How much otherwise the bed holds a fragment where others have pushed it, over what a step may change
+    )
     peak: Equilibrium | None = None  # Under the peak contact loads, once it has been needed
 
 
@@ -153,14 +154,13 @@ class FragmentMotion:
         # Contact: fragments that may touch each other go through the step in sub-steps, island by island; then those that
         # touch a bed of sediment.
         contact, ground, pushed = self._resolve_contacts_and_bed(start, h)
-        in_substeps = join_motions(contact, ground, bodies.body)
+        drifting, mean = join_drifts(contact, ground)
 
         # Predictor: first half kick and drift. Bodies in contact drift with the mean twist of their sub-steps.
         new = bodies._replace(pose=np.empty_like(bodies.pose), twist=np.empty_like(bodies.twist))
-        moved = (in_substeps.bodies, in_substeps.mean) if in_substeps else (NO_PAIRS[0], bodies.twist[:0])
         predict(
             new, bodies, start.operators, start.terms, self.frozen_displacement, h, c.latlon, c.earth_radius, c.period,
-            el.place.lon, el.place.lat, el.body.static, el.motion.rotation, *moved, work,
+            el.place.lon, el.place.lat, el.body.static, el.motion.rotation, drifting, mean, work,
         )  # fmt: skip
         new, ashore = self._constrained_by_land(new)
         self.model.forcing.sample(el, time)
@@ -169,8 +169,7 @@ class FragmentMotion:
         # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
         twist = 2.0 * new.twist - bodies.twist  # first guess: the second half changes it as the first has done
         work.active[:] = True
-        if in_substeps is not None:
-            work.active[in_substeps.bodies] = False
+        work.active[drifting] = False
         _remove_landward_velocity(
             new.twist, op.levers, ashore
         )  # each half kick drives a body into the land that stops it

@@ -38,6 +38,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 )
 from riftberg.engines.quasi_static.contact.anchors import ANCHOR_X, ANCHOR_Y, ARM_X, ARM_Y, SLOPE_X, SLOPE_Y, STIFFNESS
 from riftberg.parameters import KernelParameters
+from riftberg.physics.geometry import multiply, solve, times
 from riftberg.state import Elements, Floats, Ints
 
 REFRESH_FRACTION: Final = 1.0 / 32.0
@@ -238,30 +239,57 @@ def trapezoidal_correction(
 
     In the sub-steps the media are taken at the start; with this correction they act by the trapezoidal rule.
     """
-    bodies, rows, half_dt, end_twist = contact.bodies, contact.rows, 0.5 * dt, contact.twist.copy()
-    active, mobility = np.ones(bodies.size, np.bool_), end.matrices.mobility[bodies]
-    body_row = np.zeros(len(twist), np.int64)
-    body_row[bodies] = np.arange(bodies.size)
-    # Of the elements of bodies in contact alone: among a thousand bergs they are few.
-    body, levers, forcing = body_row[end.body[rows]], end.levers[rows], select_forcing(rows, end.forcing)
-
-    def forces(levers: Floats, forcing: ElementForcing) -> tuple[Floats, Floats]:
-        """Accelerations of the elements by each force, and net forces on the bodies, at ``end_twist``."""
-        accelerations, net_force = np.zeros((rows.size, len(FORCES), 2)), np.zeros(end_twist.shape)
-        rate, force = np.empty((rows.size, 3)), np.empty((rows.size, 3))
-        add_forces(body, levers, end_twist, forcing, accelerations, rate, force, net_force)
-        return accelerations, net_force
-
-    old_accelerations, old_force = forces(start.levers[rows], select_forcing(rows, start.forcing))
-    for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
-        net_force, jacobian = np.zeros(end_twist.shape), np.zeros((*end_twist.shape, 3))
-        assemble_force_and_jacobian(body, levers, end_twist, forcing, active, net_force, jacobian)
-        matrix = np.eye(3) + half_dt * mobility @ jacobian
-        change = half_dt * mobility @ (net_force - old_force)[:, :, None]
-        end_twist += np.linalg.solve(matrix, change + (contact.twist - end_twist)[:, :, None])[:, :, 0]
-    twist[bodies] = end_twist
-    applied = contact.applied + half_dt * (forces(levers, forcing)[0] - old_accelerations)
+    end_twist, applied = contact.twist.copy(), contact.applied.copy()
+    _correct_by_media(contact.bodies, contact.rows, start, end, 0.5 * dt, end_twist, applied)
+    twist[contact.bodies] = end_twist
     return twist, contact._replace(twist=end_twist, applied=applied)
+
+
+@kernel
+def _correct_by_media(
+    bodies: Ints, rows: Ints, start: BodyOperators, end: BodyOperators, half_dt: float, twist: Floats, applied: Floats
+) -> None:
+    """Solve ``V - V1 = h/2 M^-1 (G_end(V) - G_start(V1))`` from ``twist`` V1, and add the difference to ``applied``."""
+    # Of the elements of bodies in contact alone: among a thousand bergs they are few.
+    number = np.zeros(end.matrices.mobility.shape[0], np.int64)
+    for k in range(bodies.size):
+        number[bodies[k]] = k
+    body, levers, forcing = number[end.body[rows]], end.levers[rows], _take_rows(end.forcing, rows)
+    everyone, shape = np.ones(bodies.size, np.bool_), (rows.size, len(FORCES), 2)
+    rate, force = np.empty((rows.size, 3)), np.empty((rows.size, 3))
+    at_start, at_end, net_start = np.zeros(shape), np.zeros(shape), np.zeros(twist.shape)
+    add_forces(body, start.levers[rows], twist, _take_rows(start.forcing, rows), at_start, rate, force, net_start)
+    first, matrix, right = twist.copy(), np.empty((3, 3)), np.empty(3)
+    net, jacobian = np.empty(twist.shape), np.empty((bodies.size, 3, 3))
+    for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
+        net[:, :], jacobian[:, :, :] = -net_start, 0.0
+        assemble_force_and_jacobian(body, levers, twist, forcing, everyone, net, jacobian)
+        for k in range(bodies.size):
+            mobility = end.matrices.mobility[bodies[k]]
+            multiply(mobility, jacobian[k], matrix)
+            kick = times(mobility, net[k])
+            for i in range(3):
+                right[i] = half_dt * kick[i] + first[k, i] - twist[k, i]
+                for j in range(3):
+                    matrix[i, j] = (1.0 if i == j else 0.0) + half_dt * matrix[i, j]
+            change = solve(matrix, right)
+            for i in range(3):
+                twist[k, i] += change[i]
+    net[:, :] = 0.0
+    add_forces(body, levers, twist, forcing, at_end, rate, force, net)
+    for e in range(rows.size):
+        for k in range(len(FORCES)):
+            for i in range(2):
+                applied[e, k, i] += half_dt * (at_end[e, k, i] - at_start[e, k, i])
+
+
+@kernel
+def _take_rows(f: ElementForcing, rows: Ints) -> ElementForcing:
+    """Forcing of some elements."""
+    return ElementForcing(
+        f.media[rows], f.coriolis[rows], f.mass[rows], f.inertia[rows], f.aground[rows], f.spin_drag[rows], f.water_spin[rows],
+        f.sides[rows], f.side_drag[rows], f.push_x[rows], f.push_y[rows], f.media_act,
+    )  # fmt: skip
 
 
 def select_forcing(rows: Ints, forcing: ElementForcing) -> ElementForcing:

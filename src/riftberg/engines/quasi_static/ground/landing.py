@@ -83,8 +83,8 @@ sub-step, velocity at the end of this one (m s-1), force of others and of the fl
 ) = range(17)  # fmt: skip
 """Columns of `Landing.number`: time since the start and length of the sub-step (s), radii of fragment and gyration (m), speed at
 the start (m s-1), shortest sub-step (s), largest force of the floor (N) and the spin then, work of friction so far and in the
-sub-step (J), clearance at least (m), friction that can hold in its middle (N), by how many times `CARRIED_CHANGE` the floor holds it
-otherwise where contact has taken it, way for which pads are watched (m), bending length and thickness of the ice (m), and the
+sub-step (J), clearance at least (m), friction that can hold in its middle (N), by how many times `CARRIED_CHANGE` the floor holds
+it otherwise where contact has taken it, way for which pads are watched (m), bending length and thickness of the ice (m), and the
 level at the start, in the middle and at the end of the step (m)."""
 
 NUMBERS: Final = LEVEL + 3
@@ -399,7 +399,9 @@ def _go_through_middle(
             _refuse(fragments, a, dt, 0.5, h, latlon, radius)
             return
     stays = flag[MIDDLE_TOUCHES] == 1 and _is_held(fragments, a, bed, dt)
-    if stays and _interpolate_level(number, (number[TIME] + 0.5 * dt) / h) == _interpolate_level(number, (number[TIME] + dt) / h):
+    if stays and _interpolate_level(number, (number[TIME] + 0.5 * dt) / h) == _interpolate_level(
+        number, (number[TIME] + dt) / h
+    ):
         # A berg that stands still in water that does not rise or fall is pressed at the end as it is in the middle.
         _end_substep(fragments, a, forcing, bed, h, True, latlon, radius)
         return

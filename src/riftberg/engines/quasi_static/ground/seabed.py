@@ -499,6 +499,14 @@ def bent_bonds(
     return cracks
 
 
+def join_drifts(contact: SubcycledMotion | None, ground: SubcycledMotion | None) -> tuple[Ints, Floats]:
+    """Return the fragments that go through sub-steps, and their mean twists."""
+    motions = [motion for motion in (contact, ground) if motion is not None]
+    if not motions:
+        return NO_PAIRS[0], np.empty((0, 3))
+    return np.concatenate([motion.bodies for motion in motions]), np.concatenate([motion.mean for motion in motions])
+
+
 def join_motions(contact: SubcycledMotion | None, ground: SubcycledMotion | None, body: Ints) -> SubcycledMotion | None:
     """Return both as one, of different fragments; ``body``: fragment of each element."""
     if contact is None or ground is None:
