@@ -6,6 +6,7 @@ Young's modulus, a restart and a second impact change.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -384,19 +385,20 @@ def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(d
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("strength", "dt", "modulus", "bonds"),
-    [("700 Pa", 450.0, 5e6, 37), ("700 Pa", 1800.0, 1e7, 37), ("500 Pa", 450.0, 5e6, 77), ("500 Pa", 1800.0, 5e6, 77),
-     ("500 Pa", 1800.0, 9e9, 77), ("300 Pa", 450.0, 5e6, 82), ("300 Pa", 1800.0, 5e6, 82), ("300 Pa", 1800.0, 9e9, 82)],
+    [("700 Pa", 450.0, 5e6, 17), ("700 Pa", 1800.0, 1e7, 17), ("300 Pa", 450.0, 5e6, 71), ("300 Pa", 1800.0, 5e6, 71),
+     ("300 Pa", 1800.0, 9e9, 71)],
 )  # fmt: skip
 def test_means_of_what_breaks_in_a_converging_current_hang_on_neither_step_nor_modulus(
     strength: str, dt: float, modulus: float, bonds: float
 ) -> None:
-    """Up to 20 s each. A start 10 cm aside changes which bond breaks first in an impact, and the count by some per cent.
+    """Up to 20 s each. A start 10 cm aside changes which bond breaks first in an impact, and the count.
 
-    Means of eight starts with steps of 450, 1800 and 10800 s and moduli of 5 MPa and 9 GPa: 75 to 79 at 500 Pa, with errors of
-    1 to 2, and 81 to 83 at 300 Pa.
+    Means of ten starts at 300 Pa: 68, 75 and 72 with steps of 450, 900 and 1800 s, each with an error of 3 to 5. At 500 Pa one
+    crack of twenty bonds is at its strength: single starts break 24 or 44 bonds, in proportions that hang on the step.
     """
     found = [broken_in_converging_current(strength, dt, modulus, aside) for aside in (0.0, 0.1, 0.2, 0.4, 0.7, 1.0)]
-    assert abs(np.mean(found) - bonds) <= 5.0
+    error = np.std(found, ddof=1) / math.sqrt(len(found))
+    assert abs(np.mean(found) - bonds) <= 1.0 + 2.0 * error
 
 
 def test_springs_of_contact_are_refused_in_the_default_scheme() -> None:
