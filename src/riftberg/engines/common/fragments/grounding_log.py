@@ -87,28 +87,35 @@ class GroundingLog:
         if not touching.any():
             return
         numbers = np.unique(el.body.berg[touching])
-        for row in _measured(numbers, touching, previous, el, step, p, forces()):
-            berg = tree.origin(row.number)
-            if not 0 < berg <= len(tree.rows) or row.area >= LEAST_SHARE * tree.rows[berg - 1].area:
-                self._add(row.event, step[0])
+        measures = _measured(numbers, touching, previous, el, p, forces())
+        for n, number in enumerate(measures.number):
+            berg = tree.origin(number)
+            if not 0 < berg <= len(tree.rows) or measures.area[n] >= LEAST_SHARE * tree.rows[berg - 1].area:
+                self._add(measures, n, *step)
 
-    def _add(self, row: GroundingEvent, began: float) -> None:
+    def _add(self, m: _Measures, n: int, began: float, ended: float) -> None:
         """Extend the last event of a fragment by a step, or begin a new one."""
-        k = self._latest.get(row.number, -1)
+        number, way, carried = m.number[n], m.way[n], int(m.carried[n])
+        k, stands = self._latest.get(number, -1), m.speed[n] < STANDSTILL
         event = self.rows[k] if k >= 0 else None
         if event is None or began - event.end >= AFLOAT_TIME:
-            self._latest[row.number] = len(self.rows)
-            self.rows.append(row)
+            self._latest[number] = len(self.rows)
+            self.rows.append(
+                GroundingEvent(
+                    number, began, ended, m.lon[n], m.lat[n], m.towards[n], carried, 1, ended - began, carried, m.load[n],
+                    m.capacity[n], m.pressing[n], m.lift[n], m.stress[n], m.gouge[n], way,
+                    *((way, ended) if stands else (-1.0, -1.0)),
+                )
+            )  # fmt: skip
             return
-        way = event.way + row.way
-        stopped = event.stopped if event.stopped >= 0.0 or row.stopped < 0.0 else way
-        held = row.held if row.held < 0.0 or event.held < 0.0 else event.held
+        way += event.way
+        stopped = event.stopped if event.stopped >= 0.0 or not stands else way
+        held = -1.0 if not stands else ended if event.held < 0.0 else event.held
         # Field by field: a copy that names what changes takes most of the time of a field of bergs aground.
         self.rows[k] = GroundingEvent(
-            row.number, event.time, row.end, event.lon, event.lat, event.towards, event.elements,
-            event.times + (event.end < began), event.seconds + row.seconds, row.carried, row.load, row.capacity, row.pressing,
-            max(event.lift, row.lift), max(event.stress, row.stress), max(event.gouge, row.gouge), way, stopped,
-            held,
+            number, event.time, ended, event.lon, event.lat, event.towards, event.elements, event.times + (event.end < began),
+            event.seconds + (ended - began), carried, m.load[n], m.capacity[n], m.pressing[n], max(event.lift, m.lift[n]),
+            max(event.stress, m.stress[n]), max(event.gouge, m.gouge[n]), way, stopped, held,
         )  # fmt: skip
 
 
@@ -125,18 +132,28 @@ def mass_on_floor(el: Elements, p: KernelParameters) -> Floats:
     return np.asarray(above + el.keel.floor_load / GRAVITY)
 
 
-class _Measured(NamedTuple):
-    """A fragment on the floor."""
+class _Measures(NamedTuple):
+    """Fragments on the floor, as one step has them; the fields of `GroundingEvent` by fragment."""
 
-    number: int
-    area: float  # m2
-    event: GroundingEvent  # As one step alone has it
+    number: list[int]
+    area: list[float]  # m2
+    lon: list[float]
+    lat: list[float]
+    towards: list[float]
+    carried: list[float]
+    load: list[float]
+    capacity: list[float]
+    pressing: list[float]
+    lift: list[float]
+    stress: list[float]
+    gouge: list[float]
+    way: list[float]  # In this step, m
+    speed: list[float]  # At its end, m s-1
 
 
 def _measured(
-    numbers: Ints, touching: NDArray[np.bool_], previous: Elements, el: Elements, step: tuple[float, float],
-    p: KernelParameters, forces: Floats,
-) -> list[_Measured]:  # fmt: skip
+    numbers: Ints, touching: NDArray[np.bool_], previous: Elements, el: Elements, p: KernelParameters, forces: Floats
+) -> _Measures:
     """Return the measures of one step for each fragment on the floor."""
     at = np.minimum(np.searchsorted(numbers, el.body.berg), numbers.size - 1)
     rows = np.flatnonzero(numbers[at] == el.body.berg)
@@ -165,17 +182,12 @@ def _measured(
     touch_x, touch_y, centre_x, centre_y = total[2] / weights, total[3] / weights, total[4] / masses, total[5] / masses
     way, speed = np.hypot(*total[6:8]) / masses, np.hypot(*total[8:10]) / masses
     pressing, (carried, borne, holds, area) = np.hypot(*total[10:12]), total[12:]
-    lift, stress, gouge = largest.tolist()
     towards = np.degrees(np.arctan2((touch_x - centre_x) * east[first], (touch_y - centre_y) * north)) % 360.0
-    (began, ended), measured = step, []
-    for n, (number, k) in enumerate(zip(numbers.tolist(), first.tolist(), strict=True)):
-        event = GroundingEvent(
-            number, began, ended, float(place.lon[k] + touch_x[n]), float(place.lat[k] + touch_y[n]), float(towards[n]),
-            int(carried[n]), 1, ended - began, int(carried[n]), float(borne[n]), float(holds[n]), float(pressing[n]),
-            lift[n], stress[n], gouge[n], float(way[n]), *((float(way[n]), ended) if speed[n] < STANDSTILL else (-1.0, -1.0)),
-        )  # fmt: skip
-        measured.append(_Measured(number, float(area[n]), event))
-    return measured
+    columns = (
+        numbers, area, place.lon[first] + touch_x, place.lat[first] + touch_y, towards, carried, borne, holds, pressing, *largest,
+        way, speed,
+    )  # fmt: skip
+    return _Measures(*(column.tolist() for column in columns))
 
 
 @kernel
