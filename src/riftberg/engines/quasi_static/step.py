@@ -28,7 +28,6 @@ from riftberg.engines.quasi_static.bodies.dynamics import longest_trial_step
 from riftberg.engines.quasi_static.bodies.pose import Bodies, bodies_from_elements, split_bodies
 from riftberg.engines.quasi_static.fracture.brittle_lattice import MAX_LOW_RANK_UPDATES, BrittleLattice
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, record_peak_stress, store_stresses
-from riftberg.engines.quasi_static.ground.landing import TOUCH_STEP
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellTopology
 from riftberg.engines.quasi_static.lattice.cells import ElasticCells
 from riftberg.engines.quasi_static.lattice.equilibrium import released_energy
@@ -45,7 +44,7 @@ EVENT_TOLERANCE = 1.0 / 64.0
 the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
 
 LONGEST_CONTACT_STEP = 1800.0
-"""Longest trial step (s) in which fragments touch each other, or the bed catches, stops or frees one: in longer ones the loads at
+"""Longest trial step (s) in which fragments touch each other, or the bed catches, turns or frees one: in longer ones the loads at
 its end are not those of the impact, and a berg that lifts off the bed comes free hours too early."""
 
 SHRINK, GROWTH, SAFETY = 0.25, 4.0, 0.85
@@ -117,10 +116,10 @@ class TimeStep:
         self.tips = self.lattice.tips_with_intensities(equilibrium)
 
     def _begins_touching(self) -> bool:
-        """Whether fragments press each other at the start, or the bed is just catching one."""
+        """Whether fragments press each other at the start, or one moves on the bed."""
         faces, keel = self.laws.faces, self.el.keel
-        is_caught = (keel.floor_load > 0.0) & (keel.floor_substep <= TOUCH_STEP)
-        return (faces is not None and faces.pairs.pair.size > 0) or bool(is_caught.any())
+        moves_on_bed = (keel.floor_load > 0.0) & (keel.floor_substep < self.dt)
+        return (faces is not None and faces.pairs.pair.size > 0) or bool(moves_on_bed.any())
 
     # One step to the first event
 

@@ -44,7 +44,6 @@ from riftberg.engines.quasi_static.contact.islands import (
 )
 from riftberg.engines.quasi_static.fracture.brittle_lattice import BrittleLattice
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, grow_damage
-from riftberg.engines.quasi_static.ground.landing import TOUCH_STEP
 from riftberg.engines.quasi_static.ground.seabed import Seabed, drop_fragments, join_drifts, join_motions
 from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, supported_loads
 from riftberg.engines.quasi_static.lattice.sides import FragmentSides
@@ -123,7 +122,7 @@ class Trial:
     h: float  # s
     state: BodyState  # At its end
     contact: SubcycledMotion | None  # What contact and the bed did on the way
-    touching: bool = False  # Whether fragments have touched each other, or the bed has caught, stopped or freed one
+    touching: bool = False  # Whether fragments have touched each other, or the bed has caught, turned or freed one
     pushed: float = (
         0.0  # How much otherwise the bed holds a fragment where others have pushed it, over what a step may change
     )
@@ -186,8 +185,8 @@ class FragmentMotion:
             lattice, displacement = self.lattice, 0.5 * (bodies.displacement + state.bodies.displacement)
             middle = lattice.moment(displacement, 0.5 * (start.load + state.load))
             grow_damage(self.bonds, lattice.intact, lattice.criterion.damage_drive(middle, lattice.strengths()), h, c)
-        # The bed holds a fragment, or brakes it evenly, in long sub-steps; where it catches or frees one they are the shortest.
-        lands = ground is not None and ground.shortest_substep <= TOUCH_STEP
+        # A fragment that the bed holds goes through the step at once; where it catches, turns or frees one sub-steps are shorter.
+        lands = ground is not None and ground.shortest_substep < h
         touching = lands or (contact is not None and contact.first.size > 0)
         return Trial(h, state, join_motions(contact, ground, bodies.body), touching, pushed)
 
