@@ -16,7 +16,7 @@ from shapely.geometry import mapping
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.outline import read_features
-from riftberg.bergs.seams import ring_fault, whole_shapes
+from riftberg.bergs.seams import join_polygons, ring_fault, shrink, whole_shapes
 from riftberg.coupling.shelf import IceShelf
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import BergError, InputError
@@ -380,3 +380,21 @@ def test_axes_of_masks_on_bent_and_rotated_grids_are_no_positions(tmp_path: Path
             read_observed(tmp_path / "m_20201205.nc")
     same = mask.assign_coords(nav_lat=(mask["lat"] + 0.0 * mask["lon"]).assign_attrs(units="degrees_north"))
     Iceberg.from_mask(same, thickness=200.0, radius=3000.0)
+
+
+def test_no_outline_is_lost_with_its_margin() -> None:
+    """Bug: GEOS took the whole of this outline away with a margin of 3 m, and a run ended in an IndexError."""
+    outline = shapely.Polygon(
+        [(13210.45706831496, -11179.871503113649), (14495.642387030355, -12337.045166720896),
+         (14498.773293107453, -12327.938047733818), (14502.53900112079, -12328.981379438086),
+         (14499.620660000797, -12342.711456570049), (14061.668263153822, -14403.169758598311)]
+    )  # fmt: skip
+    width = 2.802164465758713
+    smaller = shrink(outline, width)
+    assert smaller.area == pytest.approx(outline.area - width * outline.length, rel=1e-4)
+    assert outline.contains(smaller)
+    square = shapely.box(0.0, 0.0, 10.0, 10.0)
+    assert shrink(square, 1.0).equals(shapely.box(1.0, 1.0, 9.0, 9.0))
+    assert shrink(square, 6.0).is_empty
+    turned = shapely.box(0.0, 0.0, 10.0, 10.0, ccw=False)
+    assert join_polygons([square, shapely.box(10.0 + 1e-4, 0.0, 20.0, 10.0), turned], 1e-3).area == pytest.approx(200.0)

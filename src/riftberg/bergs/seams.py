@@ -103,5 +103,19 @@ def _close_gaps(shape: Any, narrow: float) -> Any:
     if not slit:
         return shape
     flat = shapely.transform(shape, lambda lonlat: lonlat * (narrow, 1.0))
-    filled = shapely.buffer(shapely.buffer(flat, METRE, join_style="mitre"), -METRE, join_style="mitre")
+    filled = join_polygons([flat], METRE)
     return shapely.transform(filled, lambda lonlat: lonlat / (narrow, 1.0))
+
+
+def join_polygons(polygons: Any, seam: float) -> Any:
+    """Return the union of polygons (shapely), without the gaps between them that are narrower than twice ``seam``."""
+    return shrink(shapely.union_all(shapely.buffer(polygons, seam, join_style="mitre")), seam)
+
+
+def shrink(shape: Any, width: float) -> Any:
+    """Return a shape (shapely) without a margin of ``width``; its corners stay sharp."""
+    smaller = shapely.buffer(shape, -width, join_style="mitre")
+    if smaller.area > 0.5 * (shape.area - width * shape.length):
+        return smaller
+    # GEOS 3.14 loses some outlines whole: one of 57 hexagons was nothing, a millionth less or more and it was right.
+    return shapely.buffer(shape, -width, join_style="bevel")

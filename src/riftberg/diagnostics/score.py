@@ -25,6 +25,7 @@ import numpy as np
 import shapely
 import xarray as xr
 
+from riftberg.bergs.seams import join_polygons
 from riftberg.config.units import minute_text
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import (
@@ -287,9 +288,7 @@ class _Judge:
     def _union(self, plane: ConformalPlane, polygons: Floats) -> BaseGeometry:
         x, y = plane.forward(polygons[..., 0], polygons[..., 1])
         squares = shapely.polygons(np.stack([x, y], axis=-1))
-        return shapely.buffer(
-            shapely.union_all(shapely.buffer(squares, _SEAM, join_style="mitre")), -_SEAM, join_style="mitre"
-        )
+        return join_polygons(squares, _SEAM)
 
     def _piece(
         self,

@@ -17,6 +17,7 @@ import shapely
 import xarray as xr
 from shapely.affinity import rotate, scale, translate
 
+from riftberg.bergs.seams import join_polygons
 from riftberg.diagnostics.observed import Observations
 from riftberg.diagnostics.outlines import polygon_moments, project_polygon
 from riftberg.ensembles.matching import FEW_MEMBERS
@@ -196,8 +197,7 @@ def read_first_outline(file: Path) -> Any:
     x, y = ConformalPlane(lon, lat, scene.radius).forward(corners[..., 0], corners[..., 1])
     squares = shapely.polygons(np.stack([x, y], axis=-1) / 1e3)
     seam = 1e-3 * float(np.sqrt(scene.area.min()) / 1e3)  # elements meet to within rounding errors
-    ice = shapely.union_all(shapely.buffer(squares, seam, join_style="mitre"))
-    outline = max(shapely.get_parts(shapely.buffer(ice, -seam, join_style="mitre")), key=lambda piece: piece.area)
+    outline = max(shapely.get_parts(join_polygons(squares, seam)), key=lambda piece: piece.area)
     return translate(outline, -outline.centroid.x, -outline.centroid.y)
 
 

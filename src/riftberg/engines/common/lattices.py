@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from riftberg.bergs.seams import shrink
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import nearest_image
@@ -30,7 +31,7 @@ def outline_cells(xy: Floats, radius: float, packing: str, angle: float) -> shap
     # Cells reach over their sides at first: those of a lattice in degrees do not fit exactly, for meridians converge.
     over = 0.05 * radius
     ring = (radius + over) / math.cos(math.pi / sides) * np.column_stack([np.cos(corner), np.sin(corner)])
-    return shapely.unary_union(shapely.polygons(xy[:, None, :] + ring)).buffer(-over, join_style="mitre")
+    return shrink(shapely.unary_union(shapely.polygons(xy[:, None, :] + ring)), over)
 
 
 def lattices(el: Elements, bonds: Bonds, new: NDArray[np.bool_], outlines: Sequence[Any]) -> list[tuple[Ints, Any]]:

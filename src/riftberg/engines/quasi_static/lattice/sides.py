@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from riftberg.bergs.seams import join_polygons
 from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
 from riftberg.state import Elements, Floats, Ints
@@ -115,8 +116,7 @@ def _union(footprint: Any, spacing: float) -> Any:
     """Ice (shapely) of a fragment, along its axes (m)."""
     number = np.diff(footprint.start)
     rings = shapely.linearrings(footprint.corner, indices=np.repeat(np.arange(number.size), number))
-    ice = shapely.buffer(shapely.polygons(rings), SEAM * spacing, join_style="mitre")
-    return shapely.buffer(shapely.union_all(ice), -SEAM * spacing, join_style="mitre")
+    return join_polygons(shapely.polygons(rings), SEAM * spacing)
 
 
 def _outlines(ice: Any, spacing: float) -> list[Any]:
