@@ -102,12 +102,13 @@ def test_bergs_of_different_packing_thickness_and_size_go_through_one_run(tmp_pa
     np.testing.assert_allclose([float(both.elements.mass[both.elements.berg == k].sum()) for k in (1, 2, 3)],
                                [large.mass, small.mass, middle.mass], rtol=1e-14)  # fmt: skip
     ocean = Steady.balanced((0.2, 0.0), -56.0)
-    run = Model(both, ocean).run(days=0.25)
+    half_hour = Parameters(stepping={"time_step": 1800.0})  # the large one alone would take an hour
+    run = Model(both, ocean, half_hour).run(days=0.25)
     assert run["fragment_name"].values.tolist() == ["A", "B", "C"]
     assert sorted(set(run["corners"].values.tolist())) == [4, 6]
     # Each goes as it goes alone.
     for k, berg in enumerate((large, small, middle), 1):
-        alone = Model(berg, ocean, Parameters()).run(days=0.25)
+        alone = Model(berg, ocean, half_hour).run(days=0.25)
         rows = run["berg"].values[:, 0] == k
         np.testing.assert_allclose(run["lon"].values[rows], alone["lon"].values, rtol=0, atol=1e-9)
     shapes = Scene(run).polygons(0)

@@ -86,8 +86,12 @@ LEAST_FACE: Final = 1.0
 MAX_SWEEPS: Final = 400
 """Sweeps over the faces; impulses are equal and opposite after each of them, so momentum does not depend on their number."""
 
-SWEEP_RTOL: Final = 1e-11
+SWEEP_RTOL: Final = 1e-8
 """Change of the velocities in a sweep, as a part of the largest, at which the sweeps end."""
+
+OVER: Final = 1.3
+"""Factor by which a sweep goes beyond the force that suits a face alone (successive over-relaxation). Twenty pieces that grind on
+each other then take two thirds of the sweeps; with 1.7 those of some no longer end."""
 
 
 class CrushingLaw(NamedTuple):
@@ -268,7 +272,7 @@ def _speed(row: Floats, column: int, v: Floats, w: Floats) -> float:
 def sweep_faces(
     island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> None:
-    """Find the forces of the faces and the velocities that they lead to (projected Gauss-Seidel)."""
+    """Find the forces of the faces and the velocities that they lead to (projected Gauss-Seidel, over-relaxed)."""
     scale = 1e-9
     for f in range(count):
         k, row = work.active[f], work.face[f]
@@ -296,6 +300,7 @@ def sweep_faces(
                 row[AREA] + row[AREA_PER_SPEED] * free, state[TOUCHED], state[CRUSHED], law.strength * thickness / law.depth,
                 law.ratio, law.strength * thickness * state[CHORD], row[AREA_PER_SPEED] * mobility,
             )  # fmt: skip
+            force = max(state[FORCE] + OVER * (force - state[FORCE]), 0.0)
             change = force - state[FORCE]
             state[FORCE] = force
             _push(row, ROW_N, h * change, compliance_1, compliance_2, v, w)
@@ -303,6 +308,8 @@ def sweep_faces(
             if law.friction > 0.0:
                 mobility = h * row[MOBILITY_T]
                 slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / mobility, force, law.friction)
+                most = law.friction * force
+                slide = min(max(state[FRICTION] + OVER * (slide - state[FRICTION]), -most), most)
                 change = slide - state[FRICTION]
                 state[FRICTION] = slide
                 _push(row, ROW_T, h * change, compliance_1, compliance_2, v, w)
