@@ -32,7 +32,7 @@ import numpy as np
 
 from riftberg.errors import RiftbergError, without_secrets
 from riftberg.system.atomic_files import FULL, keeps_no_locks, refused, replacing
-from riftberg.system.input_files import no_plain_file
+from riftberg.system.input_files import is_address, no_plain_file
 from riftberg.system.process import interruptible
 
 if TYPE_CHECKING:
@@ -228,17 +228,16 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
     import xarray as xr
     from xarray.backends.plugins import guess_engine
 
-    name = without_secrets(str(source)) if isinstance(source, str | os.PathLike) else type(source).__name__
-    _LOG.debug("opening %s", name)
+    is_path = isinstance(source, str | os.PathLike)
+    _LOG.debug("opening %s", without_secrets(str(source)) if is_path else type(source).__name__)
     _refuse_odd(source)
-    on_disk = _is_netcdf(source)
-    engine = options.pop("engine", None) or ("netcdf4" if on_disk else guess_engine(source))
+    engine = options.pop("engine", None) or ("netcdf4" if _is_netcdf(source) else guess_engine(source))
     if engine not in _LOCKED:
         return noted_as_open(xr.open_dataset(source, engine=engine, **options))
     # Left to itself xarray would take its own lock, which is part of ours and cannot be taken twice.
     options["lock"] = NETCDF
     with NETCDF:
-        if not on_disk or engine != "netcdf4":
+        if engine != "netcdf4" or not is_path:
             return noted_as_open(xr.open_dataset(source, engine=engine, **options))
         from xarray.backends import CachingFileManager, NetCDF4DataStore
 
@@ -248,7 +247,7 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
         if _holds_texts(files.acquire()):
             _WITH_TEXTS.add(files)
         ds = xr.open_dataset(store, engine="store", **options)
-        ds.encoding["source"] = os.path.abspath(source)
+        ds.encoding["source"] = str(source) if is_address(source) else os.path.abspath(source)
         return noted_as_open(ds)
 
 
