@@ -31,7 +31,7 @@ import netCDF4
 import numpy as np
 
 from riftberg.errors import RiftbergError, without_secrets
-from riftberg.system.atomic_files import FULL, keeps_no_locks, refused, replacing
+from riftberg.system.atomic_files import FULL, lock_fault, refused, replacing
 from riftberg.system.input_files import is_address, no_plain_file
 from riftberg.system.process import interruptible
 
@@ -124,19 +124,16 @@ def _raise_true_reason(path: str | Path) -> Iterator[None]:
     except (RuntimeError, OSError) as error:
         if isinstance(error, RiftbergError) or getattr(error, "errno", None) in FULL:
             raise
-        reason = _without_locks(error, path) or refused(path)
+        reason = lock_fault(path) if isinstance(error, OSError) else None
+        if reason is None or isinstance(
+            reason, BlockingIOError
+        ):  # the library holds the lock of what it failed to write
+            reason = refused(path)
         if reason is not None:
             raise reason from error
         if not str(error).startswith("NetCDF") and "[Errno -" not in str(error):
             raise
         raise OSError(errno.EIO, f"cannot be written ({error})", str(path)) from error
-
-
-def _without_locks(error: Exception, path: str | Path) -> OSError | None:
-    """Return the reason why a file could not be locked."""
-    if isinstance(error, OSError) and keeps_no_locks(path):
-        return OSError(errno.ENOLCK, FULL[errno.ENOLCK], str(path))
-    return None
 
 
 @contextmanager
@@ -211,7 +208,7 @@ def _opened(path: str, mode: str, **options: Any) -> netCDF4.Dataset:
     try:
         return interruptible(path, partial(netCDF4.Dataset, path, mode, **options))  # type: ignore[arg-type]
     except OSError as error:
-        if (reason := _without_locks(error, path)) is not None:
+        if (reason := lock_fault(path)) is not None:
             raise reason from error
         raise
 
