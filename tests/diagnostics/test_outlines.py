@@ -13,7 +13,7 @@ import xarray as xr
 
 from riftberg.config.values import parse_date
 from riftberg.diagnostics.observed import KINDS, read_observed
-from riftberg.diagnostics.outlines import date_in_text
+from riftberg.diagnostics.outlines import checked_ring, date_in_text
 from riftberg.errors import InputError
 
 shapely = pytest.importorskip("shapely")
@@ -335,3 +335,18 @@ def test_published_mask_and_tables(shared: Path) -> None:
         o for o in read_observed(folder / "observed/a68_fragments_20201217_26.geojson").outlines if o.when.day == 24
     ]
     assert [area(o.ring) for o in table] == pytest.approx([area(o.ring) for o in same], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("lon", "lat", "words"),
+    [(539.5, -75.0, ""), (541.0, -75.0, "longitude beyond 540"), (-541.0, -75.0, "longitude beyond 540"),
+     (0.0, 90.5, "latitude beyond 90"), (0.0, -90.5, "latitude beyond 90")],
+)  # fmt: skip
+def test_positions_that_no_convention_has_are_refused(lon: float, lat: float, words: str) -> None:
+    """Longitudes run to one and a half turns: products begin at -180, at 0, or at 180."""
+    ring = [[lon, lat], [lon - 0.3, lat], [lon - 0.3, lat - 0.1], [lon, lat - 0.1], [lon, lat]]
+    if words:
+        with pytest.raises(InputError, match=words):
+            checked_ring(ring, "berg")
+    else:
+        assert checked_ring(ring, "berg").shape == (4, 2)
