@@ -237,6 +237,20 @@ def test_pieces_of_a_mask_without_specks_and_with_the_pool_filled(tmp_path: Path
     assert sorted(area(o.ring) for o in found) == pytest.approx([0.0625, 0.5775], abs=0.002)
 
 
+def test_pieces_are_specks_by_their_area_on_the_globe(tmp_path: Path) -> None:
+    """Four cells beside 300: near the pole they are a third of what they are in the north."""
+    lat, lon = np.arange(-80.0, -39.0), np.arange(-60.0, 1.0)
+    ice = np.zeros((lat.size, lon.size))
+    ice[30:40, 5:35] = 1.0
+    north, south = ice.copy(), ice.copy()
+    north[34:36, 45:47] = 1.0
+    south[1:3, 45:47] = 1.0
+    for values, count in ((north, 2), (south, 1)):
+        axes = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})}
+        xr.Dataset({"ice": (("lat", "lon"), values)}, axes).to_netcdf(tmp_path / "m_20201217.nc")
+        assert len(read_observed(tmp_path / "m_20201217.nc").outlines) == count
+
+
 def test_whole_numbers_number_the_pieces_also_where_they_touch(tmp_path: Path) -> None:
     numbers = np.where(BERG & (X < -38.4), 3, np.where(BERG, 5, 0))
     found = read_observed(write_mask(tmp_path / "m_20201217.nc", numbers, "labels")).outlines
