@@ -53,7 +53,7 @@ OTHERS = {
     "physics": ("engines",),
     "coupling": ("kid/test_driver.py", "kid/test_driver_corners.py", "kid/test_hours.py", "kid/test_run.py",
                  "kid/test_mixed_options.py", "parity/test_coupling.py", "engines/test_population_step.py"),
-    "diagnostics": ("viz", "cli", "verify"),
+    "diagnostics": ("viz", "cli", "verify", "runs/test_channels.py"),
     "ensembles": ("verify",),
     "runs": ("cli",),
     "cli": ("ensembles", "verify"),

@@ -1,4 +1,4 @@
-"""A bit that flips on a disk is noticed: in a restart, wherever it is, and in what a sweep keeps of its members."""
+"""A bit that flips on a disk is noticed: in a restart, wherever it is, and in all that a sweep goes on from."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from fakes import FakeModel
+from riftberg.cli.main import app
 from riftberg.ensembles.member import Outcome
-from riftberg.ensembles.sweep import Store
-from riftberg.errors import RiftbergError
+from riftberg.ensembles.sweep import Store, read_plan, write_record
+from riftberg.errors import InputError, RiftbergError
 from riftberg.runs.restart import RestartState, load_state, save
+from riftberg.verification.sightings import read_pieces
 
 
 def held(state: RestartState) -> dict[str, Any]:
@@ -84,6 +87,55 @@ def test_a_member_whose_numbers_changed_on_the_disk_is_done_again(tmp_path: Path
         file.write_text(text.replace(old, new))
         assert store.outcome(3) is None
     kept = json.loads(text)
-    del kept["digest"]
+    del kept["checksum"]
     file.write_text(json.dumps(kept))
     assert store.outcome(3) is None
+
+
+def flipped_digits(text: str) -> list[str]:
+    """Return texts of JSON in which one bit of a digit has flipped, so that it is another one."""
+    return [
+        text[:k] + chr(ord(digit) ^ 1) + text[k + 1 :]
+        for k, digit in enumerate(text)
+        if digit in "02468" and text[k - 1 : k] not in "xu\\"
+    ]
+
+
+def test_the_plan_of_a_sweep_whose_numbers_changed_on_the_disk_is_not_gone_on_with(tmp_path: Path) -> None:
+    """The other members were drawn from other numbers, or ran for another time, without a word."""
+    out = tmp_path / "out"
+    words = ["sweep", "collision", "--vary", "fracture.normal_strength=~normal(18 kPa, 2 kPa)", "--members", "2",
+             "--days", "0.02", "--workers", "0", "--no-map", "-q", "-o", str(out)]  # fmt: skip
+    made = CliRunner().invoke(app, words)
+    assert made.exit_code == 0, made.output
+    text = (out / "sweep.json").read_text()
+    flips = flipped_digits(text)
+    assert len(flips) > 8
+    for flipped in flips:
+        (out / "sweep.json").write_text(flipped)
+        with pytest.raises(InputError, match="its values are not those that were written"):
+            read_plan(out)
+    said = CliRunner().invoke(app, ["sweep", "--resume", str(out), "--members", "4", "--no-map", "-q"])
+    assert said.exit_code == 2
+    assert "not the plan of a sweep, or a damaged one" in " ".join(said.output.split())
+    (out / "sweep.json").write_text(text)
+    assert read_plan(out)["members"] == 2
+
+
+def test_weights_and_pieces_that_changed_on_the_disk_are_refused(tmp_path: Path) -> None:
+    """After new sightings each weight, and what a forecast draws anew from, is read back from the folder."""
+    store = Store.__new__(Store)
+    store.folder = tmp_path
+    store.set_base([0.5, -2.0])
+    text = (tmp_path / "weights.json").read_text()
+    for flipped in flipped_digits(text):
+        (tmp_path / "weights.json").write_text(flipped)
+        with pytest.raises(InputError, match=r"weights\.json: damaged weights of members \(its values are not"):
+            store.weights()
+    (tmp_path / "members").mkdir()
+    write_record(tmp_path / "members" / "00000.json", {"shapes": [[1, [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0]]]]})
+    assert read_pieces(tmp_path, 0)[0][1][2] == [4.0, 2.0]
+    file = tmp_path / "members" / "00000.json"
+    file.write_text(file.read_text().replace("4.0", "5.0"))
+    with pytest.raises(InputError, match=r"00000\.json: a damaged member .*--resume"):
+        read_pieces(tmp_path, 0)

@@ -15,10 +15,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from fakes import FakeModel
+from products.test_addresses import sea
+from riftberg.cli.main import app
 from riftberg.runs.run_file import RunWriter
 
+fcntl = pytest.importorskip("fcntl", reason="needs POSIX")
 HERE = Path(__file__).parent
 CALLS = ("write", "pwrite", "ftruncate", "fsync", "rename", "close")
 
@@ -126,7 +130,7 @@ for kind in sys.argv[4].split(","):
 @pytest.mark.parametrize(
     ("kinds", "most"),
     [
-        ("restart", 2),
+        ("run,restart,sweep", 2),
         *(pytest.param(kind, 0, marks=pytest.mark.slow) for kind in ("run", "restart", "sweep")),
     ],
 )
@@ -177,11 +181,12 @@ for name, work in (
 """
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(2)
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP], ids=["ENOLCK", "EOPNOTSUPP"])
-def test_a_file_system_without_locks_is_called_so_with_the_way_out(library: Path, tmp_path: Path, number: int) -> None:
-    """It was "permission denied"."""
+@pytest.mark.parametrize("name", ["ENOLCK", "EIO", "EACCES", "EPERM", "EOPNOTSUPP"])
+def test_a_file_system_without_locks_is_called_so_with_the_way_out(library: Path, tmp_path: Path, name: str) -> None:
+    """It was "permission denied", or a damaged file; a server of locks that is gone, or a sandbox, gives other numbers."""
+    number = getattr(errno, name)
     there, out, free = (tmp_path / name for name in ("there", "out", "free"))
     for folder in (there, out, free):
         folder.mkdir()
@@ -196,3 +201,25 @@ def test_a_file_system_without_locks_is_called_so_with_the_way_out(library: Path
     )
     assert ended.stdout.count("good") == 5, ended.stdout + ended.stderr
     assert not [path.name for path in free.iterdir() if path.name.startswith(".")]
+
+
+@pytest.mark.parametrize(
+    "words", [["doctor", "sea.nc"], ["plot", "run.nc"], ["run", "sea.yaml"]], ids=lambda words: words[0]
+)
+def test_a_file_that_a_program_has_open_for_writing_is_called_so(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was "not a NetCDF file, or a damaged one: fetch it again"."""
+    FakeModel().advance(0.1, recorders=[RunWriter(tmp_path / "run.nc")])
+    sea().to_netcdf(tmp_path / "sea.nc")
+    (tmp_path / "sea.yaml").write_text(
+        "start: 2020-12-09\ndays: 0.1\nforcing: [sea.nc]\n"
+        "berg: {rectangle: {length: 9 km, width: 6 km}, placement: [-38, -56]}\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    with open("run.nc", "rb") as run, open("sea.nc", "rb") as ocean:
+        for file in (run, ocean):  # as HDF5 does where it opens a file to write it
+            fcntl.flock(file, fcntl.LOCK_EX)
+        result = CliRunner().invoke(app, words)
+    assert result.exit_code in (1, 2)
+    assert "it is open for writing in a program, which has to close it first" in " ".join(result.output.split())

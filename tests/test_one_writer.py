@@ -173,10 +173,13 @@ def round_the_doors(text: str, file: str) -> list[str]:
         modes = [ast.literal_eval(word) for word in [*call.args, *(k.value for k in call.keywords)]
                  if isinstance(word, ast.Constant) and isinstance(word.value, str)]  # fmt: skip
         opens = name in OPENERS and owner in ("netCDF4", "xr", "xarray", "h5netcdf", "") and name != "Dataset"
-        opens |= (name == "Dataset" and owner == "netCDF4") or name == "to_netcdf"
+        opens |= (name, owner) in (("Dataset", "netCDF4"), ("File", "h5py")) or name == "to_netcdf"
         modules = name in ("write_text", "write_bytes", "tofile") or owner in ("np", "numpy", "shutil")
         writes = name in WRITERS and owner not in ("part", "temporary") and modules and owner != ""
-        writes |= name == "open" and any(set(mode) & set("wax+") and set(mode) <= set("rwaxbt+") for mode in modes)
+        writes |= name == "to_csv" and bool(call.args)
+        writes |= name in ("open", "ZipFile") and any(
+            set(mode) & set("wax+") and set(mode) <= set("rwaxbt+") for mode in modes
+        )
         if (opens and file not in DOORS) or (writes and file not in {**DOORS, **OTHER_WRITERS}):
             found.append(f"{file}:{call.lineno} {ast.unparse(call)[:60]}")
     return found
@@ -185,6 +188,7 @@ def round_the_doors(text: str, file: str) -> list[str]:
 WAYS_ROUND = (
     "netCDF4.Dataset(path)", "xr.open_dataset(path)", "ds.to_netcdf(path)", "path.write_text(text)", "path.write_bytes(raw)",
     "open(path, 'w')", "path.open('ab')", "shutil.copyfile(a, b)", "np.save(path, array)",
+    "h5py.File(path, 'a')", "zipfile.ZipFile(path, 'w')", "gzip.open(path, 'wt')", "table.to_csv(path)",
 )  # fmt: skip
 
 

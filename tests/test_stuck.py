@@ -1,9 +1,10 @@
-"""Files that never open: pipes are refused, and Ctrl-C and a limit of time end the wait for a library in its loop."""
+"""Files that never open: pipes are refused; Ctrl-C and a limit of time end the wait for a library in its loop, or a server."""
 
 from __future__ import annotations
 
 import os
 import signal
+import socket
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,7 +14,7 @@ import netCDF4
 import pytest
 from typer.testing import CliRunner
 
-from forked import Program
+from forked import COMMAND, Program
 from riftberg.cli.main import app
 from riftberg.system import process
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
@@ -107,7 +108,9 @@ app(sys.argv[2:], prog_name="riftberg")
 
 
 @pytest.mark.parametrize(
-    "words", [["doctor", "{}"], ["plot", "{}"], ["replay", "{}"], ["compare", "{}", "{}"]], ids=lambda words: words[0]
+    "words",
+    [["doctor", "{}"], ["plot", "{}"], ["replay", "{}"], ["why", "{}"], ["compare", "{}", "{}"]],
+    ids=lambda words: words[0],
 )
 def test_ctrl_c_ends_the_wait_for_a_library_in_its_loop(tmp_path: Path, words: list[str]) -> None:
     """Two of them did nothing: a C library hears no signal."""
@@ -133,6 +136,54 @@ def test_a_process_that_gives_up_ends_with_an_error(tmp_path: Path) -> None:
         )
     finally:
         program.kill()
+
+
+@pytest.fixture
+def silent() -> Iterator[str]:
+    """Give an OPeNDAP address whose server takes every call and never answers."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"http://127.0.0.1:{server.getsockname()[1]}/thredds/dodsC/sea.nc"
+
+
+def test_ctrl_c_ends_the_wait_for_a_server_that_never_answers(silent: str, tmp_path: Path) -> None:
+    """It did nothing: the library asks the server in mid-call."""
+    program = Program(
+        COMMAND.replace("app(", "print('asking', flush=True)\napp("), "doctor", silent, errors=tmp_path / "errors.txt"
+    )
+    try:
+        assert program.printed.readline() == "asking\n"
+        assert program.wait(3) is None
+        program.send_signal(signal.SIGINT)
+        assert program.wait(60) == 130
+        assert (tmp_path / "errors.txt").read_text() == "Interrupted.\n"
+    finally:
+        program.kill()
+
+
+@pytest.mark.parametrize("words", [["doctor"], ["run"]], ids=lambda words: words[0])
+def test_a_server_that_never_answers_is_given_up(silent: str, words: list[str], tmp_path: Path) -> None:
+    """By whoever asks, in a sentence without what the address keeps secret."""
+    address = silent.replace("//", "//me:s3cret@")
+    (tmp_path / "sea.yaml").write_text(
+        "start: 2020-12-09\ndays: 0.1\nberg: {rectangle: {length: 9 km, width: 6 km}, placement: [-39, -55]}\n"
+        f"forcing: ['{address}']\n"
+    )
+    words = {"doctor": ["doctor", address],
+             "run": ["run", str(tmp_path / "sea.yaml"), "-o", str(tmp_path / "out")]}[words[0]]  # fmt: skip
+    program = Program(
+        COMMAND.replace("app(", "from riftberg.system import process\nprocess.SILENT_AFTER = 0.5\napp("), *words,
+        errors=tmp_path / "errors.txt",
+    )  # fmt: skip
+    try:
+        said = program.printed.read() + (tmp_path / "errors.txt").read_text()
+        assert program.wait(60) in (1, 2)  # not ready, or refused
+    finally:
+        program.kill()
+    said = " ".join(said.split())
+    assert "dodsC/sea.nc" in said
+    assert "has not answered within" in said
+    assert "s3cret" not in said
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.skipif(not HANG.exists(), reason="needs the file of the shared data with which HDF5 never comes back")

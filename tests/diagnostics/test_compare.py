@@ -16,11 +16,19 @@ import netCDF4
 import pytest
 
 from fakes import FakeModel
-from riftberg.diagnostics.compare import RealEvent, compare, match_observed, read_compared, set_hours
+from riftberg import Iceberg, Model, Parameters, Steady, sweep
+from riftberg.diagnostics.compare import (
+    RealEvent,
+    compare,
+    compare_member,
+    match_observed,
+    read_compared,
+    set_hours,
+)
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.summary import summarize
 from riftberg.errors import InputError
-from riftberg.runs.accessor import align_breakups
+from riftberg.runs.accessor import align_breakups, own_dates
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.system.atomic_files import write_json
@@ -185,3 +193,22 @@ def test_what_was_set_beside_the_parameters_is_told(folder: Path, tmp_path: Path
         "berg.rotation as it was, berg.thickness as it was",
         "berg.rotation 10, berg.thickness 350m",
     ]
+
+
+def drifting(speed: float) -> Model:
+    """Return a model of one element in a current."""
+    berg = Iceberg.rectangle("3 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
+    return Model(berg, Steady(current=(speed, 0.0)), Parameters(), start="2020-12-09")
+
+
+def test_a_member_of_a_sweep_is_compared_by_its_own_track_and_time() -> None:
+    ds = sweep(drifting, {"speed": [0.1, 0.2]}, days=0.5, every_hours=6, workers=0)
+    ds["wall_time"].values[:] = 3.0
+    member = ds.sel(member=1)
+    member = member.assign_coords(time=own_dates(member))
+    lon, lat = (float(member[name].isel(fragment=0).values[-1]) for name in ("lon", "lat"))
+    seen = Fix("X", datetime(2020, 12, 9, 12), False, lon, lat + 3000.0 / METRES, 0.0, 9e6)
+    told = compare_member(member, "fast", [seen])
+    assert told.summary["seconds_per_day"] == pytest.approx(6.0)
+    assert (told.summary["bonds_broken"], told.summary["largest_km2"]) == (0, pytest.approx(9.0))
+    assert [day.distance_km for day in told.days] == pytest.approx([3.0], rel=1e-4)

@@ -11,6 +11,7 @@ import xarray as xr
 from riftberg import Iceberg, Model, Steady
 from riftberg.diagnostics.cut import FORCES, accelerations, external_forces
 from riftberg.parameters import A68A_2022_MTS
+from riftberg.runs.derived import force_variables
 from riftberg.runs.run_file import RunWriter, open_run
 
 P = A68A_2022_MTS.changed(stepping={"substeps": None}, bonds={"constant_size": False})
@@ -94,3 +95,17 @@ def test_accelerations_are_central_within_their_limits(floating: xr.Dataset) -> 
     np.testing.assert_allclose(accelerations(floating, 5, 0, 20)[:, 0], (u[:, 6] - u[:, 4]) / 3600.0, rtol=1e-5)
     np.testing.assert_allclose(accelerations(floating, 5, 0, 5)[:, 0], (u[:, 5] - u[:, 4]) / 1800.0, rtol=1e-5)
     assert np.isnan(accelerations(floating, 5, 5, 5)).all()
+
+
+def test_recorded_forces_are_means_of_both_sides_of_a_record(floating: xr.Dataset) -> None:
+    """They are means since the record before: at the first and the last record one side alone is known."""
+    dims, last = ("time", "trajectory"), floating.sizes["time"] - 1
+    ones, since = np.ones([floating.sizes[dim] for dim in dims]), np.arange(last + 1.0)[:, None]
+    run = floating.assign(
+        {v.name: (dims, ones * since if v.name == "force_air_x" else 0.0 * ones) for v in force_variables()}
+    )
+    for record, expected in ((0, 1.0), (1, 1.5), (7, 7.5), (last - 1, last - 0.5), (last, float(last))):
+        forces = external_forces(run, record, P.kernel_values())
+        assert tuple(forces) == FORCES
+        np.testing.assert_allclose(forces["wind drag"], [[expected, 0.0]] * floating.sizes["trajectory"])
+        assert not forces["ocean drag"].any()

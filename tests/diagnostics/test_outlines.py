@@ -13,7 +13,7 @@ import xarray as xr
 
 from riftberg.config.values import parse_date
 from riftberg.diagnostics.observed import KINDS, read_observed
-from riftberg.diagnostics.outlines import date_in_text
+from riftberg.diagnostics.outlines import checked_ring, date_in_text
 from riftberg.errors import InputError
 
 shapely = pytest.importorskip("shapely")
@@ -237,6 +237,20 @@ def test_pieces_of_a_mask_without_specks_and_with_the_pool_filled(tmp_path: Path
     assert sorted(area(o.ring) for o in found) == pytest.approx([0.0625, 0.5775], abs=0.002)
 
 
+def test_pieces_are_specks_by_their_area_on_the_globe(tmp_path: Path) -> None:
+    """Four cells beside 300: near the pole they are a third of what they are in the north."""
+    lat, lon = np.arange(-80.0, -39.0), np.arange(-60.0, 1.0)
+    ice = np.zeros((lat.size, lon.size))
+    ice[30:40, 5:35] = 1.0
+    north, south = ice.copy(), ice.copy()
+    north[34:36, 45:47] = 1.0
+    south[1:3, 45:47] = 1.0
+    for values, count in ((north, 2), (south, 1)):
+        axes = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})}
+        xr.Dataset({"ice": (("lat", "lon"), values)}, axes).to_netcdf(tmp_path / "m_20201217.nc")
+        assert len(read_observed(tmp_path / "m_20201217.nc").outlines) == count
+
+
 def test_whole_numbers_number_the_pieces_also_where_they_touch(tmp_path: Path) -> None:
     numbers = np.where(BERG & (X < -38.4), 3, np.where(BERG, 5, 0))
     found = read_observed(write_mask(tmp_path / "m_20201217.nc", numbers, "labels")).outlines
@@ -335,3 +349,18 @@ def test_published_mask_and_tables(shared: Path) -> None:
         o for o in read_observed(folder / "observed/a68_fragments_20201217_26.geojson").outlines if o.when.day == 24
     ]
     assert [area(o.ring) for o in table] == pytest.approx([area(o.ring) for o in same], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("lon", "lat", "words"),
+    [(539.5, -75.0, ""), (541.0, -75.0, "longitude beyond 540"), (-541.0, -75.0, "longitude beyond 540"),
+     (0.0, 90.5, "latitude beyond 90"), (0.0, -90.5, "latitude beyond 90")],
+)  # fmt: skip
+def test_positions_that_no_convention_has_are_refused(lon: float, lat: float, words: str) -> None:
+    """Longitudes run to one and a half turns: products begin at -180, at 0, or at 180."""
+    ring = [[lon, lat], [lon - 0.3, lat], [lon - 0.3, lat - 0.1], [lon, lat - 0.1], [lon, lat]]
+    if words:
+        with pytest.raises(InputError, match=words):
+            checked_ring(ring, "berg")
+    else:
+        assert checked_ring(ring, "berg").shape == (4, 2)

@@ -108,6 +108,23 @@ def test_tension_and_shear_are_those_along_the_cut_however_the_berg_lies(
         assert (abs(load.shear["ocean drag"]) > 4e8) == (across > 0.0)
 
 
+@pytest.mark.parametrize(("aground", "afloat"), [((), 23), ((19, 20, 21, 22, 23, 24), 17), ((10, 11), 23)])
+def test_the_budget_is_closed_where_no_force_of_the_floor_is_made_up(
+    run: xr.Dataset, monkeypatch: pytest.MonkeyPatch, aground: tuple[int, ...], afloat: int
+) -> None:
+    """At the last record at which the whole berg floats until the next one: else the floor takes what is left."""
+    depth = run["depth"].copy(data=np.full(run["depth"].shape, 1000.0))
+    depth[dict(time=list(aground), trajectory=5)] = 20.0
+
+    def forces(run: xr.Dataset, record: int, p: Any) -> dict[str, np.ndarray]:
+        drag, wind = np.tile([1e8 * (record + 1), 0.0], (24, 1)), np.tile([-1e8, 0.0], (24, 1))
+        return {name: {"ocean drag": drag, "wind drag": wind}.get(name, np.zeros((24, 2))) for name in FORCES}
+
+    monkeypatch.setattr("riftberg.diagnostics.cut.external_forces", forces)
+    (breakup,) = why.explain(run.assign(depth=depth)).breakups
+    assert breakup.closure == pytest.approx(afloat / (afloat + 2.0), rel=1e-3)
+
+
 def test_a_push_is_negative_tension(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     load = explained(run, monkeypatch, field((-5e8, 0.0), (3e9 / 18, 0.0))).decisive
     assert load.tension["ocean drag"] == pytest.approx(-3e9, rel=1e-3)

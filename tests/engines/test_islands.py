@@ -111,10 +111,11 @@ def test_a_trial_step_that_is_taken_back_leaves_no_velocities_behind() -> None:
         np.testing.assert_array_equal(getattr(model.elements, name), values, err_msg=name)
 
 
-def test_the_ledger_of_bergs_that_meet_closes() -> None:
+@pytest.mark.parametrize("other", [bonded(9400.0, -0.1), single(6400.0, -0.5, 7400.0)], ids=["head on", "turning"])
+def test_the_ledger_of_bergs_that_meet_closes(other: Iceberg) -> None:
     """All that changes the momentum of both is what the media gave; contact is equal and opposite."""
     sea = Steady(current=(0.2, 0.05), wind=(8.0, -3.0))
-    model = Model(Iceberg.join([bonded(0.0, 0.3), bonded(9400.0, -0.1)]), sea, parameters())
+    model = Model(Iceberg.join([bonded(0.0, 0.3), other]), sea, parameters())
     el = model.elements
     for _ in range(6):
         before = el.mass @ el.u, el.mass @ el.v
@@ -160,6 +161,34 @@ def test_a_meeting_does_not_depend_on_the_order_of_the_bergs(sea: Steady) -> Non
     for end in ends[1:]:
         np.testing.assert_allclose(end[:, :2], ends[0][:, :2], rtol=0.0, atol=2e-6)  # m
         np.testing.assert_allclose(end[:, 2:], ends[0][:, 2:], rtol=0.0, atol=2e-9)  # m s-1
+
+
+def test_the_load_of_a_blow_does_not_depend_on_which_berg_comes_first() -> None:
+    """Force and torque of a contact go to the elements of both sides, here off the middle of one of them."""
+    bergs, peaks = [bonded(0.0, 0.0, 21e3), single(6500.0, -0.3, 5300.0)], []
+    for order in ((0, 1), (1, 0)):
+        p = parameters(stepping={"time_step": 900.0}, fracture={"normal_strength": 1e12, "shear_strength": 1e12})
+        model = Model(Iceberg.join([bergs[k] for k in order]), Steady(), p)
+        peak = np.zeros(model.bonds.peak_stress.shape)
+        for _ in range(8):
+            model.advance(steps=1)
+            peak = np.maximum(peak, model.bonds.peak_stress)
+        peaks.append(peak)
+    assert peaks[0].max() > 1e3
+    np.testing.assert_allclose(peaks[1], peaks[0], rtol=1e-6, atol=1e-3)
+
+
+def test_pairs_far_apart_meet_as_if_each_were_alone() -> None:
+    """Bodies, elements and faces of each group that touches are its own."""
+    sea, ends = Steady(current=(0.2, 0.05)), []
+    pairs = [[single(x, 0.3), single(x + 3300.0, -0.1, 800.0 * (k + 1))] for k, x in enumerate((0.0, 60e3, 120e3))]
+    for bergs in ([berg for pair in pairs for berg in pair], *pairs):
+        model = Model(Iceberg.join(bergs), sea, parameters(stepping={"time_step": 900.0}))
+        model.advance(steps=4)
+        el = model.elements
+        ends.append(np.column_stack([el.lon, el.lat, el.u, el.v, el.spin]))
+        assert len(model.contacts.rows) == len(bergs) // 2
+    np.testing.assert_allclose(np.vstack(ends[1:]), ends[0], rtol=1e-9, atol=1e-9)
 
 
 def test_islands_are_those_that_hang_together() -> None:

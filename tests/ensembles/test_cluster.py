@@ -196,9 +196,11 @@ print(ds["status"].values.tolist())
 
 
 def ran(script: str, folder: Path, how: str) -> subprocess.CompletedProcess[str]:
-    """Run a script of a user: a file, from a pipe, or as words of the command line."""
+    """Run a script of a user: a file, a module, from a pipe, or as words of the command line."""
     (folder / "script.py").write_text(script)
-    words, given = {"file": (["script.py"], ""), "pipe": (["-"], script), "words": (["-c", script], "")}[how]
+    words, given = {
+        "file": (["script.py"], ""), "module": (["-m", "script"], ""), "pipe": (["-"], script), "words": (["-c", script], ""),
+    }[how]  # fmt: skip
     return subprocess.run(
         [sys.executable, *words], input=given, cwd=folder, capture_output=True, text=True, check=False
     )
@@ -208,6 +210,7 @@ def ran(script: str, folder: Path, how: str) -> subprocess.CompletedProcess[str]
     ("script", "how"),
     [
         pytest.param(UNGUARDED, "file", id="file"),
+        pytest.param(UNGUARDED, "module", id="module", marks=pytest.mark.slow),
         pytest.param(UNGUARDED, "pipe", id="pipe", marks=pytest.mark.slow),
         pytest.param(PLAIN + OF_ELSEWHERE, "words", id="words", marks=pytest.mark.slow),
     ],

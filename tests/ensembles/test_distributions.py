@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from typer.testing import CliRunner
 from riftberg import Forcing, Iceberg, Model, Parameters, Steady, open_sweep, sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, run_member
+from riftberg.ensembles.sweep import write_record
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, list_members, plan_from_design, read_design, read_varied
 from riftberg.errors import InputError
@@ -247,14 +247,14 @@ def test_what_a_sweep_that_goes_on_keeps_cannot_be_given_anew(command: str, opti
 @pytest.mark.parametrize(("command", "holds"), [("sweep", "forecast"), ("forecast", "sweep")])
 def test_a_forecast_goes_on_as_forecast_and_a_sweep_as_sweep(command: str, holds: str, tmp_path: Path) -> None:
     plan = {"experiment": "a68a", "vary": {}, "days": 1.0, "forecast": holds == "forecast"}
-    (tmp_path / "sweep.json").write_text(json.dumps(plan))
+    write_record(tmp_path / "sweep.json", plan)
     said = CliRunner().invoke(app, [command, "--resume", str(tmp_path)])
     assert said.exit_code == 2
     assert f"holds a {holds}. Go on by 'riftberg {holds} --resume'" in " ".join(said.output.split())
 
 
 def test_a_design_takes_no_more_members(tmp_path: Path) -> None:
-    (tmp_path / "sweep.json").write_text(json.dumps({"experiment": "a68a", "vary": {}, "days": 1.0, "design": True}))
+    write_record(tmp_path / "sweep.json", {"experiment": "a68a", "vary": {}, "days": 1.0, "design": True})
     said = CliRunner().invoke(app, ["sweep", "--resume", str(tmp_path), "--members", "9"])
     assert said.exit_code == 2
     assert "its members are the rows of a table. Leave --members out" in " ".join(said.output.split())
@@ -338,7 +338,7 @@ def test_parts_of_different_sweeps_are_not_joined(tmp_path: Path) -> None:
     for k, days in ((1, 1.0), (2, 2.0)):
         folder = tmp_path / f"part-{k}-of-2"
         folder.mkdir()
-        (folder / "sweep.json").write_text(f'{{"vary": {{}}, "experiment": "a68a", "days": {days}}}')
+        write_record(folder / "sweep.json", {"vary": {}, "experiment": "a68a", "days": days})
     said = CliRunner().invoke(app, ["sweep", "--join", str(tmp_path)])
     assert "parts of different sweeps" in " ".join(said.output.split())
     assert not (tmp_path / "sweep.json").exists()

@@ -78,6 +78,29 @@ def test_a_short_part_is_found_by_the_record_count(shelf: Shelf, base: str, tmp_
     assert not (tmp_path / "a" / SMALL.merged).exists()
 
 
+def test_texts_of_any_length_in_the_parts_do_not_reach_the_merged_file(tmp_path: Path) -> None:
+    """Along the hours, as ERA5 names the version of each, or alone: plain xarray dies of them."""
+    parts = [tmp_path / f"{first}.nc" for first in (12, 0)]
+    for part in parts:
+        part.write_bytes(hourly_part(tmp_path, int(part.stem), 12))
+        with netCDF4.Dataset(part) as classic, netCDF4.Dataset(tmp_path / "texts.nc", "w") as ds:
+            for name, dimension in classic.dimensions.items():
+                ds.createDimension(name, len(dimension))
+            for name, variable in classic.variables.items():
+                copy = ds.createVariable(name, variable.dtype, variable.dimensions)
+                copy.setncatts(variable.__dict__)
+                copy[:] = variable[:]
+            ds.createVariable("expver", str, ("time",))[:] = np.array(["0001"] * 11 + ["0005"], dtype=object)
+            ds.createVariable("centre", str, ())[...] = "Größe"
+            ds.setncattr("history", ["fetched", "cut in two"])
+        (tmp_path / "texts.nc").rename(part)
+    merge_hourly(parts, tmp_path / "merged.nc", SMALL)
+    with netCDF4.Dataset(tmp_path / "merged.nc") as merged:
+        assert list(merged.variables) == ["lat", "lon", "time", "uo", "vo"]
+        assert merged["time"][:].tolist() == list(range(24))
+        assert merged.history == "fetched; cut in two"
+
+
 def test_a_doubled_part_is_found_by_its_hours(shelf: Shelf, base: str, tmp_path: Path) -> None:
     stock(shelf, tmp_path)
     shelf.files["/tests/a68/data/split_files/ocean000003.nc"] = shelf.files[

@@ -208,8 +208,41 @@ def test_daily_means_hold_at_noon(tmp_path: Path, hour: float, middle: float) ->
     grown, said = forced(path, day(1.25))
     assert grown == pytest.approx(0.125, abs=1e-3)
     assert ("put at noon" in said) == (hour == 0.0)
+    assert "means over the time of another" not in said
     assert forced(path, day(0.1))[0] == pytest.approx(0.05, abs=1e-3)  # held from the beginning of its day
     assert forced(path, day(3.9))[0] == pytest.approx(0.35, abs=1e-3)
+
+
+def two_files(folder: Path, *parts: xr.Dataset) -> list[Path]:
+    """Write means of the same fields to two files."""
+    paths = [folder / f"{number}.nc" for number in range(len(parts))]
+    for path, ds in zip(paths, parts, strict=True):
+        for name in UO_VO:
+            ds[name].attrs["cell_methods"] = "time: mean"
+        ds.to_netcdf(path)
+    return paths
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_of_the_lengths_that_joined_files_state_the_shortest_is_that_of_their_means(
+    tmp_path: Path, turned: bool
+) -> None:
+    """Days with gaps are days, also where another file says less."""
+    first = dated(growing([0.5, 2.5]), [0.0, 2.0]).assign_attrs(frequency="day")
+    second = dated(growing([4.5, 6.5]), [4.0, 6.0]).assign_attrs(time_coverage_resolution="P5D")
+    paths = two_files(tmp_path, first, second)
+    grown, said = forced(paths[::-1] if turned else paths, day(3.0))
+    assert grown == pytest.approx(0.3, abs=1e-3)
+    assert "put at noon" in said
+
+
+def test_two_means_over_the_same_month_are_told_and_the_first_is_taken(tmp_path: Path) -> None:
+    """Months stamped at the beginning and at noon of their first day, of which one is in both files."""
+    first = dated(growing([0.0, 3.0]), [-15.0, 16.0])
+    second = dated(growing([20.0, 30.0]), [16.5, 47.5])
+    grown, said = forced(two_files(tmp_path, first, second), day(31.5))
+    assert "1 record(s) are means over the time of another: the first is taken" in said
+    assert grown == pytest.approx(0.3, abs=1e-3)
 
 
 @pytest.mark.parametrize(("hours", "told"), [(6.0, True), (24.0 * 5, True)])

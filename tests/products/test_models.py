@@ -105,9 +105,12 @@ def along(lon: Any, lat: Any) -> tuple[Any, Any]:
 
 def roms(
     path: Path, *, grid_apart: bool = False, angle: bool = True, levels: bool = True, transform: int = 0,
-    lacks: str = "",
+    lacks: str = "", croco: bool = False,
 ) -> list[Path]:  # fmt: skip
-    """Write a ROMS file: C grid, s levels, angle; perhaps with the grid in a file of its own, as CROCO has it."""
+    """Write a ROMS file: C grid, s levels, angle; perhaps with the grid in a file of its own, as CROCO has it.
+
+    ``croco``: u and v share dimensions with the cells, and the file of the grid has positions on dimensions of their own.
+    """
     j, i = np.mgrid[0:50, 0:50]
     rho, at_u, at_v = (positions(*a) for a in ((j, i), (j[:, :-1], i[:, :-1] + 0.5), (j[:-1] + 0.5, i[:-1])))
     s = np.array([-0.875, -0.625, -0.375, -0.125, -0.005])
@@ -140,15 +143,24 @@ def roms(
         **({"s_rho": ("s_rho", s, words)} if levels else {}),
     }
     files = [path / "his.nc"]
-    held = xr.Dataset({**fields, **({} if grid_apart else grid)}, coords)
+    held = xr.Dataset({**fields, **({} if grid_apart or croco else grid)}, coords)
+    if croco:
+        for name, own, shared, at in (("u", "eta_u", "eta_rho", at_u), ("v", "xi_v", "xi_rho", at_v)):
+            for axis, values in zip(("lon", "lat"), at, strict=True):
+                grid[f"{axis}_{name}"] = (f"eta_{name}", f"xi_{name}"), values, grid[f"{axis}_rho"][2]
+            held[name] = held[name].rename({own: shared})
     held.drop_vars(lacks.split()).to_netcdf(files[0])
-    if grid_apart:
+    if grid_apart or croco:
         xr.Dataset(grid).to_netcdf(path / "model_grd.nc")
     return files
 
 
 @pytest.mark.quick(2)
-@pytest.mark.parametrize("options", [{}, {"grid_apart": True}, {"angle": False}, {"transform": 1}, {"transform": 2}])
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"grid_apart": True}, {"angle": False}, {"transform": 1}, {"transform": 2}, {"croco": True}],
+    ids=lambda options: " ".join(f"{name} {value}" for name, value in options.items()) or "plain",
+)
 def test_roms_currents_are_turned_and_stand_on_depths(options: dict[str, Any], tmp_path: Path) -> None:
     [ds] = [part for part in open_all(roms(tmp_path, **options)) if "uo" in part]
     e = elements(CENTRE)
@@ -165,6 +177,18 @@ def test_roms_levels_of_which_only_the_name_tells_the_formula_bend_as_it_says(tm
     [ds] = [part for part in open_all(roms(tmp_path, transform=1, lacks="Vtransform")) if "uo" in part]
     speed = np.hypot(ds["uo"], ds["vo"]).isel(time=0)
     np.testing.assert_allclose(speed.sel(depth=200.0) / speed.sel(depth=0.0), 0.5, atol=5e-3)
+
+
+def test_levels_of_which_nothing_tells_a_formula_are_shares_of_the_water(tmp_path: Path) -> None:
+    [path] = roms(tmp_path)
+    with xr.open_dataset(path) as ds:
+        plain = ds.load().drop_vars(["Vtransform", "hc", "Cs_r"])
+    plain["s_rho"].attrs = {"positive": "up"}
+    plain.to_netcdf(tmp_path / "other.nc")
+    [ds] = [part for part in open_all([tmp_path / "other.nc"]) if "uo" in part]
+    speed = np.hypot(ds["uo"], ds["vo"]).isel(time=0)
+    # The shear of the file is linear in the share: at 200 of 400 m it leaves half of the surface current.
+    np.testing.assert_allclose(speed.sel(depth=200.0) / speed.sel(depth=0.0), 0.5 / 0.995, atol=5e-3)
 
 
 @pytest.mark.parametrize("transform", [1, 2])
@@ -458,3 +482,37 @@ def test_nodes_around_a_box_are_kept_with_it(tmp_path: Path, edge: str) -> None:
     at = [q.reshape(1, -1) for q in np.broadcast_arrays(lon, lat)]
     found = [at_points(ds, *at)["ssh"].values for ds in (whole, part)]
     np.testing.assert_allclose(*found, rtol=0.0, atol=1e-12)
+
+
+def around_the_pole(side: float = 400e3, step: float = 25e3) -> xr.Dataset:
+    """Return a field linear in a plane that touches the sphere at the North Pole, on cells of which positions alone tell."""
+    axis = np.arange(-side, side + 1.0, step)
+    x, y = np.meshgrid(axis, axis)
+    lat, lon = 90.0 - np.rad2deg(np.hypot(x, y) / 6.371e6), np.rad2deg(np.arctan2(x, -y))
+    about = {"lat": {"units": "degrees_north"}, "lon": {"units": "degrees_east"}}
+    words = {"units": "m s-1", "standard_name": "eastward_sea_water_velocity", "coordinates": "lon lat"}
+    fields = {"uo": (("y", "x"), 1e-6 * (x + 2.0 * y), words),
+              "vo": (("y", "x"), 1e-6 * (y - x), {**words, "standard_name": "northward_sea_water_velocity"})}  # fmt: skip
+    return xr.Dataset({**fields, "lat": (("y", "x"), lat, about["lat"]), "lon": (("y", "x"), lon, about["lon"])})
+
+
+def test_cells_around_the_pole_give_what_lies_between_their_points(tmp_path: Path) -> None:
+    """Where meridians meet, longitudes are no coordinates of a plane."""
+    around_the_pole().to_netcdf(tmp_path / "pole.nc")
+    [ds] = open_all([tmp_path / "pole.nc"])
+    x, y = np.random.default_rng(3).uniform(-350e3, 350e3, (2, 4, 25))
+    lat, lon = 90.0 - np.rad2deg(np.hypot(x, y) / 6.371e6), np.rad2deg(np.arctan2(x, -y))
+    found = at_points(ds, lon, lat)
+    np.testing.assert_allclose(found["uo"][0], 1e-6 * (x + 2.0 * y), atol=5e-3)
+    np.testing.assert_allclose(found["vo"][0], 1e-6 * (y - x), atol=5e-3)
+
+
+def test_a_box_within_one_cell_of_a_bent_grid_keeps_the_points_around_it(tmp_path: Path) -> None:
+    around_the_pole(step=100e3).to_netcdf(tmp_path / "pole.nc")
+    [ds] = open_all([tmp_path / "pole.nc"])
+    x, y = 170e3, -240e3
+    lat, lon = 90.0 - np.rad2deg(np.hypot(x, y) / 6.371e6), np.rad2deg(np.arctan2(x, -y))
+    cut = window(ds, (lon - 0.5, lon + 0.5), (lat - 0.05, lat + 0.05))
+    assert cut.sizes["x"] * cut.sizes["y"] < 30
+    found = at_points(cut.assign_attrs(ds.attrs), np.array([[lon]]), np.array([[lat]]))
+    assert float(found["uo"].values.ravel()[0]) == pytest.approx(1e-6 * (x + 2.0 * y), abs=5e-3)

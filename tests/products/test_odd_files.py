@@ -170,6 +170,8 @@ def test_one_level_of_its_own_for_each_kind_of_field(tmp_path: Path) -> None:
         ("model_level", 60.0, {}, False, False),
         ("elevation_of_level", 100.0, {"units": "m"}, False, False),
         ("flight_level", 7e4, {"units": "Pa"}, False, False),
+        ("depth", 5.0, {"units": "level"}, False, False),
+        ("height", 10.0, {"units": "1"}, False, False),
         ("number", 0.0, {}, True, True),
         ("band", 1.0, {}, True, True),
     ],

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from riftberg.errors import ForcingError
 from riftberg.products.levels import depths
-from riftberg.products.mesh import utc, window
+from riftberg.products.mesh import Located, build_mesh, utc, window
 from riftberg.products.place import goes_round, tidy_axes, tidy_longitude
 
 
@@ -50,6 +50,32 @@ def test_window_holds_the_box_on_its_branch(west: float, width: float, first: fl
     np.testing.assert_allclose(ds["uo"].values[0], (lon + 180.0) % 360.0 - 180.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("width", [330.0, 345.0, 359.0])
+def test_a_window_almost_around_the_globe_lacks_nothing(width: float) -> None:
+    lon = window(tidy_longitude(globe(1.0)), (-170.0, -170.0 + width), (-60.0, -50.0))["lon"].values
+    assert np.all(np.diff(lon) == 1.0)
+    assert lon[0] <= -170.0
+    assert lon[-1] >= -170.0 + width
+
+
+def test_longitudes_that_jump_go_round_from_their_largest_gap_on() -> None:
+    """Also where a gap in the middle of a region is larger than its steps."""
+    ds = xr.Dataset({"uo": ("lon", [0.0, 1.0, 2.0, 3.0])}, coords={"lon": [170.0, 180.0, -170.0, -100.0]})
+    tidy = tidy_longitude(ds)
+    np.testing.assert_allclose(tidy["lon"], [170.0, 180.0, 190.0, 260.0])
+    np.testing.assert_allclose(tidy["uo"], [0.0, 1.0, 2.0, 3.0])
+
+
+@given(at=st.floats(-60.0, -50.0), turned=st.booleans())
+@settings(max_examples=40, deadline=None)
+def test_a_place_between_rows_is_found_whichever_way_they_run(at: float, turned: bool) -> None:
+    lat, lon = np.array([-60.0, -58.0, -55.0, -54.5, -50.0]), np.array([-41.0, -40.0, -38.0])
+    ds = xr.Dataset({"uo": (("lat", "lon"), np.broadcast_to(lat[:, None], (5, 3)))}, {"lat": lat, "lon": lon})
+    ds = ds.isel(lat=slice(None, None, -1)) if turned else ds
+    found = Located(build_mesh(ds), np.array([-39.0]), np.array([at])).take(ds["uo"].values)
+    assert found[0] == pytest.approx(at)
+
+
 def levels(units: str | None) -> xr.DataArray:
     return xr.DataArray([0.5, 1.0], dims="depth", name="depth", attrs={} if units is None else {"units": units})
 
@@ -58,6 +84,19 @@ def levels(units: str | None) -> xr.DataArray:
 def test_levels_are_turned_into_metres(units: str | None, factor: float) -> None:
     """Levels in km were taken as metres: the keel was below all of them."""
     np.testing.assert_allclose(depths(levels(units), where="file.nc"), [0.5 * factor, factor])
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [{"standard_name": "air_pressure"}, {"units": "hPa"}, {"units": "level"}, {"standard_name": "model_level_number"}],
+)
+def test_levels_that_count_something_else_are_no_depths(attributes: dict[str, str]) -> None:
+    """Whatever else would speak for depths: the name, or no numbers of rows."""
+    axis = xr.DataArray([0.5, 10.0, 30.0], dims="depth", name="depth", attrs=attributes)
+    if attributes == {"standard_name": "model_level_number"}:
+        axis = axis.copy(data=[1.0, 2.0, 3.0])
+    with pytest.raises(ForcingError, match=r"the levels depth = .* are no depths in metres"):
+        depths(axis, where="file.nc")
 
 
 def test_levels_in_unknown_units_are_refused() -> None:

@@ -40,6 +40,20 @@ def test_real_sample_matches_one_product_only(name: str, shared: Path) -> None:
     assert matching == [SAMPLES[name]]
 
 
+@pytest.mark.parametrize("how", ["title", "level", "title and level", "neither"])
+def test_the_second_reanalysis_of_ncep_is_told_by_its_title_or_its_level(how: str, tmp_path: Path) -> None:
+    """Its files have winds and axes of the names of the first."""
+    path = files.ncep_r1(tmp_path)
+    with xr.open_dataset(path, decode_cf=False) as ds:
+        ds = ds.load()
+    if "level" in how:
+        ds["uwnd"] = ds["uwnd"].expand_dims(level=[10.0], axis=1)
+        ds["level"].attrs["units"] = "m"
+    ds.attrs["title"] = "4x daily NCEP/DOE Reanalysis 2" if "title" in how else "winds"
+    ds.to_netcdf(tmp_path / "other.nc")
+    assert recognise(tmp_path / "other.nc").name == ("ncep-r1" if how == "neither" else "ncep-r2")
+
+
 def test_every_product_states_origin_and_known_quantities() -> None:
     assert len({product.name for product in PRODUCTS}) == len(PRODUCTS)
     for product in PRODUCTS:

@@ -448,10 +448,13 @@ class Cut:
         return budgets
 
     def closure(self, record: int, last: int) -> float | None:
-        """Return how well the budget of fragment and rest closes, at the last record afloat."""
+        """Return how well the budget of fragment and rest closes, at the last record afloat.
+
+        Afloat until the next record: else the floor takes what is left, and every budget closes.
+        """
         for k in range(record, max(record - 48, 0), -1):
-            body = self.body(k)
-            if not (self.scene.aground([k])[0] & body).any() and (body == self.body(record)).all():
+            body, until = self.body(k), min(k + 1, len(self.scene.times) - 1)
+            if not (self.scene.aground([k, until]) & body).any() and (body == self.body(record)).all():
                 combined = self.budgets(k, last)["both"]
                 size = sum(math.hypot(*force) for force in combined.forces.values())
                 return math.hypot(*combined.residual) / size if combined.residual and size > 0.0 else None

@@ -69,6 +69,9 @@ _LOG = logging.getLogger(__name__)
 PLAN: Final = "sweep.json"
 """File that says what a sweep is."""
 
+CHECKSUM: Final = "checksum"
+"""Entry of each file that a sweep goes on from."""
+
 MEMBERS: Final = "members"
 """Folder of what is done."""
 
@@ -423,8 +426,20 @@ def _member_text(values: Mapping[str, Any]) -> str:
     return f"--vary, member with {settings}"
 
 
-def _digest(record: Mapping[str, Any]) -> int:
-    """Return a checksum of the record of a member, which reveals a flipped bit."""
+def write_record(path: Path, record: Mapping[str, Any], *, indent: int | None = None) -> None:
+    """Write what a sweep goes on from as JSON, with a checksum, which reveals a flipped bit."""
+    write_text(path, json.dumps({**record, CHECKSUM: _checksum(record)}, indent=indent) + "\n")
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Return what `write_record` has written; a ValueError, TypeError or OSError says that it is not that."""
+    record = dict(json.loads(path.read_text("utf-8")))
+    if record.pop(CHECKSUM, None) != _checksum(record):
+        raise ValueError("its values are not those that were written")
+    return record
+
+
+def _checksum(record: Mapping[str, Any]) -> int:
     return zlib.crc32(json.dumps(record, sort_keys=True).encode())
 
 
@@ -493,21 +508,18 @@ class Store:
         """Write the plan."""
         self.members.mkdir(parents=True, exist_ok=True)
         (self.members / STOP).unlink(missing_ok=True)
-        write_text(self.folder / PLAN, json.dumps(self._described, indent=1) + "\n")
+        write_record(self.folder / PLAN, self._described, indent=1)
 
     def outcome(self, number: int) -> Outcome | None:
         """Return the outcome of a member; None where it cannot be read, so that the member runs again."""
         try:
-            record = dict(json.loads((self.members / f"{number:05d}.json").read_text("utf-8")))
-            digest = record.pop("digest", None)
-            return Outcome(**record) if digest == _digest(record) else None
+            return Outcome(**read_record(self.members / f"{number:05d}.json"))
         except (ValueError, TypeError, OSError):
             return None
 
     def keep(self, outcome: Outcome) -> None:
         """Save the outcome of a member."""
-        record = vars(outcome)
-        write_text(self.members / f"{outcome.number:05d}.json", json.dumps({**record, "digest": _digest(record)}))
+        write_record(self.members / f"{outcome.number:05d}.json", vars(outcome))
         self._count(outcome)
 
     def _count(self, outcome: Outcome) -> None:
@@ -580,13 +592,14 @@ class Store:
     def weights(self) -> dict[str, Any]:
         """Return the weights of the members by new sightings; empty where there were none."""
         file = self.folder / WEIGHTS
-        weights: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
+        with reading(file, "damaged weights of members", "Remove it, and run 'riftberg update' again"):
+            weights = read_record(file) if file.exists() else {}
         # Members that were added since have not been weighted yet.
         return weights if len(weights.get("base", self.plan.members)) == len(self.plan.members) else {}
 
     def set_base(self, base: Sequence[float]) -> None:
         """Note the logarithms of the probabilities by which members were chosen around others."""
-        write_text(self.folder / WEIGHTS, json.dumps({"base": list(base)}))
+        write_record(self.folder / WEIGHTS, {"base": list(base)})
 
     def _control(self, common: Mapping[str, Any]) -> dict[str, Any]:
         """Return the run of a forecast in which nothing is varied."""
@@ -637,7 +650,7 @@ def join_parts(folder: Path) -> list[int]:
             target.parent.mkdir(exist_ok=True)
             with replacing(target) as copy:
                 shutil.copyfile(file, copy)
-    write_text(folder / PLAN, json.dumps(first[1], indent=1) + "\n")
+    write_record(folder / PLAN, first[1], indent=1)
     present = {int(name.split("-")[1]) for name in plans}
     return sorted(set(range(1, int(counts.pop()) + 1)) - present)
 
@@ -646,8 +659,8 @@ def read_plan(folder: Path) -> dict[str, Any]:
     """Return the plan of the sweep in a folder."""
     file = folder / PLAN if is_folder(folder) else folder
     check_file(file, remedy="Name a folder that 'riftberg sweep' made", missing="holds no sweep")
-    with reading(file, "not the plan of a sweep", "Name a folder that 'riftberg sweep' made"):
-        plan: dict[str, Any] = dict(json.loads(file.read_text("utf-8")))
+    with reading(file, "not the plan of a sweep, or a damaged one", "Name a folder that 'riftberg sweep' made"):
+        plan = read_record(file)
         plan["vary"], plan["experiment"], plan["days"]
     return plan
 

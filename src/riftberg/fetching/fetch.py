@@ -10,7 +10,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import netCDF4
 import numpy as np
@@ -160,7 +160,10 @@ def _damaged(file: Path) -> ForcingError:
 
 
 def _join(files: Sequence[Path], target: Path) -> None:
-    """Copy parts one behind the other, without decoding, holding one part in memory at a time."""
+    """Copy parts one behind the other, without decoding, holding one part in memory at a time; texts are left out.
+
+    Of texts of any length, such as the version of each hour, other programs die that compare two of our files.
+    """
     with open_netcdf(target, "w", format="NETCDF4") as out:
         for file in files:
             with open_netcdf(file) as ds:
@@ -168,7 +171,7 @@ def _join(files: Sequence[Path], target: Path) -> None:
                 if not out.dimensions:
                     _copy_header(ds, out)
                 first = len(out.dimensions["time"])
-                for name, variable in ds.variables.items():
+                for name, variable in _numbers(ds).items():
                     if "time" in variable.dimensions:
                         try:
                             values = variable[...]
@@ -177,12 +180,16 @@ def _join(files: Sequence[Path], target: Path) -> None:
                         out[name][first : first + len(ds.dimensions["time"])] = values
 
 
+def _numbers(ds: netCDF4.Dataset) -> dict[str, netCDF4.Variable[Any]]:
+    return {name: variable for name, variable in ds.variables.items() if variable.dtype is not str}
+
+
 def _copy_header(ds: netCDF4.Dataset, out: netCDF4.Dataset) -> None:
     """Copy dimensions (time unlimited), attributes, variables and the values that do not change in time."""
     out.setncatts({name: ds.getncattr(name) for name in ds.ncattrs()})
     for name, dimension in ds.dimensions.items():
         out.createDimension(name, None if name == "time" else len(dimension))
-    for name, variable in ds.variables.items():
+    for name, variable in _numbers(ds).items():
         attributes = {key: variable.getncattr(key) for key in variable.ncattrs()}
         fill = attributes.pop("_FillValue", None)
         copy = out.createVariable(name, variable.dtype, variable.dimensions, fill_value=fill)

@@ -60,18 +60,20 @@ def refused(path: str | Path) -> OSError | None:
     return None
 
 
-def keeps_no_locks(path: str | Path) -> bool:
-    """Whether a file lies where no file can be locked, which HDF5 calls a permission that is denied."""
+def lock_fault(path: str | Path) -> OSError | None:
+    """Return why a file cannot be locked to be read, which HDF5 calls a permission that is denied; None where it can."""
     if fcntl is None:
-        return False
-    try:
-        with open(path, "rb") as file:
+        return None
+    with suppress(OSError), open(path, "rb") as file:
+        try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError as error:
-        return error.errno in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
-    return False
+        except BlockingIOError:
+            return BlockingIOError(
+                errno.EAGAIN, "it is open for writing in a program, which has to close it first", str(path)
+            )
+        except OSError:  # whatever number a file system or a sandbox gives
+            return OSError(errno.ENOLCK, FULL[errno.ENOLCK], str(path))
+    return None
 
 
 @contextmanager

@@ -31,8 +31,8 @@ import netCDF4
 import numpy as np
 
 from riftberg.errors import RiftbergError, without_secrets
-from riftberg.system.atomic_files import FULL, keeps_no_locks, refused, replacing
-from riftberg.system.input_files import no_plain_file
+from riftberg.system.atomic_files import FULL, lock_fault, refused, replacing
+from riftberg.system.input_files import is_address, no_plain_file
 from riftberg.system.process import interruptible
 
 if TYPE_CHECKING:
@@ -124,19 +124,16 @@ def _raise_true_reason(path: str | Path) -> Iterator[None]:
     except (RuntimeError, OSError) as error:
         if isinstance(error, RiftbergError) or getattr(error, "errno", None) in FULL:
             raise
-        reason = _without_locks(error, path) or refused(path)
+        reason = lock_fault(path) if isinstance(error, OSError) else None
+        if reason is None or isinstance(
+            reason, BlockingIOError
+        ):  # the library holds the lock of what it failed to write
+            reason = refused(path)
         if reason is not None:
             raise reason from error
         if not str(error).startswith("NetCDF") and "[Errno -" not in str(error):
             raise
         raise OSError(errno.EIO, f"cannot be written ({error})", str(path)) from error
-
-
-def _without_locks(error: Exception, path: str | Path) -> OSError | None:
-    """Return the reason why a file could not be locked."""
-    if isinstance(error, OSError) and keeps_no_locks(path):
-        return OSError(errno.ENOLCK, FULL[errno.ENOLCK], str(path))
-    return None
 
 
 @contextmanager
@@ -211,7 +208,7 @@ def _opened(path: str, mode: str, **options: Any) -> netCDF4.Dataset:
     try:
         return interruptible(path, partial(netCDF4.Dataset, path, mode, **options))  # type: ignore[arg-type]
     except OSError as error:
-        if (reason := _without_locks(error, path)) is not None:
+        if (reason := lock_fault(path)) is not None:
             raise reason from error
         raise
 
@@ -228,17 +225,16 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
     import xarray as xr
     from xarray.backends.plugins import guess_engine
 
-    name = without_secrets(str(source)) if isinstance(source, str | os.PathLike) else type(source).__name__
-    _LOG.debug("opening %s", name)
+    is_path = isinstance(source, str | os.PathLike)
+    _LOG.debug("opening %s", without_secrets(str(source)) if is_path else type(source).__name__)
     _refuse_odd(source)
-    on_disk = _is_netcdf(source)
-    engine = options.pop("engine", None) or ("netcdf4" if on_disk else guess_engine(source))
+    engine = options.pop("engine", None) or ("netcdf4" if _is_netcdf(source) else guess_engine(source))
     if engine not in _LOCKED:
         return noted_as_open(xr.open_dataset(source, engine=engine, **options))
     # Left to itself xarray would take its own lock, which is part of ours and cannot be taken twice.
     options["lock"] = NETCDF
     with NETCDF:
-        if not on_disk or engine != "netcdf4":
+        if engine != "netcdf4" or not is_path:
             return noted_as_open(xr.open_dataset(source, engine=engine, **options))
         from xarray.backends import CachingFileManager, NetCDF4DataStore
 
@@ -248,7 +244,7 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
         if _holds_texts(files.acquire()):
             _WITH_TEXTS.add(files)
         ds = xr.open_dataset(store, engine="store", **options)
-        ds.encoding["source"] = os.path.abspath(source)
+        ds.encoding["source"] = str(source) if is_address(source) else os.path.abspath(source)
         return noted_as_open(ds)
 
 

@@ -5,8 +5,8 @@ beginning. Where two blocks overlap, the second one puts back the settings of th
 
 Streams: standard streams may be closed, or their terminal or reader may go; nothing ends for want of a reader.
 
-Files: damaged bytes can send the HDF5 library into an endless loop. So files are opened in a thread of their own, for which
-the others wait: as long as they like, and no longer than a minute.
+Files: damaged bytes can send the HDF5 library into an endless loop, and a server may never answer. So files are opened in a
+thread of their own, for which the others wait: as long as they like, and no longer than a minute (a server: five).
 
 Signals: Ctrl-C and requests to terminate are held back until the work under way has come to an end that can be gone on from. A
 signal that meets a long step in its middle would leave a state of which half has moved. It is noted instead, and comes into
@@ -33,6 +33,7 @@ from types import FrameType
 from typing import Any, Final, TypeVar, cast
 
 from riftberg.errors import visible, without_secrets
+from riftberg.system.input_files import is_address
 
 SETTINGS: Final = threading.RLock()
 """Held by whoever changes such a setting for a while."""
@@ -129,6 +130,9 @@ def make_streams_last() -> None:
 STUCK_AFTER: Final = 60.0
 """Seconds within which a file on a disk has opened; only its header is read."""
 
+SILENT_AFTER: Final = 300.0
+"""Seconds within which a server has answered."""
+
 GRACE: Final = 1.0
 """Seconds for which an interrupt waits for the file that is being opened."""
 
@@ -147,6 +151,10 @@ class _Opener:
 
     def open(self, path: str, call: Callable[[], T]) -> T:
         """Return the result of a call, or give it up."""
+        limit, fault = STUCK_AFTER, "has not opened within {:.0f} seconds, as if damaged. Copy or fetch the file again"
+        if is_address(path):
+            limit, fault = SILENT_AFTER, "has not answered within {:.0f} seconds"
+            path = without_secrets(path)
         if self._stuck():
             raise OSError(
                 errno.EBUSY, f"cannot be opened, because {self._path} never opened. Begin anew without that file", path
@@ -158,11 +166,10 @@ class _Opener:
         self._waiting, self._path = opened, path
         self._calls.put((opened, call))
         try:
-            opened.exception(STUCK_AFTER)
+            opened.exception(limit)
         except TimeoutError:
             self._code = 2
-            fault = f"has not opened within {STUCK_AFTER:.0f} seconds, as if damaged. Copy or fetch the file again"
-            raise TimeoutError(errno.ETIMEDOUT, fault, path) from None
+            raise TimeoutError(errno.ETIMEDOUT, fault.format(limit), path) from None
         except BaseException:
             with suppress(KeyboardInterrupt, TimeoutError):  # a file that opens is not left half open
                 opened.exception(GRACE)

@@ -5,7 +5,6 @@ A fragment keeps its number when something breaks off, so the first row of the t
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Callable
 from datetime import datetime, timedelta
@@ -22,7 +21,7 @@ from riftberg.diagnostics.observed import Observations
 from riftberg.diagnostics.outlines import polygon_moments, project_polygon
 from riftberg.ensembles.matching import FEW_MEMBERS
 from riftberg.ensembles.probability import effective
-from riftberg.ensembles.sweep import MEMBERS, WEIGHTS, Plan, Store
+from riftberg.ensembles.sweep import MEMBERS, WEIGHTS, Plan, Store, read_record, write_record
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
@@ -31,8 +30,7 @@ from riftberg.runs.run_file import open_run
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import axis_difference
 from riftberg.state import Floats
-from riftberg.system.atomic_files import write_text
-from riftberg.system.input_files import shortened
+from riftberg.system.input_files import reading, shortened
 from riftberg.verification.scores import AZIMUTH_ERROR, local
 
 DAY: Final = np.timedelta64(1, "D")
@@ -237,7 +235,8 @@ def member_outlines(
 def read_pieces(ensemble: Path, number: int) -> list[list[Any]]:
     """Return the outlines of the pieces of a member that broke up, from the folder of its ensemble; none where it keeps none."""
     file = (ensemble if ensemble.is_dir() else ensemble.parent) / MEMBERS / f"{number:05d}.json"
-    shapes: list[list[Any]] = json.loads(file.read_text("utf-8")).get("shapes", []) if file.exists() else []
+    with reading(file, "a damaged member", "Run it again by --resume"):
+        shapes: list[list[Any]] = read_record(file).get("shapes", []) if file.exists() else []
     return shapes
 
 
@@ -348,7 +347,7 @@ def weighted(store: Store, likelihood: Floats, about: str) -> tuple[Floats, floa
     weight = np.nan_to_num(weight / np.nansum(weight))
     record = {"observed": about, "effective": effective(weight), "base": base.tolist(),
             "weight": (weight * np.count_nonzero(np.isfinite(likelihood))).tolist()}  # fmt: skip
-    write_text(store.folder / WEIGHTS, json.dumps(record))
+    write_record(store.folder / WEIGHTS, record)
     store.write()
     return weight, effective(weight)
 
