@@ -17,7 +17,7 @@ from riftberg.config.values import number as checked_number
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import FIELD_DEFAULTS
-from riftberg.ocean.product_records import Block, ProductRecords
+from riftberg.ocean.product_records import ProductRecords, Record
 from riftberg.physics.drag import ocean_drag
 from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats, Ints
@@ -182,10 +182,10 @@ def add_share(values: Floats, weight: float, total: Floats, known_weight: Floats
 
 
 class _Sums(NamedTuple):
-    """A mean that is being taken: weighted sum and weight of the known values, by component; flat."""
+    """A mean that is being taken: weighted sum and weight of the known values; flat."""
 
-    total: dict[str, Floats]
-    known_weight: dict[str, Floats]
+    total: Floats
+    known_weight: Floats
 
 
 class MeanCurrents(ProductRecords):
@@ -197,7 +197,7 @@ class MeanCurrents(ProductRecords):
 
     def __init__(self, of: ProductRecords, pair: tuple[str, str] = ("uo", "vo")) -> None:
         self._of, self._pair = of, list(pair)
-        self._means: dict[int, Block] = {}
+        self._means: dict[int, Record] = {}
         self._open: dict[int, _Sums] = {}
         self._next = -1  # The record that is to be added next to the sums that are open
         super().__init__(of.ds[self._pair], of.start, keel=float(of.limits[-1]))
@@ -231,14 +231,14 @@ class MeanCurrents(ProductRecords):
     def _check_gap(self, record: int, time: float) -> None:
         """Pass: the records of the currents check their own gaps."""
 
-    def _record(self, number: int) -> Block:
+    def _record(self, number: int) -> Record:
         mean = self._means.get(number)
         if mean is None:
             with self._lock:  # another thread may have taken it meanwhile
                 mean = self._means.get(number) or self._taken(number)
         return mean
 
-    def _taken(self, number: int) -> Block:
+    def _taken(self, number: int) -> Record:
         """Add records until a mean is whole; those that begin later go on growing."""
         if number not in self._open:
             self._open, self._next = {}, self._shares[number].first
@@ -249,33 +249,27 @@ class MeanCurrents(ProductRecords):
 
     def _add_record(self, record: int) -> None:
         """Add a record to all means that hold it and have had those before it; keep the means that it completes."""
-        full_record = self._of._record(record)
-        block = {
-            name: full_record[name][: self._limits.size - 1] for name in self.names
-        }  # another thread may have gone deeper
+        source, levels = self._of._record(record), self._limits.size - 1  # another thread may have gone deeper
+        spans = [source.bounds[k : k + 2] for k in map(self._of.names.index, self.names)]
+        fields = [source.layers[first : min(end, first + levels)] for first, end in spans]
+        block = np.concatenate(fields)
         behind, ahead = np.searchsorted(self._ends, record, "right"), np.searchsorted(self._firsts, record, "right")
         for number in range(int(behind), int(ahead)):
             first, weights = self._shares[number]
             if record == first and number not in self._means:
-                self._open[number] = _Sums(*({name: np.zeros(block[name].size) for name in self.names} for _ in "01"))
+                self._open[number] = _Sums(np.zeros(block.size), np.zeros(block.size))
             if number not in self._open:
                 continue
-            sums = self._open[number]
-            for name in self.names:
-                add_share(block[name].reshape(-1), weights[record - first], sums.total[name], sums.known_weight[name])
+            add_share(block.reshape(-1), weights[record - first], *self._open[number])
             if record == first + weights.size - 1:
-                self._keep(number, self._open.pop(number), block)
+                total, known_weight = self._open.pop(number)
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    mean = np.where(known_weight > 0.0, total / known_weight, np.nan).reshape(block.shape)
+                self._keep(number, Record(mean, np.cumsum([0, *map(len, fields)]), self._limits))
 
-    def _keep(self, number: int, sums: _Sums, like: Block) -> None:
+    def _keep(self, number: int, mean: Record) -> None:
         """Keep a mean; the farthest in time are forgotten where there is no room."""
-        mean = {}
-        for name in self.names:
-            known_weight = sums.known_weight[name]
-            with np.errstate(invalid="ignore", divide="ignore"):
-                mean[name] = np.where(known_weight > 0.0, sums.total[name] / known_weight, np.nan).reshape(
-                    like[name].shape
-                )
-        most = max(FEWEST, int(KEPT_BYTES // max(1, sum(values.nbytes for values in mean.values()))))
+        most = max(FEWEST, int(KEPT_BYTES // max(1, mean.layers.nbytes)))
         # The dictionary is replaced, never changed: other threads look into it without the lock.
         spared = sorted(self._means, key=lambda old: abs(old - number))[: most - 1]
         self._means = {**{k: self._means[k] for k in spared}, number: mean}
