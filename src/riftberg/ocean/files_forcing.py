@@ -452,7 +452,7 @@ def count_members(settings: FileForcing, folder: Path) -> dict[str, int]:
 
 
 def _member_count(path: str) -> int:
-    return max(member_dimensions(open_raw(path, chunked=False)).values(), default=1)
+    return max(member_dimensions(open_raw(path)).values(), default=1)
 
 
 def _check_member(settings: FileForcing, folder: Path) -> None:
