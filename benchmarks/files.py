@@ -29,7 +29,8 @@ from riftberg.runs.model import Model
 
 BERG = "{rectangle: {length: 66 km, width: 54 km}, placement: [-39.0, -56.0], thickness: 300 m}"
 FORCING = {
-    "formula": "{kind: formula, uniform: {current: [0.15, 0.1], wind: [7, 1]}, eddy: {centre: [-40, -56.5], radius: 60 km, speed: 0.2}}",
+    "formula": "{kind: formula, uniform: {current: [0.15, 0.1], wind: [7, 1]}, "
+    "eddy: {centre: [-40, -56.5], radius: 60 km, speed: 0.2}}",
     "files": "[glorys.nc, era5.nc, gebco.nc]",
 }
 DATES = np.arange("2025-02-10", "2025-03-12", dtype="datetime64[D]").astype("datetime64[ns]")
@@ -152,7 +153,10 @@ def main() -> None:
             f"({cost['files'] / cost['formula']:.2f} times)", flush=True,
         )  # fmt: skip
         members = member_seconds(folder, given.members, given.days)
-        print(f"a further member, s a day: median {median(members):.3f}, {min(members):.3f} to {max(members):.3f}", flush=True)
+        print(
+            f"a further member, s a day: median {median(members):.3f}, {min(members):.3f} to {max(members):.3f}",
+            flush=True,
+        )
         starts = [{kind: start_seconds(f"{kind}.yaml", folder) for kind in FORCING} for _ in range(given.starts)]
         least = {kind: min(start[kind] for start in starts) for kind in FORCING}
         print(f"start and first step, s: formula {least['formula']:.2f}, three files {least['files']:.2f}")

@@ -22,18 +22,17 @@ from riftberg.constants import EARTH_RADIUS_KID
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
 from riftberg.ocean.balance import (
-    MeanCurrents,
     SeaLevel,
     balancing_slope,
     checked_wind_layer,
     decided,
     layer_text,
-    mean_currents,
     wind_drift,
 )
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.forcing import Forcing as BaseForcing
 from riftberg.ocean.grid import Grid
+from riftberg.ocean.mean_currents import MeanCurrents, mean_currents
 from riftberg.ocean.product_records import (
     NO_CORNERS,
     NO_RINGS,
@@ -377,18 +376,13 @@ class DatasetForcing(BaseForcing):
         for (product, located), (variables, wanted) in zip(self._placed(elements), self._sampled, strict=True):
             blend, points = product.records.blend(time), product.mesh.points
             corners = np.empty((2, 4, lon.size)) if "uo" in product.gives else NO_CORNERS
-            values = dict(
-                zip(
-                    variables,
-                    values_at(blend, located, points.columns, wanted, draft=draft, corners=corners),
-                    strict=True,
-                )
-            )
+            rows = values_at(blend, located, points.columns, wanted, draft=draft, corners=corners)
+            values = dict(zip(variables, rows, strict=True))
             level = values.pop("ssh", level)
             for variable, value in values.items():
                 getattr(e, variable)[:] = value
             if isinstance(product.mesh, NodeMesh):
-                self._fill_on_nodes(product, elements, time)
+                _fill_on_nodes(product, product.mesh, elements, time)
             else:
                 if "uo" in product.gives:
                     fill_vorticity(corners, located, points, lon, lat, e.vorticity)
@@ -409,19 +403,10 @@ class DatasetForcing(BaseForcing):
             # Fill the slope of the sea surface that is in geostrophic balance with a current; 0 where this is unknown.
             u, v = _vector(self._balance, ("uo", "vo"), balanced or self._balance.mesh.locate(lon, lat), time, draft)
             if self._slow_wind is not None:
-                wind = _vector(self._slow_wind, ("ua", "va"), self._slow_wind.mesh.locate(lon, lat), time, draft)
-                east, north = wind_drift(lat, *wind, self._wind_layer)
+                ua, va = _vector(self._slow_wind, ("ua", "va"), self._slow_wind.mesh.locate(lon, lat), time, draft)
+                east, north = wind_drift(lat, ua, va, self._wind_layer)
                 u, v = u - east, v - north
             e.slope_x[:], e.slope_y[:] = balancing_slope(lat, u, v)
-
-    def _fill_on_nodes(self, product: Part, elements: Elements, time: float) -> None:
-        """Fill slope of the sea surface and vorticity from scattered points: those of planes through the points near by."""
-        e, lon, lat = elements.environment, elements.lon, elements.lat
-        if "uo" in product.gives:
-            e.vorticity[:] = product.mesh.slopes(_nodes(product, "vo", time), lon, lat)[0]
-            e.vorticity[:] -= product.mesh.slopes(_nodes(product, "uo", time), lon, lat)[1]
-        if "ssh" in product.gives:
-            e.slope_x[:], e.slope_y[:] = product.mesh.slopes(_nodes(product, "ssh", time), lon, lat)
 
     def _placed(self, elements: Elements) -> Iterator[tuple[Part, Places]]:
         """Give each product with the cells of its points that hold the elements.
@@ -639,7 +624,8 @@ def _values(
     """Return a field at places."""
     wanted = Wanted.of((0, draft is not None, unknown))
     blend, columns = product.records.field(name, time), product.mesh.points.columns
-    return values_at(blend, located, columns, wanted, draft=draft, rings=rings)[0]
+    values: Floats = values_at(blend, located, columns, wanted, draft=draft, rings=rings)[0]
+    return values
 
 
 def _vector(product: Part, pair: tuple[str, str], located: Places, time: float, draft: Floats) -> Floats:
@@ -659,6 +645,16 @@ def _check_keel(product: Part, draft: float, element: str) -> None:
             if in_python(product.records.ds)
             else "Fetch deeper levels (--depth), or take the currents of the surface (forcing.currents: surface)",
         )
+
+
+def _fill_on_nodes(product: Part, mesh: NodeMesh, elements: Elements, time: float) -> None:
+    """Fill slope of the sea surface and vorticity from scattered points: those of planes through the points near by."""
+    e, lon, lat = elements.environment, elements.lon, elements.lat
+    if "uo" in product.gives:
+        e.vorticity[:] = mesh.slopes(_nodes(product, "vo", time), lon, lat)[0]
+        e.vorticity[:] -= mesh.slopes(_nodes(product, "uo", time), lon, lat)[1]
+    if "ssh" in product.gives:
+        e.slope_x[:], e.slope_y[:] = mesh.slopes(_nodes(product, "ssh", time), lon, lat)
 
 
 def _nodes(product: Part, name: str, time: float) -> Floats:

@@ -110,8 +110,9 @@ def mean_to_draft(record: Floats, first: int, end: int, limits: Floats, draft: f
 
     ``record``: the field from layer ``first`` to before ``end``; ``limits``: depths (m) of the limits, ascending from 0.
     """
+    surface: float = record[first, j, i]
     if end == first + 1:
-        return record[first, j, i]
+        return surface
     total, water = 0.0, 0.0
     for level in range(end - first):
         share = min(draft, limits[level + 1]) - limits[level]
