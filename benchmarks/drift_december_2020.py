@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from riftberg import Iceberg, Model
-from riftberg.experiments.a68a import FETCHED, mean_forcing
+from riftberg.experiments.a68a_files import FETCHED, mean_forcing
 from riftberg.parameters import A68A_2022
 from riftberg.verification.scores import local
 from riftberg.verification.tracks import Start

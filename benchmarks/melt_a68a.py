@@ -12,13 +12,7 @@ from typing import Any
 import numpy as np
 
 from riftberg.bergs.bonding import count_bonds
-from riftberg.experiments.a68a import (
-    MELT_DAYS,
-    MELT_START,
-    MELT_THICKNESS,
-    TrackSea,
-    melting_a68a,
-)
+from riftberg.experiments.a68a import MELT_DAYS, MELT_START, MELT_THICKNESS, TrackSea, melting_a68a
 from riftberg.experiments.registry import Options
 from riftberg.life.melt import melt_step
 from riftberg.life.process import Ledger, water_by_process

@@ -37,6 +37,7 @@ from riftberg.errors import InputError
 from riftberg.life.coming import COMING, bear, coming, coming_text, split_by_date
 from riftberg.life.motion import MotionLedger
 from riftberg.life.process import LifeProcess, check_water, lives
+from riftberg.ocean.balance import slope_notice
 from riftberg.ocean.floor_notices import floor_notices
 from riftberg.ocean.forcing import Forcing, as_forcing
 from riftberg.parameters import ExplicitParameters, Parameters
@@ -721,8 +722,6 @@ class BareModel(RunState):
         """What is assumed of the sea level where no data give one, with a figure for the largest berg; empty where they do."""
         if not (self.forcing.assumes_slope or self.forcing.level_gaps):
             return ""
-        from riftberg.ocean.balance import slope_notice  # with xarray, which a run of formulas does without
-
         body, bonds = self.elements.body, self.bonds
         component = connected_parts(body.id.size, bonds.first, bonds.second, bonds.status)
         areas = np.bincount(component, weights=body.length * body.width)

@@ -20,7 +20,7 @@ from fetching.serving import Shelf, serving
 from riftberg import experiments
 from riftberg.cli.main import app
 from riftberg.experiments import Options
-from riftberg.experiments.a68a import BERG, GRID
+from riftberg.experiments.a68a_files import BERG, GRID
 from riftberg.fetching import download, fetch
 
 BOX = np.s_[18:38, 8:40]

@@ -18,7 +18,7 @@ from parity.records import EARTH, read
 from riftberg.constants import OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build, names
-from riftberg.experiments.a68a import FILES, PAPER_DAYS, START_RECORD, ZONE, paper_model
+from riftberg.experiments.a68a_files import FILES, PAPER_DAYS, START_RECORD, ZONE, paper_model
 from riftberg.fetching.fetch import HOURLY
 from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
 from riftberg.kid.parameters import read_namelist, to_parameters

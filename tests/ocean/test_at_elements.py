@@ -8,13 +8,14 @@ import pytest
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ocean.product_records import (
     NO_RINGS,
+    ONLY_FIELD,
     RINGS,
-    SURFACE,
     Blend,
+    Wanted,
     add_shore_drift,
     fill_slopes,
-    fill_values,
     fill_vorticity,
+    values_at,
 )
 from riftberg.plane import unit_vectors
 from riftberg.products.mesh import AxesMesh, CurvilinearMesh, Mesh, NodeMesh, Places, goes_round_in_x
@@ -44,10 +45,24 @@ def turned(angle: float = 0.6, skew: float = 0.0) -> CurvilinearMesh:
     return CurvilinearMesh(-42.0 + (c * x - s * y) / 0.55, -58.0 + s * x + c * y)
 
 
-def values(moment: Blend, places: Places, draft: Floats | float = 1.0, near: np.ndarray = RINGS) -> Floats:
-    out = np.empty(places.row.size)
-    fill_values(moment, places, np.broadcast_to(np.float64(draft), out.shape).copy(), 0, near, np.nan, out)
-    return out
+def values(blend: Blend, places: Places, draft: Floats | float = 1.0, near: np.ndarray = RINGS) -> Floats:
+    over = np.full(places.row.size, draft)
+    return values_at(blend, places, 0, Wanted.of((0, True, np.nan)), draft=over, rings=near)[0]
+
+
+def corners_of(blend: Blend, places: Places) -> Floats:
+    """Return the values of all fields of a blend at the corners of cells."""
+    count = blend.absent.size
+    corners = np.empty((count, 4, places.row.size))
+    values_at(blend, places, 0, Wanted.of(*((k, False, np.nan) for k in range(count))), corners=corners)
+    return corners
+
+
+def stacked(*blends: Blend) -> Blend:
+    """Return fields without levels in one blend."""
+    before, after = (np.concatenate(records) for records in zip(*((b.before, b.after) for b in blends), strict=True))
+    count = len(blends)
+    return blends[0]._replace(before=before, after=after, bounds=np.arange(count + 1), absent=np.full(count, np.nan))
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.3, 1.0])
@@ -62,7 +77,7 @@ def test_values_agree_with_the_twin_over_drafts_land_and_gaps(weight: float, abs
     records[:, :, :7, :6] = np.nan  # land without water near by
     _, _, places = places_on(mesh, 300)
     draft = rng.uniform(0.5, 220.0, 300)
-    moment = Blend(records[0], records[1], weight, LIMITS, np.nan if absent is None else absent)
+    moment = Blend.of(records[0], records[1], weight, LIMITS, np.nan if absent is None else absent)
     found = values(moment, places, draft)
     for n in range(300):
         cell = int(places.row[n]), int(places.column[n])
@@ -76,7 +91,7 @@ def test_a_known_value_is_not_lost_between_unknown_ones() -> None:
     field = np.full((1, LAT.size, LON.size), np.nan)
     field[0, 8, 7] = 0.25
     mesh = AxesMesh(LON, LAT)
-    moment = Blend(field, field, 0.0, SURFACE, np.nan)
+    moment = Blend.of(field, field)
     lon, lat = LON[7] + np.array([0.1, -0.8, 1.1, 2.0]), LAT[8] + np.array([0.1, 0.05, 0.0, 0.0])
     places = mesh.locate(lon, lat)
     np.testing.assert_array_equal(values(moment, places), [0.25, 0.25, 0.25, np.nan])
@@ -90,10 +105,10 @@ def test_thin_ice_feels_the_surface_and_thick_ice_the_deep() -> None:
     field[0] = 0.5
     _, _, places = places_on(mesh, 50)
     draft = np.linspace(4.0, 188.0, 50)
-    found = values(Blend(field, field, 0.0, LIMITS, np.nan), places, draft)
+    found = values(Blend.of(field, field, limits=LIMITS), places, draft)
     np.testing.assert_allclose(found, 0.5 * np.minimum(1.0, 20.0 / draft), rtol=1e-12)
     field[1:] = np.nan  # the floor at 20 m
-    np.testing.assert_allclose(values(Blend(field, field, 0.0, LIMITS, np.nan), places, draft), 0.5, rtol=1e-12)
+    np.testing.assert_allclose(values(Blend.of(field, field, limits=LIMITS), places, draft), 0.5, rtol=1e-12)
 
 
 MESHES = {"axes": AxesMesh(LON, LAT), "turned": turned(), "mirrored": turned(2.5), "skewed": turned(0.3, 0.4)}
@@ -108,18 +123,18 @@ def test_a_plane_is_met_exactly_and_so_are_its_slope_and_curl(name: str) -> None
 
     def moment(a: float, b: float) -> Blend:
         field = (0.1 + a * (x + 40.0) + b * (y + 56.0))[None]
-        return Blend(field, 3.0 * field, 0.25, SURFACE, np.nan)  # 1.5 times the first record
+        return Blend.of(field, 3.0 * field, 0.25)  # 1.5 times the first record
 
     np.testing.assert_allclose(
         values(moment(0.02, 0.03), places), 1.5 * (0.1 + 0.02 * (lon + 40.0) + 0.03 * (lat + 56.0)), atol=1e-12
     )
     metre, narrow = EARTH_RADIUS_A68 * DEGREE, np.cos(lat * DEGREE)
     sx, sy, turn = np.empty((3, lon.size))
-    fill_slopes(moment(0.02, 0.03), places, mesh.points, lon, lat, sx, sy)
+    fill_slopes(moment(0.02, 0.03), 0, places, mesh.points, lon, lat, sx, sy)
     np.testing.assert_allclose(sx, 1.5 * 0.02 / (metre * narrow), rtol=1e-9)
     np.testing.assert_allclose(sy, 1.5 * 0.03 / metre, rtol=1e-9)
-    over = np.ones(lon.size)
-    fill_vorticity(moment(0.02, 0.03), moment(0.05, 0.01), places, mesh.points, lon, lat, over, turn)
+    corners = corners_of(stacked(moment(0.02, 0.03), moment(0.05, 0.01)), places)
+    fill_vorticity(corners, places, mesh.points, lon, lat, turn)
     np.testing.assert_allclose(turn, 1.5 * (0.05 / narrow - 0.03) / metre, rtol=1e-9)
 
 
@@ -130,13 +145,13 @@ def test_a_curvilinear_grid_that_goes_round_has_cells_between_its_last_and_its_f
     rng = np.random.default_rng(4)
     x, y = np.append(rng.uniform(0.0, 5.0, 60), rng.uniform(-180.0, 540.0, 60)), rng.uniform(-69.0, -53.0, 120)
     field = (np.sin(np.deg2rad(straight.points.lon)) + straight.points.lat)[None]
-    moment, found = Blend(field, field, 0.0, SURFACE, np.nan), []
+    moment, found = Blend.of(field, field), []
     for mesh in (straight, bent):
         places, out = mesh.locate(x, y), np.empty((4, x.size))
         assert ((places.row >= 0).all(), mesh.points.columns) == (True, lon.size)
-        fill_values(moment, places, np.ones(x.size), mesh.points.columns, RINGS, np.nan, out[0])
-        fill_slopes(moment, places, mesh.points, x, y, out[1], out[2])
-        fill_vorticity(moment, moment, places, mesh.points, x, y, np.ones(x.size), out[3])
+        out[0] = values_at(moment, places, mesh.points.columns, ONLY_FIELD)[0]
+        fill_slopes(moment, 0, places, mesh.points, x, y, out[1], out[2])
+        fill_vorticity(corners_of(stacked(moment, moment), places), places, mesh.points, x, y, out[3])
         found.append(out)
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-18)
 
@@ -159,7 +174,7 @@ def test_the_slope_is_of_second_order_on_a_wavy_sea() -> None:
         level = (np.sin(x) * np.cos(1.5 * y))[None]
         e, n, places = places_on(mesh, 400)
         sx, sy = np.empty((2, e.size))
-        fill_slopes(Blend(level, level, 0.0, SURFACE, np.nan), places, mesh.points, e, n, sx, sy)
+        fill_slopes(Blend.of(level, level), 0, places, mesh.points, e, n, sx, sy)
         metre = EARTH_RADIUS_A68 * DEGREE
         wrong_x = sx * metre * np.cos(n * DEGREE) - np.cos(e) * np.cos(1.5 * n)
         wrong_y = sy * metre + 1.5 * np.sin(e) * np.sin(1.5 * n)
@@ -174,7 +189,7 @@ def test_there_is_no_slope_across_a_shore() -> None:
     level[0, :, :7] = np.nan
     lon, lat = np.array([LON[7] + 0.1, LON[6] + 0.1]), np.array([-57.1, -57.1])
     sx, sy = np.empty((2, 2))
-    fill_slopes(Blend(level, level, 0.0, SURFACE, np.nan), mesh.locate(lon, lat), mesh.points, lon, lat, sx, sy)
+    fill_slopes(Blend.of(level, level), 0, mesh.locate(lon, lat), mesh.points, lon, lat, sx, sy)
     np.testing.assert_array_equal([sx, sy], 0.0)
 
 
@@ -183,9 +198,9 @@ def test_drift_leads_away_from_land_on_any_grid() -> None:
     lon, lat, places = places_on(mesh)
     wet = mesh.points.lon > lon.mean()
     field = np.where(wet, 0.0, np.nan)[None]
-    moment = Blend(field, field, 0.0, SURFACE, np.nan)
+    moment = Blend.of(field, field)
     du, dv = np.zeros((2, lon.size))
-    add_shore_drift(moment, places, mesh.points, lon, lat, 0.1, du, dv)
+    add_shore_drift(corners_of(moment, places)[0], places, mesh.points, lon, lat, 0.1, du, dv)
     corners = [wet[places.row + b, places.column + a] for a in (0, 1) for b in (0, 1)]
     shore = np.any(corners, axis=0) & ~np.all(corners, axis=0)
     assert shore.any()
@@ -245,5 +260,5 @@ def test_places_within_half_a_step_of_the_edge_have_the_value_of_the_edge(angle:
     for edge, inner in (((0, 9), (1, 9)), ((-1, 9), (-2, 9)), ((9, 0), (9, 1)), ((9, -1), (9, -2))):
         for part, known in ((0.3, True), (0.8, False)):
             out = [np.array([q[edge] + part * (q[edge] - q[inner])]) for q in (lon, lat)]
-            found = values(Blend(field, field, 0.0, SURFACE, np.nan), mesh.locate(*out))[0]
+            found = values(Blend.of(field, field), mesh.locate(*out))[0]
             assert found == pytest.approx(field[0][edge], abs=1e-9) if known else np.isnan(found)

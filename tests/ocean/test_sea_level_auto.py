@@ -13,7 +13,8 @@ import xarray as xr
 from riftberg import DatasetForcing, Forcing, Iceberg, Model, Parameters
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.ocean.balance import APART, MEAN, balancing_slope, drift_in_current, mean_currents, mean_record_weights
+from riftberg.ocean.balance import APART, MEAN, balancing_slope, drift_in_current, mean_record_weights
+from riftberg.ocean.mean_currents import mean_currents
 from riftberg.ocean.product_records import ProductRecords
 from riftberg.state import Elements, Floats, new_elements
 
@@ -250,7 +251,7 @@ def test_means_are_those_of_a_slow_twin(hours: Floats) -> None:
     means = mean_currents(of)
     for number in (0, len(means.times) // 2, len(means.times) - 1):
         time = means.times[number]
-        got = float(means.moment("uo", time).before[0, 4, 6])
+        got = float(means.field("uo", time).before[0, 4, 6])
         assert got == pytest.approx(plain_mean_of_means(np.asarray(of.times), east, time), rel=1e-11, abs=1e-13)
     assert max(np.diff(means.times)) <= max(APART, float(np.diff(hours).max()) * 3600.0)
 
@@ -281,10 +282,10 @@ def test_means_do_not_depend_on_where_they_begin() -> None:
     whole, late = (mean_currents(ProductRecords(ds, START.astype("datetime64[s]").item())) for _ in "ab")
     whole.check(0.0, 3600.0 * 199)
     for hour in (120.0, 55.0, 131.0):
-        one, other = (means.moment("uo", 3600.0 * hour) for means in (whole, late))
+        one, other = (means.field("uo", 3600.0 * hour) for means in (whole, late))
         assert one.before.tobytes() == other.before.tobytes()
         assert one.after.tobytes() == other.after.tobytes()
-    middle = whole.moment("uo", 3600.0 * 55).before
+    middle = whole.field("uo", 3600.0 * 55).before
     assert np.isnan(middle[0, 0, 0])
     assert np.isfinite(middle[0, 3, 3])
 

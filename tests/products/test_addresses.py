@@ -181,10 +181,10 @@ def test_references_of_kerchunk_go_to_its_engine(tmp_path: Path, monkeypatch: py
     file.write_text("{}")
     monkeypatch.setattr(reading, "find_spec", lambda name: None)
     with pytest.raises(ForcingError, match="pip install kerchunk"):
-        open_raw(str(file), chunked=False)
+        open_raw(str(file))
     monkeypatch.setitem(sys.modules, "kerchunk", ModuleType("kerchunk"))
     monkeypatch.setattr(reading, "find_spec", lambda name: True)
     given: dict[str, Any] = {}
     monkeypatch.setattr(reading, "open_lazily", lambda path, **options: given.update(options) or sea())
-    assert "uo" in open_raw(str(file), chunked=False)
+    assert "uo" in open_raw(str(file))
     assert given["engine"] == "kerchunk"

@@ -135,7 +135,7 @@ def on_grid(ds: xr.Dataset, spacing: float) -> tuple[ModelGrid, np.ndarray]:
     grid = ModelGrid.of(asked, [ds], run)
     part = grid.part(ds, run)
     [name] = [name for name in part.records.names if name != "wave_y"]
-    return grid, part.records.moment(name, 0.0).before[0]
+    return grid, part.records.field(name, 0.0).before[0]
 
 
 def test_fine_soundings_are_averaged_not_skipped() -> None:

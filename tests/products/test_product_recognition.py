@@ -35,7 +35,7 @@ SAMPLES = {
 def test_real_sample_matches_one_product_only(name: str, shared: Path) -> None:
     path = shared / "data" / name
     assert recognise(path).name == SAMPLES[name]
-    raw = open_raw(str(path), chunked=False)
+    raw = open_raw(str(path))
     matching = [product.name for product in PRODUCTS if product.matches(Heading.of(raw))]
     assert matching == [SAMPLES[name]]
 

@@ -186,7 +186,8 @@ def _read_requirements(name: str, files_named: bool) -> Requirements:
             spared=frozenset(left_out), max_gap=max_gap, hold=hold,
         )  # fmt: skip
     from riftberg.experiments import Options, find
-    from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL, REGION, named_folder
+    from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL, REGION
+    from riftberg.experiments.a68a_files import named_folder
     from riftberg.model import DEFAULT_START
 
     entry = find(name).name

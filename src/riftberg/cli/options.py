@@ -389,7 +389,7 @@ def match_names(
     requested = {key.strip(): name.strip() for key, _, name in pairs}
     choose_product(None, requested, where="--names")
     files = expand(files)
-    variables = {file: set(map(str, open_raw(file, chunked=False).variables)) for file in files}
+    variables = {file: set(map(str, open_raw(file).variables)) for file in files}
     if missing := set(requested.values()) - set().union(*variables.values()):
         everything = sorted(set().union(*variables.values()))
         remedy = f"{nearest(min(missing), everything)}They hold {', '.join(everything)}"

@@ -199,6 +199,8 @@ class RunOptions(NamedTuple):
 
 def split_settings(settings: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
     """Return the settings of errors in the start and the surroundings, checked, by name; and the other settings."""
+    if not settings:
+        return {}, []
     from riftberg.ensembles.uncertain import UNCERTAIN, is_uncertain
     from riftberg.experiments.changes import parse_settings
 
@@ -326,11 +328,13 @@ def _free_folder(folder: Path) -> Path:
 
 def _build_model(experiment: str, options: Options, run_options: RunOptions) -> tuple[Model, Info]:
     """Return the model of an experiment at its start, with the errors that were set and a step that divides its records."""
-    from riftberg.ensembles.uncertain import with_errors
     from riftberg.experiments import build
 
     model, info = build(experiment, options)
-    model = with_errors(model, run_options.errors)
+    if run_options.errors:
+        from riftberg.ensembles.uncertain import with_errors
+
+        model = with_errors(model, run_options.errors)
     model.fit_time_step(3600.0 * run_options.hours(info))
     return model, info
 

@@ -17,9 +17,6 @@ from riftberg.engines.common.stepper import (
     publish_positions,
     sample_between_steps,
 )
-from riftberg.engines.explicit import single_step
-from riftberg.engines.explicit.mts import MultipleStepper
-from riftberg.engines.explicit.single_step import RungeKuttaStepper, VerletStepper
 from riftberg.engines.explicit.stability import assign_substeps, check_long_step, resonance_warning, size_bins
 from riftberg.state import Floats, Ints
 
@@ -35,19 +32,22 @@ __all__ = [
 
 
 def make_stepper(run: RunState) -> Stepper:
-    """Return the stepper of the scheme that the parameters name."""
+    """Return the stepper of the scheme that the parameters name; a run imports no engine but its own."""
     scheme = run.parameters.stepping.scheme
     if run.parameters.stepping.frozen:
         return FrozenStepper()
     if run.parameters.stepping.fixed_velocity is not None and scheme in ("mts", "quasi_static"):
         return ImposedStepper()
     if scheme == "mts":
+        from riftberg.engines.explicit.mts import MultipleStepper
+
         return MultipleStepper(run)
     if scheme == "quasi_static":
-        # Its sparse solver takes half a second to import, which runs by other schemes do not wait for.
         from riftberg.engines.quasi_static.stepper import QuasiStaticStepper
 
         return QuasiStaticStepper(run)
+    from riftberg.engines.explicit.single_step import RungeKuttaStepper, VerletStepper
+
     return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)
 
 
@@ -90,6 +90,8 @@ class ImposedStepper(FrozenStepper):
     """Bergs go at an imposed velocity whatever acts on them, in the schemes that have sub-steps (equations 4.2)."""
 
     def _move(self, run: RunState) -> None:
+        from riftberg.engines.explicit.single_step import update_positions
+
         el, p, imposed = run.elements, run.parameters, run.parameters.stepping.fixed_velocity
         publish_positions(el)
         moving, kicks = el.static < 0.5, el.kicks
@@ -99,7 +101,7 @@ class ImposedStepper(FrozenStepper):
             el.u[moving], el.v[moving] = imposed
         count = int(el.substeps.max(initial=1))
         for _ in range(count):
-            single_step.update_positions(el, p.time_step / count, run.constants)
+            update_positions(el, p.time_step / count, run.constants)
         el.rotation[moving] += p.time_step * el.spin[moving]
         for values, copies in ((el.u, (el.u_pair, el.u_sync)), (el.v, (el.v_pair, el.v_sync))):
             for copy in copies:

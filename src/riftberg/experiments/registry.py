@@ -117,9 +117,9 @@ class BuiltIn:
 EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
     BuiltIn("a68a", "a68a:build_a68a", "A68a in December 2020 in an analytic ocean: drift, grounding, two break-ups",
           ("shoal", "shear"), lattice=True),
-    BuiltIn("a68a-paper", "a68a:build_paper", "the published run of A68a, from its own files (riftberg fetch a68a, 1.3 GB)",
+    BuiltIn("a68a-paper", "a68a_files:build_paper", "the published run of A68a, from its own files (riftberg fetch a68a, 1.3 GB)",
           ("shoal",), fetches=True),
-    BuiltIn("a68a-oras5", "a68a:build_oras5", "A68a in the monthly mean currents of ORAS5", fetches=True),
+    BuiltIn("a68a-oras5", "a68a_files:build_oras5", "A68a in the monthly mean currents of ORAS5", fetches=True),
     BuiltIn("a68a-melt", "a68a:build_melt", "A68a melts along its observed track for three months, in a sea made by formula",
           lattice=True),
     BuiltIn("supported-beam", "cases:build_supported", "a simply supported beam bends under a load"),

@@ -12,12 +12,10 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from riftberg.compiled.kernels import kernel
 from riftberg.config.values import number as checked_number
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import FIELD_DEFAULTS
-from riftberg.ocean.product_records import Block, ProductRecords
 from riftberg.physics.drag import ocean_drag
 from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats, Ints
@@ -37,12 +35,6 @@ MEAN: Final = 25.0 * 3600.0
 
 APART: Final = 5.0 * 3600.0
 """Means are taken at records about so far apart (s), and are linear between: their remainder changes over days."""
-
-KEPT_BYTES: Final = 128e6
-"""Memory for means that are kept, for the members of an ensemble that share them."""
-
-FEWEST: Final = 16
-"""Means that are kept at least: so many are whole at once at the end of a series."""
 
 
 def decided(choice: str, fields: Collection[str], *, where: str, level_wanted: str, currents_wanted: str) -> SeaLevel:
@@ -170,123 +162,6 @@ def slow_current_weights(times: Floats) -> tuple[list[int], list[Shares]]:
             weights[share.first - first : share.first - first + share.weights.size] += weight * share.weights
         twice.append(Shares(first, weights))
     return numbers, twice
-
-
-@kernel
-def add_share(values: Floats, weight: float, total: Floats, known_weight: Floats) -> None:
-    """Add a record with its weight to a mean where the record has a value."""
-    for n in range(values.size):
-        value = values[n]
-        total[n] += weight * value if value == value else 0.0
-        known_weight[n] += weight if value == value else 0.0
-
-
-class _Sums(NamedTuple):
-    """A mean that is being taken: weighted sum and weight of the known values, by component; flat."""
-
-    total: dict[str, Floats]
-    known_weight: dict[str, Floats]
-
-
-class MeanCurrents(ProductRecords):
-    """Currents of other records, or their winds (``pair``), as means over 25 hours, taken twice, at some of their dates.
-
-    Each record is read once and added to the means that hold it; means are kept, so that a further member of an ensemble reads
-    none. A mean is a sum over its records in their order, wherever a run began.
-    """
-
-    def __init__(self, of: ProductRecords, pair: tuple[str, str] = ("uo", "vo")) -> None:
-        self._of, self._pair = of, list(pair)
-        self._means: dict[int, Block] = {}
-        self._open: dict[int, _Sums] = {}
-        self._next = -1  # The record that is to be added next to the sums that are open
-        super().__init__(of.ds[self._pair], of.start, keel=float(of.limits[-1]))
-        times = np.asarray(of.times)
-        numbers, self._shares = slow_current_weights(times)
-        self.dates, self.times = of.dates[numbers], [float(t) for t in times[numbers]]
-        self._firsts = np.array([share.first for share in self._shares])
-        self._ends = np.array([share.first + share.weights.size for share in self._shares])
-
-    @property
-    def cover(self) -> tuple[float, float]:
-        """First and last time covered, s since the start."""
-        return self._of.cover
-
-    def reach(self, keel: float) -> None:
-        """Average levels down to a draft (m) from now on."""
-        with self._lock:
-            self._of.reach(keel)
-            if self._of.limits.size != self._limits.size or not self._means:
-                self.ds, self._limits = self._of.ds[self._pair], self._of.limits
-                self._means, self._open, self._next = {}, {}, -1
-
-    def check(self, start: float, end: float) -> None:
-        """Take the means from ``start`` to ``end`` (s), if they can all be kept."""
-        first, last = self._between(start), self._between(end)
-        values = sum(field.size for field in self.ds.data_vars.values()) / max(1, self.ds.sizes.get("time", 1))
-        if 8.0 * values * (last.after + 1 - first.before) <= KEPT_BYTES:
-            for number in range(first.before, last.after + 1):
-                self._record(number)
-
-    def _check_gap(self, record: int, time: float) -> None:
-        """Pass: the records of the currents check their own gaps."""
-
-    def _record(self, number: int) -> Block:
-        mean = self._means.get(number)
-        if mean is None:
-            with self._lock:  # another thread may have taken it meanwhile
-                mean = self._means.get(number) or self._taken(number)
-        return mean
-
-    def _taken(self, number: int) -> Block:
-        """Add records until a mean is whole; those that begin later go on growing."""
-        if number not in self._open:
-            self._open, self._next = {}, self._shares[number].first
-        while number not in self._means:
-            self._add_record(self._next)
-            self._next += 1
-        return self._means[number]
-
-    def _add_record(self, record: int) -> None:
-        """Add a record to all means that hold it and have had those before it; keep the means that it completes."""
-        full_record = self._of._record(record)
-        block = {
-            name: full_record[name][: self._limits.size - 1] for name in self.names
-        }  # another thread may have gone deeper
-        behind, ahead = np.searchsorted(self._ends, record, "right"), np.searchsorted(self._firsts, record, "right")
-        for number in range(int(behind), int(ahead)):
-            first, weights = self._shares[number]
-            if record == first and number not in self._means:
-                self._open[number] = _Sums(*({name: np.zeros(block[name].size) for name in self.names} for _ in "01"))
-            if number not in self._open:
-                continue
-            sums = self._open[number]
-            for name in self.names:
-                add_share(block[name].reshape(-1), weights[record - first], sums.total[name], sums.known_weight[name])
-            if record == first + weights.size - 1:
-                self._keep(number, self._open.pop(number), block)
-
-    def _keep(self, number: int, sums: _Sums, like: Block) -> None:
-        """Keep a mean; the farthest in time are forgotten where there is no room."""
-        mean = {}
-        for name in self.names:
-            known_weight = sums.known_weight[name]
-            with np.errstate(invalid="ignore", divide="ignore"):
-                mean[name] = np.where(known_weight > 0.0, sums.total[name] / known_weight, np.nan).reshape(
-                    like[name].shape
-                )
-        most = max(FEWEST, int(KEPT_BYTES // max(1, sum(values.nbytes for values in mean.values()))))
-        # The dictionary is replaced, never changed: other threads look into it without the lock.
-        spared = sorted(self._means, key=lambda old: abs(old - number))[: most - 1]
-        self._means = {**{k: self._means[k] for k in spared}, number: mean}
-
-
-def mean_currents(records: ProductRecords, pair: tuple[str, str] = ("uo", "vo")) -> ProductRecords:
-    """Return currents (or winds) that the sea surface balances: means over 25 hours twice, if records are shorter than a day."""
-    times = np.asarray(records.times)
-    if times.size < 2 or np.median(np.diff(times)) >= SECONDS_PER_DAY:
-        return records
-    return MeanCurrents(records, pair)
 
 
 # ---- notices on the slope ----------------------------------------------------------------------------------------------------

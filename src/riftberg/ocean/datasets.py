@@ -22,28 +22,28 @@ from riftberg.constants import EARTH_RADIUS_KID
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
 from riftberg.ocean.balance import (
-    MeanCurrents,
     SeaLevel,
     balancing_slope,
     checked_wind_layer,
     decided,
     layer_text,
-    mean_currents,
     wind_drift,
 )
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.forcing import Forcing as BaseForcing
 from riftberg.ocean.grid import Grid
+from riftberg.ocean.mean_currents import MeanCurrents, mean_currents
 from riftberg.ocean.product_records import (
+    NO_CORNERS,
     NO_RINGS,
     RINGS,
-    SURFACE,
     Blend,
     ProductRecords,
+    Wanted,
     add_shore_drift,
     fill_slopes,
-    fill_values,
     fill_vorticity,
+    values_at,
 )
 from riftberg.ocean.series import Series
 from riftberg.parameters import Ice
@@ -76,6 +76,9 @@ WITHOUT_WIND_DRIFT: Final = ("ugos", "uo_mean_over_berg_depth")
 """Variables of currents without levels that hold no drift of the uppermost metres."""
 
 VARIABLES: Final = tuple(name for names in FILLS.values() for name in names)
+
+NOT_VALUES: Final = ("vorticity", "slope_x", "slope_y")
+"""Variables that follow from how a field changes from place to place."""
 
 VECTORS: Final = {"uo": "vo", "ui": "vi", "ua": "va"}
 """Northward component of each vector by its eastward one."""
@@ -234,9 +237,10 @@ class DatasetForcing(BaseForcing):
             provided.append("ssh")
             if self.slope_remarks and not assumes_slope:  # else a model says it, with a figure for its berg
                 self.notices = (*self.notices, f"sea_level: geostrophic: {'; '.join(self.slope_remarks)}")
-        filled = {variable for name in provided for variable in FILLS[name]}
-        self._missing = tuple(name for name in VARIABLES if name not in filled)
-        self.provides = frozenset(VARIABLES) - frozenset(self._missing)
+        self.provides = frozenset(variable for name in provided for variable in FILLS[name])
+        self._sampled = tuple(map(_sampled_fields, self.parts))
+        sampled = {variable for variables, _ in self._sampled for variable in variables}
+        self._missing = tuple(v for v in VARIABLES if v not in sampled | self.provides.intersection(NOT_VALUES))
         # A pack that only seems to stand still would hold bergs.
         self.ice_drift_known = not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
         self.title = ", ".join(dict.fromkeys(product.shown for product in self.parts))
@@ -363,75 +367,46 @@ class DatasetForcing(BaseForcing):
         """Fill the environment of the elements at ``time`` (s since the start of the run)."""
         if elements.lon.size == 0:
             return
+        e, lon, lat = elements.environment, elements.lon, elements.lat
+        draft = np.asarray(draft_of(elements.body.thickness, self._density))
         for name in self._missing:
-            getattr(elements, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
-        # Products give the depth of the floor below mean sea level; the sea level is added once all parts are there.
-        level = np.zeros(elements.lon.size)
+            getattr(e, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
+        level: Floats | float = 0.0
         balanced: Places | None = None
-        for product, located in self._placed(elements):
+        for (product, located), (variables, wanted) in zip(self._placed(elements), self._sampled, strict=True):
+            blend, points = product.records.blend(time), product.mesh.points
+            corners = np.empty((2, 4, lon.size)) if "uo" in product.gives else NO_CORNERS
+            rows = values_at(blend, located, points.columns, wanted, draft=draft, corners=corners)
+            values = dict(zip(variables, rows, strict=True))
+            level = values.pop("ssh", level)
+            for variable, value in values.items():
+                getattr(e, variable)[:] = value
+            if isinstance(product.mesh, NodeMesh):
+                _fill_on_nodes(product, product.mesh, elements, time)
+            else:
+                if "uo" in product.gives:
+                    fill_vorticity(corners, located, points, lon, lat, e.vorticity)
+                    if self.coastal_drift > 0.0:
+                        add_shore_drift(corners[0], located, points, lon, lat, self.coastal_drift, e.uo, e.vo)
+                if "ssh" in product.gives:
+                    number = product.records.names.index("ssh")
+                    fill_slopes(blend, number, located, points, lon, lat, e.slope_x, e.slope_y)
             if self._balance is not None and product.mesh is self._balance.mesh:
                 balanced = located
-            for name in product.gives:
-                self._fill(product, name, located, elements, time)
-            if "ssh" in product.gives and self._find_product("depth_below_surface") is not None:
-                level = _values(product, "ssh", located, time, unknown=0.0)
-        if "depth" not in self._missing:
-            elements.depth[:] += level
+        if "depth" in self.provides:  # products give it below mean sea level
+            e.depth[:] += level
         if self._wind_layer:
-            e = elements
-            east, north = wind_drift(e.lat, e.ua, e.va, self._wind_layer)
+            east, north = wind_drift(lat, e.ua, e.va, self._wind_layer)
             e.uo[:] -= east
             e.vo[:] -= north
         if self._balance is not None:
             # Fill the slope of the sea surface that is in geostrophic balance with a current; 0 where this is unknown.
-            draft = draft_of(elements.body.thickness, self._density) if self._balance.records.has_levels else None
-            located = balanced or self._balance.mesh.locate(elements.lon, elements.lat)
-            u, v = (_values(self._balance, name, located, time, draft, unknown=0.0) for name in ("uo", "vo"))
+            u, v = _vector(self._balance, ("uo", "vo"), balanced or self._balance.mesh.locate(lon, lat), time, draft)
             if self._slow_wind is not None:
-                where = self._slow_wind.mesh.locate(elements.lon, elements.lat)
-                ua, va = (_values(self._slow_wind, name, where, time, unknown=0.0) for name in ("ua", "va"))
-                east, north = wind_drift(elements.lat, ua, va, self._wind_layer)
+                ua, va = _vector(self._slow_wind, ("ua", "va"), self._slow_wind.mesh.locate(lon, lat), time, draft)
+                east, north = wind_drift(lat, ua, va, self._wind_layer)
                 u, v = u - east, v - north
-            elements.slope_x[:], elements.slope_y[:] = balancing_slope(elements.lat, u, v)
-
-    def _fill(self, product: Part, name: str, located: Places, elements: Elements, time: float) -> None:
-        """Fill the variables of the elements that come from one field; 0 where it is unknown."""
-        e = elements
-        if name == "ssh":
-            level = product.records.moment("ssh", time)
-            if isinstance(product.mesh, NodeMesh):
-                e.slope_x[:], e.slope_y[:] = product.mesh.slopes(_nodes(product, "ssh", time), e.lon, e.lat)
-            else:
-                fill_slopes(level, located, product.mesh.points, e.lon, e.lat, e.slope_x, e.slope_y)
-            return
-        if name == "wave_height":
-            for variable in FILLS[name]:
-                is_given = variable in product.records.names
-                getattr(e, variable)[:] = _values(product, variable, located, time, unknown=0.0) if is_given else 0.0
-            return
-        # Only currents push over the whole draft; temperature at the keel has variables of its own.
-        draft = draft_of(e.body.thickness, self._density) if name == "uo" and product.records.has_levels else None
-        components = (name, VECTORS[name]) if name in VECTORS else (name,)
-        for component, variable in zip(components, FILLS[name], strict=False):
-            getattr(e, variable)[:] = _values(product, component, located, time, draft, unknown=0.0)
-        if name == "uo":
-            self._fill_turn(product, located, e, time, draft)
-        if name in OVER_KEEL and product.records.on_levels(name):
-            over = draft_of(e.body.thickness, self._density)
-            getattr(e, OVER_KEEL[name])[:] = _values(product, name, located, time, over)
-
-    def _fill_turn(self, product: Part, located: Places, e: Elements, time: float, draft: Floats | None) -> None:
-        """Fill the vorticity of the current, and add the drift away from land."""
-        if isinstance(product.mesh, NodeMesh):
-            e.vorticity[:] = product.mesh.slopes(_nodes(product, "vo", time), e.lon, e.lat)[0]
-            e.vorticity[:] -= product.mesh.slopes(_nodes(product, "uo", time), e.lon, e.lat)[1]
-            return
-        east, north = (product.records.moment(name, time) for name in ("uo", "vo"))
-        over = np.ones(e.lon.size) if draft is None else draft
-        points = product.mesh.points
-        fill_vorticity(east, north, located, points, e.lon, e.lat, over, e.vorticity)
-        if self.coastal_drift > 0.0:
-            add_shore_drift(east, located, points, e.lon, e.lat, self.coastal_drift, e.uo, e.vo)
+            e.slope_x[:], e.slope_y[:] = balancing_slope(lat, u, v)
 
     def _placed(self, elements: Elements) -> Iterator[tuple[Part, Places]]:
         """Give each product with the cells of its points that hold the elements.
@@ -543,24 +518,14 @@ class DatasetForcing(BaseForcing):
         level, current = self._find_product("ssh"), self._find_product("uo")
         if level is None or current is None or isinstance(level.mesh, NodeMesh) or isinstance(current.mesh, NodeMesh):
             return 0.0
-        moment = level.records.moment("ssh", time)
-        unknown = np.isnan(moment.before[0]) & np.isnan(moment.after[0])
+        blend = level.records.field("ssh", time)
+        unknown = np.isnan(blend.before[0]) & np.isnan(blend.after[0])
         every = math.ceil(math.sqrt(unknown.size / MOST_SHOWN))
         at = level.mesh.points
         lon, lat, unknown = (_flat(values[::every, ::every]) for values in (at.lon, at.lat, unknown))
-        water = current.records.moment("uo", time)
-        wet = np.where(np.isnan(water.before[:1]), 0.0, 1.0)
-        water_weights = np.empty(lon.size)
-        blend = Blend(wet, wet, 0.0, SURFACE, np.nan)
-        fill_values(
-            blend,
-            current.mesh.locate(lon, lat),
-            np.ones(lon.size),
-            current.mesh.points.columns,
-            NO_RINGS,
-            np.nan,
-            water_weights,
-        )
+        wet = np.where(np.isnan(current.records.field("uo", time).before[:1]), 0.0, 1.0)
+        places, columns = current.mesh.locate(lon, lat), current.mesh.points.columns
+        water_weights = values_at(Blend.of(wet, wet), places, columns, rings=NO_RINGS)[0]
         water_around = water_weights > 1.0 - 1e-9
         return float((water_around & (unknown > 0.0)).sum() / max(1, water_around.sum()))
 
@@ -630,15 +595,43 @@ class DatasetForcing(BaseForcing):
         return text.replace("\n", "\n    ")
 
 
+def _sampled_fields(product: Part) -> tuple[tuple[str, ...], Wanted]:
+    """Return the variables of elements that are values of a product (and ``ssh``), currents first, and how they are asked for.
+
+    Currents push over the whole draft; temperature and salinity at the keel have variables of their own.
+    """
+    records = product.records
+    rows = []
+    for name in FILLS:
+        if name not in product.gives:
+            continue
+        if name == "wave_height":
+            fields = {variable: variable for variable in FILLS[name] if variable in records.names}
+        else:
+            components = (name, VECTORS[name]) if name in VECTORS else (name,)
+            fields = dict(zip(("ssh",) if name == "ssh" else FILLS[name], components, strict=False))
+        rows += [(variable, field, name == "uo", 0.0) for variable, field in fields.items()]
+        if name in OVER_KEEL and name in records.levelled:
+            rows.append((OVER_KEEL[name], name, True, np.nan))
+    wanted = Wanted.of(*((records.names.index(field), over_draft, unknown) for _, field, over_draft, unknown in rows))
+    return tuple(variable for variable, *_ in rows), wanted
+
+
 def _values(
     product: Part, name: str, located: Places, time: float, draft: Floats | None = None, rings: Ints = RINGS,
     unknown: float = np.nan,
 ) -> Floats:  # fmt: skip
     """Return a field at places."""
-    out = np.empty(located.row.size)
-    over = np.ones(out.size) if draft is None else draft
-    fill_values(product.records.moment(name, time), located, over, product.mesh.points.columns, rings, unknown, out)
-    return out
+    wanted = Wanted.of((0, draft is not None, unknown))
+    blend, columns = product.records.field(name, time), product.mesh.points.columns
+    values: Floats = values_at(blend, located, columns, wanted, draft=draft, rings=rings)[0]
+    return values
+
+
+def _vector(product: Part, pair: tuple[str, str], located: Places, time: float, draft: Floats) -> Floats:
+    """Return both components of a vector over the draft at places, 0 where it is unknown."""
+    wanted = Wanted.of(*((product.records.names.index(name), True, 0.0) for name in pair))
+    return values_at(product.records.blend(time), located, product.mesh.points.columns, wanted, draft=draft)
 
 
 def _check_keel(product: Part, draft: float, element: str) -> None:
@@ -654,10 +647,20 @@ def _check_keel(product: Part, draft: float, element: str) -> None:
         )
 
 
+def _fill_on_nodes(product: Part, mesh: NodeMesh, elements: Elements, time: float) -> None:
+    """Fill slope of the sea surface and vorticity from scattered points: those of planes through the points near by."""
+    e, lon, lat = elements.environment, elements.lon, elements.lat
+    if "uo" in product.gives:
+        e.vorticity[:] = mesh.slopes(_nodes(product, "vo", time), lon, lat)[0]
+        e.vorticity[:] -= mesh.slopes(_nodes(product, "uo", time), lon, lat)[1]
+    if "ssh" in product.gives:
+        e.slope_x[:], e.slope_y[:] = mesh.slopes(_nodes(product, "ssh", time), lon, lat)
+
+
 def _nodes(product: Part, name: str, time: float) -> Floats:
     """Return a field at all points of an unstructured product (its uppermost level)."""
-    moment = product.records.moment(name, time)
-    return np.asarray((1.0 - moment.weight) * moment.before[0, 0] + moment.weight * moment.after[0, 0])
+    blend = product.records.field(name, time)
+    return np.asarray((1.0 - blend.weight) * blend.before[0, 0] + blend.weight * blend.after[0, 0])
 
 
 def _flat(values: Floats) -> Floats:

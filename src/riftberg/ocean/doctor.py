@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from riftberg.config.units import duration_text
 from riftberg.errors import ForcingError
-from riftberg.ocean.product_records import NO_RINGS, REACH, RINGS, SURFACE, Blend, as_block, fill_values
+from riftberg.ocean.product_records import NO_RINGS, REACH, RINGS, Blend, as_block, values_at
 from riftberg.products.mesh import Located, Mesh, NodeMesh, build_mesh, extent_text, utc, window, window_in_time
 from riftberg.products.product import Product
 from riftberg.products.quantities import QUANTITIES, small_unit, unlikely
@@ -321,14 +321,13 @@ def _lacking(data: xr.DataArray, berg: Located) -> tuple[int, int]:
     """
     if isinstance(berg.mesh, NodeMesh):
         return 0, 0
-    interpolated, draft = np.empty((2, berg.lon.size)), np.ones(berg.lon.size)
     dry, unfilled = np.zeros((2, berg.lon.size), bool)
-    for record in as_block(data.isel(depth=slice(0, 1)) if "depth" in data.dims else data, "forcing"):
-        field = Blend(record, record, 0.0, SURFACE, np.nan)
-        for values, rings in zip(interpolated, (NO_RINGS, RINGS), strict=True):
-            fill_values(field, berg.places, draft, berg.mesh.points.columns, rings, np.nan, values)
-        dry |= np.isnan(interpolated[0])
-        unfilled |= np.isnan(interpolated[1])
+    surface = data.isel(depth=slice(0, 1)) if "depth" in data.dims else data
+    for record in as_block(surface, "forcing"):
+        for is_unknown, rings in ((dry, NO_RINGS), (unfilled, RINGS)):
+            is_unknown |= np.isnan(
+                values_at(Blend.of(record, record), berg.places, berg.mesh.points.columns, rings=rings)[0]
+            )
     return int((dry & ~berg.outside).sum()), int((unfilled & ~berg.outside).sum())
 
 

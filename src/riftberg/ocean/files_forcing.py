@@ -22,13 +22,12 @@ from riftberg.ocean.datasets import DatasetForcing, Part, averaged_product, prod
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.product_records import (
-    RINGS,
-    SURFACE,
     Block,
     ProductRecords,
+    Wanted,
     block_length,
     check_not_empty,
-    fill_values,
+    values_at,
 )
 from riftberg.physics.floating import draft_of
 from riftberg.products import records
@@ -376,18 +375,17 @@ def place_points(product: Part, lon: Floats, lat: Floats) -> Located:
 def interpolate_levels(product: Part, name: str, time: float, points: Located) -> Floats:
     """Return a field at points and a time on each of its levels, shape (levels, points); NaN where nothing is known."""
     # Where one record knows nothing the other one counts, also of sea ice: 0 would thin the ice all around.
-    moment = product.records.moment(name, time)._replace(absent=np.nan)
-    out = np.empty((len(moment.before), points.lon.size))
+    blend = product.records.field(name, time)
+    levels = len(blend.before)
     if isinstance(product.mesh, NodeMesh):
-        earlier, later = moment.before[:, 0], moment.after[:, 0]
-        mixed = (1.0 - moment.weight) * earlier + moment.weight * later if moment.weight > 0.0 else earlier
+        earlier, later = blend.before[:, 0], blend.after[:, 0]
+        mixed = (1.0 - blend.weight) * earlier + blend.weight * later if blend.weight > 0.0 else earlier
         filled = np.where(np.isnan(earlier), later, np.where(np.isnan(later), earlier, mixed))
         return product.mesh.smooth(filled, points.lon, points.lat)
-    for level, values in enumerate(out):
-        level_slice = slice(level, level + 1)
-        layer = moment._replace(before=moment.before[level_slice], after=moment.after[level_slice], limits=SURFACE)
-        fill_values(layer, points.places, np.ones(values.size), product.mesh.points.columns, RINGS, np.nan, values)
-    return out
+    # Each level counts as a field by itself.
+    blend = blend._replace(bounds=np.arange(levels + 1), absent=np.full(levels, np.nan))
+    wanted = Wanted.of(*((level, False, np.nan) for level in range(levels)))
+    return values_at(blend, points.places, product.mesh.points.columns, wanted)
 
 
 def _averaged(ds: xr.Dataset, spacing: float) -> xr.Dataset:
@@ -454,7 +452,7 @@ def count_members(settings: FileForcing, folder: Path) -> dict[str, int]:
 
 
 def _member_count(path: str) -> int:
-    return max(member_dimensions(open_raw(path, chunked=False)).values(), default=1)
+    return max(member_dimensions(open_raw(path)).values(), default=1)
 
 
 def _check_member(settings: FileForcing, folder: Path) -> None:

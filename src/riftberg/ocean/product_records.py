@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.config.units import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
@@ -62,31 +62,63 @@ SURFACE: Final = np.array([0.0, 1.0])
 
 
 class Blend(NamedTuple):
-    """A field at one time, between two records."""
+    """Fields at one time, between two records: the layers of all in turn, each field from the surface down."""
 
-    before: Floats  # Records around the time; NaN where nothing is known; shape (levels, rows, columns)
-    after: Floats  # Records around the time; NaN where nothing is known; shape (levels, rows, columns)
+    before: Floats  # Records around the time; NaN where nothing is known; shape (layers, rows, columns)
+    after: Floats  # Records around the time; NaN where nothing is known; shape (layers, rows, columns)
     weight: float  # Weight of ``after``
+    bounds: Ints  # First layer of each field, and the end of the last; shape (fields + 1,)
     limits: Floats  # Depths (m) of the limits of the levels' layers; shape (levels + 1,)
-    absent: float  # Value where a record knows nothing; NaN if the other record is to count
+    absent: Floats  # Value of each field where a record knows nothing; NaN if the other record is to count
+
+    @classmethod
+    def of(
+        cls, before: Floats, after: Floats, weight: float = 0.0, limits: Floats = SURFACE, absent: float = np.nan
+    ) -> Blend:
+        """Return the blend of two records of one field."""
+        return cls(before, after, weight, np.array([0, len(before)]), limits, np.array([absent]))
+
+
+class Wanted(NamedTuple):
+    """Fields of a blend that are wanted at some places."""
+
+    field: Ints  # Numbers among the fields of the blend
+    over_draft: NDArray[np.bool_]  # As means over the draft, not at the surface
+    unknown: Floats  # Value outside and where the field is unknown
+
+    @classmethod
+    def of(cls, *fields: tuple[int, bool, float]) -> Wanted:
+        """Return fields by number, whether over the draft, and value where unknown."""
+        numbers, over_draft, unknown = zip(*fields, strict=True)
+        return cls(np.array(numbers, np.int64), np.array(over_draft, np.bool_), np.array(unknown, np.float64))
+
+
+ONLY_FIELD: Final = Wanted.of((0, False, np.nan))
+"""The first field of a blend at the surface, NaN where it is unknown."""
+
+NO_CORNERS: Final = np.empty((0, 4, 0))
+"""Where the values at the corners are not wanted."""
 
 
 @kernel
-def mean_to_draft(levels: Floats, limits: Floats, draft: float, j: int, i: int) -> float:
+def mean_to_draft(record: Floats, first: int, end: int, limits: Floats, draft: float, j: int, i: int) -> float:
     """Return the mean from the surface to a draft at one point; NaN where there is no water.
 
     ``u(D) = sum(u_l w_l) / sum(w_l)`` over the levels with water, ``w_l`` being the part of the layer of level ``l`` (between
     the limits ``l`` and ``l + 1``) that lies above ``D``. In water shallower than the draft the mean ends at the sea floor;
-    below the last limit the last counts.
+    below the last limit the last counts. A field without levels has its only value.
 
-    ``levels``: values (shape (levels, rows, columns)); ``limits``: depths (m) of the limits, ascending from 0.
+    ``record``: the field from layer ``first`` to before ``end``; ``limits``: depths (m) of the limits, ascending from 0.
     """
+    surface: float = record[first, j, i]
+    if end == first + 1:
+        return surface
     total, water = 0.0, 0.0
-    for level in range(levels.shape[0]):
+    for level in range(end - first):
         share = min(draft, limits[level + 1]) - limits[level]
         if share <= 0.0:
             break
-        value = levels[level, j, i]
+        value = record[first + level, j, i]
         if value == value:
             total += share * value
             water += share
@@ -120,64 +152,82 @@ def in_time(earlier: float, later: float, weight: float, absent: float) -> float
 
 
 @kernel
-def _point_value(moment: Blend, draft: float, j: int, i: int) -> float:
-    """Value of a point at the time of the moment."""
-    earlier = mean_to_draft(moment.before, moment.limits, draft, j, i)
-    if moment.weight <= 0.0:
-        return in_time(earlier, earlier, 0.0, moment.absent)
-    later = mean_to_draft(moment.after, moment.limits, draft, j, i)
-    return in_time(earlier, later, moment.weight, moment.absent)
-
-
-@kernel
-def _nearest_known(levels: Floats, limits: Floats, draft: float, j: int, i: int, columns: int, rings: Ints) -> float:
+def _nearest_known(
+    record: Floats, first: int, end: int, limits: Floats, draft: float, j: int, i: int, columns: int, rings: Ints
+) -> float:
     """Value of the nearest point that knows one, in the order of ``rings``; NaN if none does."""
     for k in range(rings.shape[0]):
         row, column = j + rings[k, 0], i + rings[k, 1]
         column = column % columns if columns > 0 else column
-        if 0 <= row < levels.shape[1] and 0 <= column < levels.shape[2]:
-            value = mean_to_draft(levels, limits, draft, row, column)
+        if 0 <= row < record.shape[1] and 0 <= column < record.shape[2]:
+            value = mean_to_draft(record, first, end, limits, draft, row, column)
             if value == value:
                 return value
     return math.nan
 
 
-@kernel
-def _record_value(
-    levels: Floats, limits: Floats, draft: float, corners: tuple[int, int, int, int], xi: float, eta: float,
-    columns: int, rings: Ints,
-) -> float:  # fmt: skip
-    """Value of one record in a cell."""
-    j, i, j1, i1 = corners
-    value = blend_known(
-        mean_to_draft(levels, limits, draft, j, i), mean_to_draft(levels, limits, draft, j, i1),
-        mean_to_draft(levels, limits, draft, j1, i), mean_to_draft(levels, limits, draft, j1, i1), xi, eta,
-    )  # fmt: skip
-    if value == value:
-        return value
-    # No corner is known: from the corner nearest to the place outward.
-    return _nearest_known(levels, limits, draft, j1 if eta > 0.5 else j, i1 if xi > 0.5 else i, columns, rings)
-
-
-@kernel
+@borrower
 def fill_values(
-    moment: Blend, located: Places, draft: Floats, columns: int, rings: Ints, unknown: float, out: Floats
+    blend: Blend,
+    wanted: Wanted,
+    located: Places,
+    draft: Floats,
+    columns: int,
+    rings: Ints,
+    out: Floats,
+    corners: Floats,
 ) -> None:
-    """Fill a field at many points.
+    """Fill fields at many places, and the corners of their cells with the first of these fields.
 
-    ``draft``: drafts, m; ``unknown``: value outside and where the field is unknown.
+    ``draft``: drafts, m; ``out``: shape (fields wanted, places); ``corners``: values south-west, south-east, north-west and
+    north-east of each place, of as many of the fields as there is room for, shape (fields, 4, places).
     """
-    earlier, later, weight, limits, absent = moment
-    for n in range(out.size):
-        if located.row[n] < 0:
-            out[n] = unknown
-            continue
-        corners = (located.row[n], located.column[n], located.next_row[n], located.next_column[n])
+    before, after, weight, bounds, limits, absent = blend
+    for n in range(located.row.size):
+        j, i, j1, i1 = located.row[n], located.column[n], located.next_row[n], located.next_column[n]
         xi, eta = located.xi[n], located.eta[n]
-        first = _record_value(earlier, limits, draft[n], corners, xi, eta, columns, rings)
-        last = first if weight <= 0.0 else _record_value(later, limits, draft[n], corners, xi, eta, columns, rings)
-        value = in_time(first, last, weight, absent)
-        out[n] = value if value == value else unknown
+        near_j, near_i = j1 if eta > 0.5 else j, i1 if xi > 0.5 else i  # the corner nearest to the place
+        for k in range(wanted.field.size):
+            if j < 0:
+                out[k, n] = wanted.unknown[k]
+                continue
+            field, deep = wanted.field[k], draft[n] if wanted.over_draft[k] else 1.0
+            first, end, nothing = bounds[field], bounds[field + 1], absent[field]
+            sw = later_sw = mean_to_draft(before, first, end, limits, deep, j, i)
+            se = later_se = mean_to_draft(before, first, end, limits, deep, j, i1)
+            nw = later_nw = mean_to_draft(before, first, end, limits, deep, j1, i)
+            ne = later_ne = mean_to_draft(before, first, end, limits, deep, j1, i1)
+            value = blend_known(sw, se, nw, ne, xi, eta)
+            if value != value:
+                value = _nearest_known(before, first, end, limits, deep, near_j, near_i, columns, rings)
+            later_value = value
+            if weight > 0.0:
+                later_sw = mean_to_draft(after, first, end, limits, deep, j, i)
+                later_se = mean_to_draft(after, first, end, limits, deep, j, i1)
+                later_nw = mean_to_draft(after, first, end, limits, deep, j1, i)
+                later_ne = mean_to_draft(after, first, end, limits, deep, j1, i1)
+                later_value = blend_known(later_sw, later_se, later_nw, later_ne, xi, eta)
+                if later_value != later_value:
+                    later_value = _nearest_known(after, first, end, limits, deep, near_j, near_i, columns, rings)
+            value = in_time(value, later_value, weight, nothing)
+            out[k, n] = value if value == value else wanted.unknown[k]
+            if k < corners.shape[0]:
+                corners[k, 0, n] = in_time(sw, later_sw, weight, nothing)
+                corners[k, 1, n] = in_time(se, later_se, weight, nothing)
+                corners[k, 2, n] = in_time(nw, later_nw, weight, nothing)
+                corners[k, 3, n] = in_time(ne, later_ne, weight, nothing)
+
+
+def values_at(
+    blend: Blend, located: Places, columns: int, wanted: Wanted = ONLY_FIELD, *, draft: Floats | None = None,
+    rings: Ints = RINGS, corners: Floats = NO_CORNERS,
+) -> Floats:  # fmt: skip
+    """Return fields at places, shape (fields, places); the arguments are those of `fill_values`."""
+    out = np.empty((wanted.field.size, located.row.size))
+    fill_values(
+        blend, wanted, located, np.ones(located.row.size) if draft is None else draft, columns, rings, out, corners
+    )
+    return out
 
 
 @kernel
@@ -199,42 +249,30 @@ def _across_cell(sw: float, se: float, nw: float, ne: float, xi: float, eta: flo
     return (1.0 - eta) * (se - sw) + eta * (ne - nw), (1.0 - xi) * (nw - sw) + xi * (ne - se)
 
 
-@kernel
+@borrower
 def fill_vorticity(
-    east: Blend,
-    north: Blend,
-    located: Places,
-    points: ProductPoints,
-    lon: Floats,
-    lat: Floats,
-    draft: Floats,
-    out: Floats,
+    corners: Floats, located: Places, points: ProductPoints, lon: Floats, lat: Floats, out: Floats
 ) -> None:
     """Fill the vorticity ``dv/dE - du/dN`` (s-1) of a current; 0 where a point around does not know it.
 
-    ``lon``, ``lat``: positions of the points, degrees.
+    ``corners``: eastward and northward current at the corners of the cells, as `fill_values` fills them; ``lon``, ``lat``:
+    positions of the places, degrees.
     """
     x, y = points.lon, points.lat
     for n in range(out.size):
         j, i, j1, i1 = located.row[n], located.column[n], located.next_row[n], located.next_column[n]
-        xi, eta, d = located.xi[n], located.eta[n], draft[n]
+        xi, eta = located.xi[n], located.eta[n]
         cosine = math.cos(lat[n] * DEGREE)
         e0, n0 = beside_parallel(x[j, i], y[j, i], lon[n], lat[n], cosine)
         e1, n1 = beside_parallel(x[j, i1], y[j, i1], lon[n], lat[n], cosine)
         e2, n2 = beside_parallel(x[j1, i], y[j1, i], lon[n], lat[n], cosine)
         e3, n3 = beside_parallel(x[j1, i1], y[j1, i1], lon[n], lat[n], cosine)
-        e_xi, e_eta = _across_cell(e0, e1, e2, e3, xi, eta)
-        n_xi, n_eta = _across_cell(n0, n1, n2, n3, xi, eta)
-        u_xi, u_eta = _across_cell(
-            _point_value(east, d, j, i), _point_value(east, d, j, i1),
-            _point_value(east, d, j1, i), _point_value(east, d, j1, i1), xi, eta,
-        )  # fmt: skip
-        v_xi, v_eta = _across_cell(
-            _point_value(north, d, j, i), _point_value(north, d, j, i1),
-            _point_value(north, d, j1, i), _point_value(north, d, j1, i1), xi, eta,
-        )  # fmt: skip
-        _, u_north = gradient(u_xi, u_eta, (e_xi, n_xi), (e_eta, n_eta))
-        v_east, _ = gradient(v_xi, v_eta, (e_xi, n_xi), (e_eta, n_eta))
+        along_x, across_x = _across_cell(e0, e1, e2, e3, xi, eta)
+        along_y, across_y = _across_cell(n0, n1, n2, n3, xi, eta)
+        u_xi, u_eta = _across_cell(corners[0, 0, n], corners[0, 1, n], corners[0, 2, n], corners[0, 3, n], xi, eta)
+        v_xi, v_eta = _across_cell(corners[1, 0, n], corners[1, 1, n], corners[1, 2, n], corners[1, 3, n], xi, eta)
+        _, u_north = gradient(u_xi, u_eta, (along_x, along_y), (across_x, across_y))
+        v_east, _ = gradient(v_xi, v_eta, (along_x, along_y), (across_x, across_y))
         turn = (v_east - u_north) / EARTH_RADIUS_A68
         out[n] = turn if turn == turn else 0.0
 
@@ -254,37 +292,35 @@ def _faces(position: float, first: int, last: int, count: int) -> tuple[int, int
 
 
 @kernel
-def _surface_value(level: Blend, j: int, i: int) -> float:
-    """Value of a point of a field without levels at the time of the moment."""
-    earlier = level.before[0, j, i]
-    if level.weight <= 0.0:
-        return in_time(earlier, earlier, 0.0, level.absent)
-    return in_time(earlier, level.after[0, j, i], level.weight, level.absent)
-
-
-@kernel
 def _change(
-    level: Blend, points: ProductPoints, j: int, i: int, j1: int, i1: int, lon: float, lat: float, cosine: float
-) -> tuple[float, float, float]:
-    """Change of the field, and of the position to the east and north (rad), from one point to the next."""
-    e0, n0 = beside_parallel(points.lon[j, i], points.lat[j, i], lon, lat, cosine)
-    e1, n1 = beside_parallel(points.lon[j1, i1], points.lat[j1, i1], lon, lat, cosine)
-    step = _surface_value(level, j1, i1) - _surface_value(level, j, i)
+    at: tuple[Floats, Floats, Floats, Floats], layer: int, weight: float, absent: float, ends: tuple[int, int, int, int],
+    lon: float, lat: float, cosine: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Change of a field, and of the position to the east and north (rad), from one point to the next."""
+    before, after, x, y = at
+    j, i, j1, i1 = ends
+    e0, n0 = beside_parallel(x[j, i], y[j, i], lon, lat, cosine)
+    e1, n1 = beside_parallel(x[j1, i1], y[j1, i1], lon, lat, cosine)
+    first = in_time(before[layer, j, i], after[layer, j, i], weight, absent)
+    last = in_time(before[layer, j1, i1], after[layer, j1, i1], weight, absent)
+    step = last - first
     return (step if step == step else 0.0), e1 - e0, n1 - n0
 
 
-@kernel
+@borrower
 def fill_slopes(
-    level: Blend, located: Places, points: ProductPoints, lon: Floats, lat: Floats, out_x: Floats, out_y: Floats
-) -> None:
+    blend: Blend, field: int, located: Places, points: ProductPoints, lon: Floats, lat: Floats, out_x: Floats,
+    out_y: Floats,
+) -> None:  # fmt: skip
     """Fill the slope of the sea surface to the east and north.
 
     Changes half-way between points, 0 beside land, are interpolated linearly to the place (as in equations 3.2), and so are
     the distances between the points: the slope of a plane is exact on any grid.
 
-    ``level``: sea level, m.
+    ``field``: number of the sea level (m) in the blend.
     """
     rows, columns = points.lon.shape
+    at, layer, absent = (blend.before, blend.after, points.lon, points.lat), blend.bounds[field], blend.absent[field]
     for n in range(out_x.size):
         j, i, j1, i1 = located.row[n], located.column[n], located.next_row[n], located.next_column[n]
         xi, eta = located.xi[n], located.eta[n]
@@ -297,40 +333,32 @@ def fill_slopes(
             side = (right if second else 1.0 - right) * (eta if k >= 2 else 1.0 - eta)
             column, row = east if second else west, j1 if k >= 2 else j
             beyond = (column + 1) % points.columns if points.columns > 0 else column + 1
-            q, e, m = _change(level, points, row, column, row, beyond, lon[n], lat[n], cosine)
+            q, e, m = _change(at, layer, blend.weight, absent, (row, column, row, beyond), lon[n], lat[n], cosine)
             q_xi, e_xi, n_xi = q_xi + side * q, e_xi + side * e, n_xi + side * m
             side = (upper if second else 1.0 - upper) * (xi if k >= 2 else 1.0 - xi)
             row, column = north if second else south, i1 if k >= 2 else i
-            q, e, m = _change(level, points, row, column, row + 1, column, lon[n], lat[n], cosine)
+            q, e, m = _change(at, layer, blend.weight, absent, (row, column, row + 1, column), lon[n], lat[n], cosine)
             q_eta, e_eta, n_eta = q_eta + side * q, e_eta + side * e, n_eta + side * m
         # Positions are in rad, so the slope is per rad until it is divided by the radius.
         slope = gradient(q_xi, q_eta, (e_xi, n_xi), (e_eta, n_eta))
         out_x[n], out_y[n] = slope[0] / EARTH_RADIUS_A68, slope[1] / EARTH_RADIUS_A68
 
 
-@kernel
+@borrower
 def add_shore_drift(
-    moment: Blend,
-    located: Places,
-    points: ProductPoints,
-    lon: Floats,
-    lat: Floats,
-    speed: float,
-    out_x: Floats,
+    corners: Floats, located: Places, points: ProductPoints, lon: Floats, lat: Floats, speed: float, out_x: Floats,
     out_y: Floats,
-) -> None:
-    """Add a current away from land (m s-1): ``speed`` times how much more water there is on one side of the cell."""
+) -> None:  # fmt: skip
+    """Add a current away from land (m s-1): ``speed`` times how much more water there is on one side of the cell.
+
+    ``corners``: a current at the corners of the cells, shape (4, places).
+    """
     x, y = points.lon, points.lat
     for n in range(out_x.size):
         j, i, j1, i1 = located.row[n], located.column[n], located.next_row[n], located.next_column[n]
-        is_water = np.zeros(4)
-        for k in range(4):
-            value = _point_value(moment, 1.0, j1 if k >= 2 else j, i1 if k % 2 == 1 else i)
-            is_water[k] = 1.0 if value == value else 0.0
-        eastward, northward = (
-            0.5 * (is_water[1] + is_water[3] - is_water[0] - is_water[2]),
-            0.5 * (is_water[2] + is_water[3] - is_water[0] - is_water[1]),
-        )
+        sw, se = 1.0 * (corners[0, n] == corners[0, n]), 1.0 * (corners[1, n] == corners[1, n])
+        nw, ne = 1.0 * (corners[2, n] == corners[2, n]), 1.0 * (corners[3, n] == corners[3, n])
+        eastward, northward = 0.5 * (se + ne - sw - nw), 0.5 * (nw + ne - sw - se)
         e0, n0 = beside(x[j, i], y[j, i], lon[n], lat[n])
         e1, n1 = beside(x[j, i1], y[j, i1], lon[n], lat[n])
         e2, n2 = beside(x[j1, i], y[j1, i], lon[n], lat[n])
@@ -356,6 +384,15 @@ TIME_TOLERANCE: Final = 1e-6
 """Times this close (s) outside the records count as inside, for round-off in sums of time steps."""
 
 Block = dict[str, Floats]
+"""Records of fields by name, each of shape (times, levels, rows, columns)."""
+
+
+class Record(NamedTuple):
+    """All fields of a product at one date, as in a `Blend`."""
+
+    layers: Floats  # Shape (layers, rows, columns)
+    bounds: Ints  # First layer of each field, and the end of the last
+    limits: Floats  # Depths (m) of the limits of the levels' layers
 
 
 class Between(NamedTuple):
@@ -379,8 +416,9 @@ class ProductRecords:
                     remedy="Give fields on (time, depth, lat, lon); choose one entry of any other dimension",
                 )
         self.ds, self._whole, self._limits = ds, ds, SURFACE[:1]
-        self._on_levels = frozenset(str(name) for name, field in ds.data_vars.items() if "depth" in field.dims)
-        self._blocks: dict[int, Block] = {}
+        self.levelled = frozenset(str(name) for name, field in ds.data_vars.items() if field.sizes.get("depth", 1) > 1)
+        # Some records each, shape (times, layers, rows, columns), with bounds and limits of their layers.
+        self._blocks: dict[int, Record] = {}
         self._judged: frozenset[int] = frozenset()  # First records of the blocks that have been read, and are sound
         self._lock = SharedLock()
         self.reach(keel)
@@ -390,9 +428,8 @@ class ProductRecords:
         )
         self.times = [float(t) for t in _seconds(self.dates, start)]
         self.names = _as_they_act(tuple(map(str, ds.data_vars)))
-        self._length = block_length(
-            sum(field.size for field in ds.data_vars.values()) / max(1, ds.sizes.get("time", 1))
-        )
+        self._absent = np.array([0.0 if name in MAY_BE_EMPTY else np.nan for name in self.names])
+        self._length = block_length(sum(field.size // field.sizes.get("time", 1) for field in ds.data_vars.values()))
 
     def reach(self, keel: float) -> None:
         """Read levels down to a draft (m) from now on; a member of an ensemble may be thicker than the berg of the others."""
@@ -432,17 +469,25 @@ class ProductRecords:
         return self.on_levels("uo") or self.on_levels("vo")
 
     def on_levels(self, name: str) -> bool:
-        """Whether a field is on more than one level."""
-        return self._limits.size > 2 and name in self._on_levels
+        """Whether a field is on more than one level, of those that are read."""
+        return self._limits.size > 2 and name in self.levelled
 
-    def moment(self, name: str, time: float) -> Blend:
-        """Return a field at a time."""
+    def blend(self, time: float) -> Blend:
+        """Return all fields at a time, in the order of ``names``."""
         bracket = self._between(time)
-        earlier = self._record(bracket.before)[name]
-        later = self._record(bracket.after)[name] if bracket.weight > 0.0 else earlier
-        layers = min(len(earlier), len(later))  # another thread may have gone deeper between the two
-        limits = self._limits[: layers + 1] if layers > 1 else SURFACE
-        return Blend(earlier[:layers], later[:layers], bracket.weight, limits, 0.0 if name in MAY_BE_EMPTY else np.nan)
+        earlier = later = self._record(bracket.before)
+        if bracket.weight > 0.0:
+            later = self._record(bracket.after)
+            while len(earlier.layers) != len(later.layers):  # another thread has gone deeper between the two
+                earlier, later = self._record(bracket.before), self._record(bracket.after)
+        return Blend(earlier.layers, later.layers, bracket.weight, earlier.bounds, earlier.limits, self._absent)
+
+    def field(self, name: str, time: float) -> Blend:
+        """Return one field at a time."""
+        blend, number = self.blend(time), self.names.index(name)
+        first, end = blend.bounds[number : number + 2]
+        absent = float(self._absent[number])
+        return Blend.of(blend.before[first:end], blend.after[first:end], blend.weight, blend.limits, absent)
 
     def check(self, start: float, end: float) -> None:
         """Read all records from ``start`` to ``end`` (s) that have not been read before."""
@@ -484,18 +529,27 @@ class ProductRecords:
     def _date(self, time: float) -> np.datetime64:
         return utc(self.start) + np.timedelta64(round(time), "s")
 
-    def _record(self, number: int) -> Block:
+    def _record(self, number: int) -> Record:
         first = number // self._length * self._length
         block = self._blocks.get(first)
         if block is None:
             with self._lock:  # another thread may have read it meanwhile
-                block = self._blocks.get(first) or self._read(slice(first, first + self._length))
+                block = self._blocks.get(first) or self._stacked(self._read(slice(first, first + self._length)))
                 # The dictionary is replaced, never changed: other threads look into it without the lock.
                 spared = sorted(self._blocks, key=lambda old: abs(old - first))[: KEPT_BLOCKS - 1]
                 self._blocks = {**{old: self._blocks[old] for old in spared}, first: block}
                 self._judged |= {first}
-        # A field without time beside others has one record.
-        return {name: values[number - first if len(values) > 1 else 0] for name, values in block.items()}
+        # Fields that all lack time have one record.
+        return block._replace(layers=block.layers[min(number - first, len(block.layers) - 1)])
+
+    def _stacked(self, block: Block) -> Record:
+        """Return records with the layers of all fields in one array; a field without time beside others has one record."""
+        shapes = [block[name].shape for name in self.names]
+        bounds = np.cumsum([0, *(levels for _, levels, _, _ in shapes)])
+        layers = np.empty((max(count for count, *_ in shapes), bounds[-1], *shapes[0][2:]))
+        for name, first, end in zip(self.names, bounds[:-1], bounds[1:], strict=True):
+            layers[:, first:end] = block[name]
+        return Record(layers, bounds, self._limits)
 
     def _read(self, records: slice) -> Block:
         """Read some records; refuse those without a value, and values that cannot be true."""

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.config.units import box_text
 from riftberg.config.values import moment, nanoseconds
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
@@ -125,14 +125,20 @@ class Located:
 
 
 @kernel
-def bracket(axis: Floats, at: float) -> tuple[int, float]:
-    """Return the lower neighbour of a position on a monotonic axis and the fraction of the way to the next; NaN outside."""
+def bracket(axis: Floats, at: float, near: int) -> tuple[int, float]:
+    """Return the lower neighbour of a position on a monotonic axis and the fraction of the way to the next; NaN outside.
+
+    ``near``: a guess of that neighbour, which is looked at first.
+    """
     last = axis.size - 1
     if last == 0:
         return 0, 0.0 if abs(at - axis[0]) <= 1e-8 + 1e-5 * abs(axis[0]) else math.nan
     descends = axis[0] > axis[last]
     # Bisection in ascending order; the last point belongs to the cell before it.
     lower, upper = 0, last
+    guess = last - 1 - near if descends else near
+    if at >= axis[last - guess if descends else guess] and at < axis[last - guess - 1 if descends else guess + 1]:
+        lower, upper = guess, guess + 1
     while upper - lower > 1:
         middle = (lower + upper) // 2
         if at < axis[last - middle if descends else middle]:
@@ -148,12 +154,13 @@ def bracket(axis: Floats, at: float) -> tuple[int, float]:
     return (last - 1 - lower, 1.0 - fraction) if descends else (lower, fraction)
 
 
-@kernel
+@borrower
 def find_on_axes(x_axis: Floats, y_axis: Floats, wrap: int, x: Floats, y: Floats, cells: Places) -> None:
     """Find the cell around each position on two axes; ``wrap``: columns after which the first follows again, or 0."""
+    row, column = 0, 0
     for n in range(x.size):
-        column, xi = bracket(x_axis, x[n])
-        row, eta = bracket(y_axis, y[n])
+        column, xi = bracket(x_axis, x[n], column)
+        row, eta = bracket(y_axis, y[n], row)
         inside = xi == xi and eta == eta
         cells.row[n], cells.column[n] = row if inside else -1, column
         cells.next_row[n] = min(row + 1, y_axis.size - 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 import zipfile
 from collections.abc import Hashable, Iterable, Mapping
@@ -56,6 +57,9 @@ CHUNK = "16MiB"
 
 WHOLE: Final = 4 * 2**20
 """Bytes up to which a file is read as it is: parts of a small one take longer to keep account of than to read."""
+
+ALL_WHOLE: Final = 128 * 2**20
+"""Bytes up to which several files together are read so: they may be converted and joined in memory."""
 
 COORDINATES: Final[dict[str, dict[str, str]]] = {
     "lon": {"standard_name": "longitude", NAMED: "lon"},
@@ -139,13 +143,16 @@ def check_readable(path: str) -> None:
         )
 
 
-def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
-    """Open a file or Zarr store without decoding anything, lazily; text variables are left out."""
+def open_raw(path: str, whole: float = math.inf) -> xr.Dataset:
+    """Open a file or Zarr store without decoding anything, lazily; text variables are left out.
+
+    ``whole``: bytes up to which it is read as it is, and not in parts.
+    """
     path = hidden(path)
     opened = _open(path)
     ds = with_text_dates(with_scalar_mappings(opened))
     text = [name for name, variable in ds.variables.items() if variable.dtype.kind in "OSU" and variable.ndim]
-    if chunked and ds.nbytes > WHOLE and find_spec("dask") is not None:
+    if ds.nbytes > whole and find_spec("dask") is not None:
         import dask
 
         with SETTINGS, dask.config.set({"array.chunk-size": CHUNK}):
@@ -205,11 +212,11 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
         return noted_as_open(xr.open_zarr(store, decode_cf=False, **{"chunks": None, **options}))
 
 
-def read(path: str, product: Product) -> list[xr.Dataset]:
+def read(path: str, product: Product, whole: float = WHOLE) -> list[xr.Dataset]:
     """Read one file of ``product`` into canonical datasets, lazily: one for each grid and set of dates in it."""
     remedy = "The file may be damaged, or of a layout that is not known: look at it with ncdump -h"
     with reading(path, f"cannot be read as {product.name}", remedy, ForcingError):
-        return canonical_parts(open_raw(path), product, path)
+        return canonical_parts(open_raw(path, whole), product, path)
 
 
 def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dataset]:

@@ -16,7 +16,7 @@ from riftberg.products.dates import place_means
 from riftberg.products.levels import uppermost
 from riftberg.products.product import Heading, Product, noted
 from riftberg.products.quantities import QUANTITIES
-from riftberg.products.reading import COORDINATES, NAMING, canonical_parts, is_zarr, open_raw, read
+from riftberg.products.reading import ALL_WHOLE, COORDINATES, NAMING, WHOLE, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import pair_vectors
 from riftberg.system.input_files import at_home, files_matching, hidden, is_address
@@ -97,7 +97,7 @@ def choose_product(product: str | None, names: Mapping[str, str], *, where: str 
 def recognise(path: str | Path) -> Product:
     """Return the product that a file belongs to, told by its attributes, variables and dimensions."""
     with closing_files():
-        ds = open_raw(str(path), chunked=False)
+        ds = open_raw(str(path))
         if product := find_product(ds):
             return product
         variables = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items())
@@ -187,25 +187,29 @@ def open_named(entries: Iterable[tuple[str, Choice]], member: int | None = None)
 
     ``entries``: files ((path, choice)); ``member``: of files with members of an ensemble, from 0.
     """
-    read_files = (read_named(path, product, number, member) for number, (path, product) in enumerate(entries))
+    entries = list(entries)
+    whole = max(WHOLE, ALL_WHOLE / max(1, len(entries)))
+    read_files = (read_named(path, product, number, member, whole) for number, (path, product) in enumerate(entries))
     return pair_vectors(joined_files([dataset for datasets in read_files for dataset in datasets]))
 
 
-def read_named(path: str, product: Choice, number: int, member: int | None = None) -> list[tuple[xr.Dataset, Product]]:
+def read_named(
+    path: str, product: Choice, number: int, member: int | None = None, whole: float = WHOLE
+) -> list[tuple[xr.Dataset, Product]]:
     """Read one file as the product named for it, with its place among the files on each field.
 
     Of two files that give a field a run takes the later. Where a file does not look like the product named for it, an error
-    says so.
+    says so. ``whole``: as for `riftberg.products.reading.open_raw`.
     """
     if isinstance(product, Mapping):
-        chosen = _with_names(open_raw(path, chunked=False), product)
+        chosen = _with_names(open_raw(path), product)
     else:
         chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
     chosen = chosen if member is None else replace(chosen, member=member)
     try:
-        datasets = read(path, chosen)
+        datasets = read(path, chosen, whole)
     except ForcingError as error:
-        if not isinstance(product, str) or belongs(open_raw(path, chunked=False), chosen):
+        if not isinstance(product, str) or belongs(open_raw(path), chosen):
             raise
         fault = f"{error.what}; it is named {chosen.name} and does not look like it"
         remedy = f"Name the right product, or none. Of {chosen.name}: {error.remedy}"
