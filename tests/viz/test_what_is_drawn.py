@@ -542,7 +542,7 @@ def test_the_ends_of_a_channel_are_drawn_and_explained(tmp_path: Path) -> None:
     west, east = figure.axes[0].get_xlim()
     assert seams == [x for x in np.arange(-10, 20) * Channel.period if west <= x <= east]
     assert seams
-    assert "where the channel begins anew" in legend_of(figure)
+    assert "edge of the periodic channel" in legend_of(figure)
 
 
 def test_a_wide_drift_fills_its_map(tmp_path: Path, run: xr.Dataset) -> None:
