@@ -620,7 +620,11 @@ def _berg_lines(bergs: list[dict[str, Any]], latlon: bool, stays: list[dict[str,
             lines.append(f"  {name} melted away")
             continue
         east, north = 1e3 * berg["drift_east_km"], 1e3 * berg["drift_north_km"]
-        moved = f"{verb} {drift_text(east, north)} to" if verb != DRIFTED or math.hypot(east, north) >= STILL else "stayed at"
+        moved = (
+            f"{verb} {drift_text(east, north)} to"
+            if verb != DRIFTED or math.hypot(east, north) >= STILL
+            else "stayed at"
+        )
         position = place_text(berg["lon"], berg["lat"], latlon=latlon)
         areas = _areas(berg["areas_km2"], berg["fragments"])
         pieces = "one piece" if berg["fragments"] == 1 else f"{berg['fragments']} pieces"

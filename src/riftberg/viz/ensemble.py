@@ -280,7 +280,7 @@ def _draw_cracks(ax: Axes, result: xr.Dataset, notes: Sequence[str]) -> Any:
     ax.contourf(x, y, result["ice"].values, levels=[0.5, 1.5], colors=[colours.ICE], zorder=1)
     share = np.ma.masked_less(result["crack_probability"].values, 0.005)
     image = ax.pcolormesh(x, y, share, cmap="magma_r", vmin=0.0, vmax=max(0.1, float(share.max() or 0.1)), zorder=2)
-    ax.set_aspect("equal")
+    ax.set_aspect("equal", adjustable="datalim")  # a slim berg leaves no empty picture
     style.plain_axes(ax)
     ax.set_xlabel("km east of the middle at the start", fontsize=9)
     ax.set_ylabel("km north", fontsize=9)

@@ -390,7 +390,7 @@ def draw_fragments(run: xr.Dataset, *, dpi: int = 150) -> Figure:
     figure = new_figure(11.0, 7.4, dpi)
     ground = scene.aground().sum(axis=1) if knows_floor(scene) else np.zeros(len(scene.times))
     bonded = run.sizes["bond"] > 0
-    heights = [3.0, *([1.6] if bonded else []), *([1.0] if ground.any() else [])]
+    heights = [3.0 if len(scene.numbers) > 1 else 1.2, *([1.6] if bonded else []), *([1.0] if ground.any() else [])]
     axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     length, lower = style.run_length(scene.times), axes[-1]
     times: Any = scene.times
