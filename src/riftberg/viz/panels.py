@@ -591,8 +591,9 @@ def arrow_key(quiver: Quiver, top: float) -> None:
 
     speed = style.round_length(0.75 * top)
     axes: Any = quiver.axes
+    scale: Any = quiver.scale
     key = axes.quiverkey(
-        quiver, 0.97 - speed / float(quiver.scale), 0.94, speed, f"{speed:g} m s$^{{-1}}$", labelpos="W", labelsep=0.06,
+        quiver, 0.97 - speed / scale, 0.94, speed, f"{speed:g} m s$^{{-1}}$", labelpos="W", labelsep=0.06,
         color=colours.ARROW, fontproperties={"size": 8}, zorder=10,
     )  # fmt: skip
     key.text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
