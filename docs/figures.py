@@ -23,12 +23,13 @@ LIFE = (
     ("Shape", "An outline, mask, table or rectangle is filled with a lattice on an equal-area plane.", "bergs/"),
     ("Birth", "Positions, size, thickness and density give the mass; an id names the element for good.", "bergs/, state/"),
     ("Bonds", "Neighbours within reach are bonded at their distance of that moment. Rifts weaken or drop some.", "bergs/"),
-    ("Time step", "The element takes currents, wind, waves, ice and sea floor where it is; they push it.", "ocean/, engines/"),
-    ("Bonds bear the load", "Bonds pull, shear and bend, and bergs that touch press on each other.", "engines/quasi_static/lattice, contact"),
-    ("Break-up", "A bond beyond its strength fails, for good. Parts that come apart get numbers of their own.",
+    ("Time step", "Currents, wind, waves, sea ice and sea floor at the element act on it.", "ocean/, engines/"),
+    ("Stress", "Bonds are stretched, sheared and bent; bergs that touch press on each other.",
+     "engines/quasi_static/lattice, contact"),
+    ("Break-up", "A bond loaded beyond its strength breaks for good. Each fragment gets its own number.",
      "engines/quasi_static/fracture, fragments"),
-    ("Melt", "Thickness and sides melt; small bergs roll; edges calve.", "life/"),
-    ("Removal", "What has melted leaves with its bonds. Its record ends, and its id is never used again.", "life/, runs/"),
+    ("Melt", "Base and sides melt; small bergs roll over; edges calve.", "life/"),
+    ("Removal", "A melted element leaves with its bonds. Its record ends; its id is never used again.", "life/, runs/"),
 )  # fmt: skip
 """Title, text and packages of each stage in the life of an element."""
 
@@ -133,7 +134,7 @@ def packages() -> list[tuple[str, str]]:
 def subject(place: Path) -> str:
     """Return the first line of the docstring of a package or module."""
     path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
-    return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").split("\n")[0]
+    return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").split("\n")[0].replace("`", "")
 
 
 def life(path: Path) -> Any:
@@ -142,21 +143,21 @@ def life(path: Path) -> Any:
 
     from riftberg.viz.style import new_figure
 
-    figure = new_figure(10.5, 4.6, 100)
+    figure = new_figure(10.5, 4.2, 100)
     ax = figure.add_subplot()
     for k, (title, text, room) in enumerate(LIFE):
-        x, y = 2.6 * (k % 4), 2.4 * (1 - k // 4)
-        ax.add_patch(Rectangle((x, y), 2.2, 1.9, fc=FLOOR_COLOURS[k % len(FLOOR_COLOURS)], ec="#444444", lw=0.8))
-        ax.text(x + 0.1, y + 1.68, title, fontsize=11, fontweight="bold", va="center")
-        ax.text(x + 0.1, y + 1.42, fill(text, 32), fontsize=8, va="top")
-        ax.text(x + 0.1, y + 0.12, fill(room, 30), fontsize=7, va="bottom", color="#333333", family="monospace")
+        x, y = 2.6 * (k % 4), 2.0 * (1 - k // 4)
+        ax.add_patch(Rectangle((x, y), 2.2, 1.6, fc="#F2F2F2", ec="#444444", lw=0.8))
+        ax.text(x + 0.1, y + 1.4, title, fontsize=11, fontweight="bold", va="center")
+        ax.text(x + 0.1, y + 1.16, fill(text, 32), fontsize=8, va="top")
+        ax.text(x + 0.1, y + 0.1, fill(room, 30), fontsize=7, va="bottom", color="#333333", family="monospace")
         if k % 4 < 3 and k + 1 < len(LIFE):
-            ax.annotate("", (x + 2.58, y + 0.95), (x + 2.22, y + 0.95), arrowprops={"arrowstyle": "-|>", "lw": 1.6})
+            ax.annotate("", (x + 2.58, y + 0.8), (x + 2.22, y + 0.8), arrowprops={"arrowstyle": "-|>", "lw": 1.6})
     # From the end of the first row back to the start of the second, through the gap between them.
-    ax.plot([8.9, 8.9, 1.1], [2.4, 2.15, 2.15], color="black", lw=1.6)
-    ax.annotate("", (1.1, 1.92), (1.1, 2.17), arrowprops={"arrowstyle": "-|>", "lw": 1.6})
+    ax.plot([8.9, 8.9, 1.1], [2.0, 1.8, 1.8], color="black", lw=1.6)
+    ax.annotate("", (1.1, 1.62), (1.1, 1.82), arrowprops={"arrowstyle": "-|>", "lw": 1.6})
     ax.set_xlim(-0.05, 10.1)
-    ax.set_ylim(-0.1, 4.4)
+    ax.set_ylim(-0.05, 3.65)
     ax.set_axis_off()
     figure.savefig(path)
     return LIFE
@@ -178,7 +179,9 @@ def keel_and_floor(path: Path) -> dict[str, float]:
     figure = new_figure(8.0, 3.4, 110)
     ax = figure.add_subplot()
     ax.fill_between(x / 1e3, floor, draft + 6.0, color="#C8A96A", lw=0, label="sea floor, slope 1 in 1000")
-    ax.fill_between(x / 1e3, draft - 2.0, draft - lift, color="#DCE9F5", lw=0, label="ice")
+    ax.set_facecolor("#BFD9EC")
+    ax.text(4.5, draft + 1.2, "sea water", fontsize=9, ha="center", color="#1F4E79")
+    ax.fill_between(x / 1e3, draft - 2.0, draft - lift, color="#EEF2F5", lw=0, label="ice, 250 m thick")
     ax.plot(x / 1e3, np.full(x.size, draft), "--", color="#444444", lw=1.2, label="keel of the berg afloat")
     ax.plot(x / 1e3, draft - lift, color="#1F4E79", lw=2.0, label="keel as the floor lifts and bends it")
     ax.annotate(
@@ -191,7 +194,8 @@ def keel_and_floor(path: Path) -> dict[str, float]:
     ax.annotate("", (length / 1e3, draft + 1.2), (0.0, draft + 1.2), arrowprops={"arrowstyle": "<->"})
     ax.text(0.08, draft + 1.3, f"ice bends over {length / 1e3:.1f} km", va="top", fontsize=8)
     ax.set(
-        xlim=(0.0, 6.0), ylim=(draft + 2.0, draft - 1.2), xlabel="from the front of the berg (km)", ylabel="depth (m)"
+        xlim=(0.0, 6.0), ylim=(draft + 2.0, draft - 1.2), xlabel="distance from the front of the berg (km)",
+        ylabel="depth (m)",
     )
     ax.legend(fontsize=8, loc="upper right", frameon=True)
     figure.savefig(path)
@@ -224,7 +228,7 @@ def own_files(path: Path) -> dict[str, Any]:
         Path("berg.yaml").write_text(readme.partition("```yaml\n")[2].partition("```")[0], "utf-8")
         model, info = build("berg.yaml")
         run = model.run(info.days, every_hours=1.0)
-        draw_map(run, path, forcing=model.forcing, title=info.title, dpi=100)
+        draw_map(run, path, forcing=model.forcing, title=info.title or info.name, dpi=100)
     return told_by(run)
 
 
@@ -247,8 +251,8 @@ def story(on_a_map: Path, stress: Path, timeline: Path, why: Path) -> dict[str, 
         return told_by(run)
 
 
-def scores(*paths: Path) -> dict[str, Any] | None:
-    """Draw the scores of A68a against the daily outlines, where the observations are at hand; centroids only."""
+def score(path: Path) -> dict[str, int] | None:
+    """Draw the score of A68a against the daily outlines, where the observations are at hand; centroids only."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
     from scores import daily_outlines, run_experiment, shared_folder
 
@@ -259,20 +263,16 @@ def scores(*paths: Path) -> dict[str, Any] | None:
 
     data = shared_folder()
     if data is None:
-        print("no observations (RIFTBERG_SHARED): the figures of the scores stay as they are", file=sys.stderr)
+        print("no observations (RIFTBERG_SHARED): the figure of the score stays as it is", file=sys.stderr)
         return None
-    headings = {"a68a": "A68a in the fitted ocean", "a68a-oras5": "A68a in the monthly means of ORAS5"}
-    shown = {}
-    for name, path in zip(headings, paths, strict=True):
-        with tempfile.TemporaryDirectory() as scratch:
-            run, _ = run_experiment(name, "own", data, Path(scratch) / "run.nc")
-            with run:
-                run.attrs["heading"] = headings[name]
-                score = score_run(run, daily_outlines(data))
-                title = figure_title(run, "run against the daily outlines")
-                draw_score(score, path, title=title, water=stored_water(run), dpi=110)
-                shown[name] = {day.time[:10]: round(day.berg.distance_km) for day in score.days if day.berg is not None}
-    return shown
+    with tempfile.TemporaryDirectory() as scratch:
+        run, _ = run_experiment("a68a", "own", data, Path(scratch) / "run.nc")
+        with run:
+            run.attrs["heading"] = "A68a in the fitted ocean"
+            result = score_run(run, daily_outlines(data))
+            title = figure_title(run, "run against the daily outlines")
+            draw_score(result, path, title=title, water=stored_water(run), dpi=110)
+    return {day.time[:10]: round(day.berg.distance_km) for day in result.days if day.berg is not None}
 
 
 DRAWN: dict[tuple[str, ...], Callable[..., Any]] = {
@@ -283,6 +283,6 @@ DRAWN: dict[tuple[str, ...], Callable[..., Any]] = {
     ("own-files",): own_files,
     ("coarse-oceans",): coarse_oceans,
     ("a68a-map", "a68a-stress", "a68a-timeline", "a68a-why"): story,
-    ("score-a68a", "score-a68a-oras5"): scores,
+    ("score-a68a",): score,
 }
 """Names of the figures that are drawn together, and what draws them."""

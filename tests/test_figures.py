@@ -15,9 +15,6 @@ ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "docs" / "figures"
 
 OF_THEIR_SCRIPTS = {
-    "sensitivity-morris": "docs/examples/sensitivity_of_a68a.py", "sensitivity-sobol": "docs/examples/sensitivity_of_a68a.py",
-    "calibration-posterior": "docs/examples/calibration_of_a68a.py",
-    "calibration-predictive": "docs/examples/calibration_of_a68a.py",
     "stress-and-long-step": "benchmarks/convergence.py",
 }  # fmt: skip
 """Figures that come with a table of evidence, and the script that makes both in an hour or more."""

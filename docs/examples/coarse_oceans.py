@@ -132,37 +132,37 @@ def table(names: tuple[str, ...] = tuple(SPACINGS)) -> list[tuple[str, ...]]:
 
 def draw(path: Path) -> Path:
     """Draw small bergs' tracks in the formula and in cells of a degree over the current, and the distances by day."""
-    from riftberg.viz.style import new_figure
+    from riftberg.viz.style import geographic_axes, letters, new_figure
 
     figure = new_figure(10.5, 4.2, 110)
-    left, right = figure.subplots(1, 2)
+    left, right = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
     lon, lat = np.meshgrid(np.linspace(-42, -33, 180), np.linspace(-58.5, -53.5, 120))
     u, v = ocean().currents(lon, lat, 0.0)
     shade = left.pcolormesh(lon, lat, np.hypot(u, v), cmap="Blues", shading="auto")
-    figure.colorbar(shade, ax=left, label="current, m/s")
+    figure.colorbar(shade, ax=left, label="speed of the current (m s$^{-1}$)")
     small, large = bergs().values()
     start = np.array([[small.elements.lon, small.elements.lat]])
     true = {berg_size: in_formula(berg) for berg_size, berg in bergs().items()}
     for name, colour in (("1/4", "#2a9d3a"), ("1", "#d1495b")):
         tracks = np.concatenate([start, in_cells(small, SPACINGS[name])])
         for k in range(0, 60, 7):
-            left.plot(*tracks[:, :, k].T, color=colour, lw=1.4, label=f"cells of {name}°" if k == 0 else None)
+            left.plot(*tracks[:, :, k].T, color=colour, lw=1.4, marker=".", ms=4, label=f"in cells of {name}°" if k == 0 else None)
     tracks = np.concatenate([start, true["1 km"]])
     for k in range(0, 60, 7):
-        left.plot(*tracks[:, :, k].T, color="black", lw=1.4, label="formula" if k == 0 else None)
-    left.set(
-        xlabel="longitude", ylabel="latitude", xlim=(-42, -33), ylim=(-58.5, -53.5), title="ten days, bergs of 1 km"
-    )
-    left.legend(loc="lower right", fontsize=8)
+        left.plot(*tracks[:, :, k].T, color="black", lw=1.4, marker=".", ms=4, label="in the formula" if k == 0 else None)
+    left.set(xlim=(-42, -33), ylim=(-58.5, -53.5), aspect=1.0 / np.cos(np.radians(56.0)))
+    left.set_title("bergs of 1 km, ten days (dots: daily)", fontsize=10)
+    geographic_axes(left, latlon=True, ticks=5)
+    left.legend(loc="lower right", fontsize=8, framealpha=0.9)
     days = np.arange(1, DAYS[-1] + 1)
     for (name, spacing), colour in zip(SPACINGS.items(), ("#00798c", "#2a9d3a", "#edae49", "#d1495b"), strict=True):
-        right.plot(days, apart(in_cells(small, spacing), true["1 km"]), color=colour, label=f"1 km, cells of {name}°")
-        right.plot(days, apart(in_cells(large, spacing), true["100 km"]), color=colour, ls="--")
-    right.plot(days, travelled(true["1 km"], small), color="black", lw=0.8, label="1 km, drift itself")
-    right.set(
-        xlabel="days", ylabel="km from the track in the formula", yscale="log", title="dashed: the berg of 100 km"
-    )
-    right.legend(fontsize=8)
+        right.plot(days, apart(in_cells(small, spacing), true["1 km"]), color=colour, label=f"1 km, {name}°")
+        right.plot(days, apart(in_cells(large, spacing), true["100 km"]), color=colour, ls="--", label=f"100 km, {name}°")
+    right.plot(days, travelled(true["1 km"], small), color="black", lw=0.8, label="1 km, distance drifted")
+    right.set(xlabel="days since the start", ylabel="distance from the track in the formula (km)", yscale="log")
+    right.set_title("length of the berg, width of the cells", fontsize=10)
+    right.legend(fontsize=7, ncols=2, loc="lower right")
+    letters([left, right])
     figure.savefig(path)
     return path
 

@@ -18,7 +18,8 @@ draw_map(run, "grounding.png", title="Aground on a slope")
 # %%
 # At first it drifted with the current. Now it stands, with its eastern edge where the water is as deep as its keel. How far it
 # slid, and what holds it:
-print(model.groundings.rows[0])
+stay = model.groundings.rows[0]
+print(f"slid {stay.way:.0f} m, lifted by {stay.lift:.2f} m, holds {stay.capacity:.1e} N against {stay.pressing:.1e} N")
 speed = float(np.hypot(model.elements.u_sync.mean(), model.elements.v_sync.mean()))
 draft = float(model.elements.thickness[0]) * 850.0 / 1025.0
 edge = float(model.elements.depth.min()) - 0.01 * 1500.0  # from the middle of an element of 3 km to its eastern side

@@ -54,6 +54,7 @@ def test_boxes_and_ways_have_letters_and_points_of_the_compass() -> None:
     assert box_text(0.0, 80.0, 0.0, 40.0, latlon=False) == "x 0 to 80 m, y 0 to 40 m"
     assert drift_text(-3e3, -3.1e3) == "4.31 km south-west"
     assert drift_text(0.0, 12.0) == "12 m north"
+    assert drift_text(0.0, -0.474) == "0.47 m south"  # the middle of a beam, of which "0 m south" was said
 
 
 def test_seconds_per_day_leave_out_what_is_compiled_on_the_way() -> None:

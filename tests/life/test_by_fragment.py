@@ -105,7 +105,7 @@ def test_bits_and_children_are_told_in_words_maps_replay_and_reasons(tmp_path: P
         assert bits == pytest.approx(float((life.mass_of_bits * life.mass_scaling).sum()), rel=1e-12)
         line = melt_lines(run)[0]
         assert f"; {bits / 1e12:.3g} Gt more are afloat as bits; {children} bergs of " in line
-        assert line.endswith(" born on the way.")
+        assert line.endswith(" calved or added later.")
         # Each child of the one berg tells where it comes from; it broke no bond, so it has no parent.
         assert run["fragment_calved_from"].values.tolist() == [0] + [1] * children
         assert not run["fragment_parent"].values.any()

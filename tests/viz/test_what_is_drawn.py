@@ -16,6 +16,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.quiver import QuiverKey
 
 from fakes import SIDE, FakeForcing, FakeModel
@@ -31,7 +32,7 @@ from riftberg.runs.scene import Scene, stored_water, stretch
 from riftberg.viz import animate, colours, ensemble, plots, style
 from riftberg.viz import score as score_picture
 from riftberg.viz.map import draw_map
-from riftberg.viz.panels import DOT, common_boxes, fragment_colours
+from riftberg.viz.panels import DOT, arrow_key, common_boxes, fragment_colours
 from riftberg.viz.replay import ReplayContent
 from riftberg.viz.score import _failures
 from riftberg.viz.style import moment_texts
@@ -523,7 +524,9 @@ def test_a_beam_is_drawn_with_supports_load_and_theory(name: str, tmp_path: Path
     with open_run(tmp_path / "run.nc") as run:
         assert not Scene(run).aground().any()
         figure = draw_map(run, observed=info.statics)
-    assert {"support", "load", "theory"} <= set(legend_of(figure))
+    # A beam has no track: its middle lies where load and dates would be drawn on each other.
+    assert {"support", "load", "theory", "at the start"} <= set(legend_of(figure))
+    assert not [label for label in legend_of(figure) if "track" in label]
     assert len(figure.axes) == 1
     title = figure.get_suptitle()
     assert title.startswith(info.title)
@@ -542,7 +545,32 @@ def test_the_ends_of_a_channel_are_drawn_and_explained(tmp_path: Path) -> None:
     west, east = figure.axes[0].get_xlim()
     assert seams == [x for x in np.arange(-10, 20) * Channel.period if west <= x <= east]
     assert seams
-    assert "where the channel begins anew" in legend_of(figure)
+    assert "edge of the periodic channel" in legend_of(figure)
+
+
+def test_a_legend_is_as_wide_as_its_figure() -> None:
+    """Named for a wide map whose last entry, "shallower than the keel", was cut off after eight letters."""
+    figure = style.new_figure(15.5, 4.0, 60)
+    handles = [Line2D([], [], label=f"fragment {k}: 1,656 km², off on 13 Dec 12:37, afloat") for k in range(12)]
+    style.legend_below(figure, handles, columns=6)
+    (legend,) = figure.legends
+    assert legend.get_window_extent().width <= figure.bbox.width
+    assert len(legend.get_texts()) == 12
+
+
+def test_the_reference_arrow_stays_inside_its_panel() -> None:
+    """It began at the right edge of its panel, and ended in the next one."""
+    ax = style.new_figure(4.0, 4.0, 60).add_subplot()
+    quiver = ax.quiver([0.5], [0.5], [1.0], [0.0], angles="uv", scale=1.05 * 9 * 1.0)
+    arrow_key(quiver, 1.0)
+    (key,) = (artist for artist in ax.get_children() if isinstance(artist, QuiverKey))
+    assert key.X + key.U / quiver.scale == pytest.approx(0.97)
+
+
+def test_pictures_of_dates_name_their_year(run: xr.Dataset) -> None:
+    """Two panels with "16 Dec 15:00" belonged to any year."""
+    year = str(run["time"].values[0])[:4]
+    assert plots.draw_stress(run).get_suptitle().split("\n")[0].endswith(f", {year}")
 
 
 def test_a_wide_drift_fills_its_map(tmp_path: Path, run: xr.Dataset) -> None:

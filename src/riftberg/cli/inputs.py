@@ -125,6 +125,8 @@ def sensitivity(
                 )
         for line in summary_lines(sensitivities):
             tell(line)
+        if note := sensitivities.attrs["note"]:
+            tell(f"  {note}")
         tell(f"Written to {store.folder}: {', '.join(RESULTS if figure else RESULTS[:-1])}")
 
 

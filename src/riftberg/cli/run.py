@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -64,6 +65,11 @@ MOST_EVENTS: Final = 10
 
 MOST_BERGS: Final = 6
 """Bergs that have a line of results each; of more, the areas are listed."""
+
+DRIFTED: Final = "drifted"
+
+STILL: Final = 1.0
+"""Drift (m) below which a berg has stayed: its direction means nothing."""
 
 BOTH: Final[tuple[Numerics, ...]] = ("reference", "own")
 
@@ -584,7 +590,7 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
             lines.append(f"  and {len(all_of_them) - MOST_EVENTS} more {word}, see summary.json")
     ground = summary.get("ground") or {"stays": [], "first": None, "least_clearance": None, "bathymetry_spacing": None}
     # A beam under its load goes nowhere: it bends.
-    verb = "bent: its centre moved" if summary["numerics"].get("stepping", {}).get("only_interactions") else "drifted"
+    verb = "bent: its centre moved" if summary["numerics"].get("stepping", {}).get("only_interactions") else DRIFTED
     if berg_lines := _berg_lines(bergs, latlon, ground["stays"], verb):
         return [*lines, *berg_lines, *ground_lines(ground)]
     count, many_bergs = summary["fragments"], len(bergs) > 1
@@ -617,14 +623,19 @@ def _berg_lines(bergs: list[dict[str, Any]], latlon: bool, stays: list[dict[str,
         if not berg["fragments"]:
             lines.append(f"  {name} melted away")
             continue
-        drift = drift_text(1e3 * berg["drift_east_km"], 1e3 * berg["drift_north_km"])
+        east, north = 1e3 * berg["drift_east_km"], 1e3 * berg["drift_north_km"]
+        moved = (
+            f"{verb} {drift_text(east, north)} to"
+            if verb != DRIFTED or math.hypot(east, north) >= STILL
+            else "stayed at"
+        )
         position = place_text(berg["lon"], berg["lat"], latlon=latlon)
         areas = _areas(berg["areas_km2"], berg["fragments"])
         pieces = "one piece" if berg["fragments"] == 1 else f"{berg['fragments']} pieces"
         melted = f"; {berg['melted_kg'] / 1e12:.3g} Gt melted" if berg["melted_kg"] else ""
         mine = [stay for stay in stays if stay["number"] == berg["largest"]]
         ground = f", {stay_words(mine[-1], berg['largest_weight'])}" if mine else ""
-        lines.append(f"  {name} {verb} {drift} to {position}, in {pieces} ({areas}){ground}{melted}")
+        lines.append(f"  {name} {moved} {position}, in {pieces} ({areas}){ground}{melted}")
     return lines
 
 

@@ -269,7 +269,9 @@ def drift_text(east: float, north: float) -> str:
     """Return a way (m) as a distance and a point of the compass, such as ``12.3 km north-east``."""
     metres = math.hypot(east, north)
     towards = POINTS[round(math.degrees(math.atan2(east, north)) / 45.0) % 8]
-    return f"{metres / 1e3:.3g} km {towards}" if metres >= 1e3 else f"{metres:.0f} m {towards}"
+    return (
+        f"{metres / 1e3:.3g} km {towards}" if metres >= 1e3 else f"{metres:.{0 if metres >= 9.5 else 2}f} m {towards}"
+    )
 
 
 def area_text(area: float, *, squared: str = "2") -> str:

@@ -323,7 +323,7 @@ def _births(run: xr.Dataset) -> list[str]:
         return []
     added = (run["fragment_parent"].values <= 0) & (run["fragment_birth_time"].values > run["time"].values[0])
     count, area = int(added.sum()), area_text(float(run["fragment_area"].values[added].sum()))
-    return [f"{count_text(count, 'berg')} of {area} born on the way"] if count else []
+    return [f"{count_text(count, 'berg')} of {area} calved or added later"] if count else []
 
 
 def _amounts(water: dict[str, float]) -> str:

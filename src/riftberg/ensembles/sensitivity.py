@@ -32,6 +32,9 @@ LEVEL: Final = 0.9
 
 BOOTSTRAPS: Final = 1000
 
+WIDE: Final = 0.2
+"""Width of an interval of a total index from which on its digits mean nothing."""
+
 DAY: Final = np.timedelta64(1, "D")
 
 
@@ -112,7 +115,18 @@ def indices(ds: xr.Dataset, results: Mapping[str, Result], *, seed: int = 1) -> 
     for name, table in tables.items():
         about = {"long_name": ABOUT.get(name, f"end of the interval of {name.rpartition('_')[0]}")}
         out[name] = (("result", "input")[: table.ndim], table, about)
+    out.attrs["note"] = _width_note(out)
     return out
+
+
+def _width_note(sensitivities: xr.Dataset) -> str:
+    """Return a sentence where total indices are too uncertain for more than an order of the inputs, else nothing."""
+    if "total" not in sensitivities:
+        return ""
+    width = float((sensitivities["total_high"] - sensitivities["total_low"]).max())
+    if not width > WIDE:
+        return ""
+    return f"90 % intervals of total indices are up to {width:.2g} wide: read the order of the inputs, or add draws"
 
 
 ABOUT: Final = {

@@ -58,8 +58,7 @@ MOST_DATES: Final = 12
 """Dates that are compared, evenly over those that were observed: positions of nearby days say the same."""
 
 MODEL_ERROR: Final = {"km": 3.0, "degree": 5.0, "log": 0.15}
-"""Error of the model itself: position, azimuth, margin. Another angle of the lattice moves A68a by 0.6 km
-(docs/explanation/sensitivity.md); the rest is a guess."""
+"""Error of the model itself: position, azimuth, margin; a guess."""
 
 EVERY: Final = 1.0
 """Interval of the tracks, h: a berg on an inertial circle is 1 km beside the line between two positions 6 h apart."""

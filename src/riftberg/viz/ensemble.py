@@ -125,7 +125,7 @@ def _draw_members(ax: Axes, finished: xr.Dataset, shades: Array) -> tuple[Map, t
         births = chart.placed(*(finished[f"fragment_{name}"].values[k][born] for name in (x_name, y_name)))
         ax.plot(*births, ls="", marker="*", ms=7, mec="white", mew=0.4, color=colour, zorder=6)
     chart.draw_scale()
-    ax.set_title("Tracks; a star where a piece broke off", fontsize=10, pad=6)
+    ax.set_title("Tracks (dashed: of fragments, from a star where they broke off)", fontsize=10, pad=6)
     return chart, (x, y)
 
 
@@ -151,7 +151,7 @@ def _draw_breakups(ax: Axes, finished: xr.Dataset, x: Array, shades: Array) -> N
 def _scale(finished: xr.Dataset, name: str) -> tuple[Array, str, list[str]]:
     """Return a parameter as numbers for an axis, the label of that axis, and its words where it has no numbers."""
     variable = finished[name]
-    title = str(variable.attrs["parameter"])
+    title = style.spell_name(str(variable.attrs["parameter"]))
     if variable.dtype.kind in "OUST":
         words = list(dict.fromkeys(str(value) for value in variable.values))
         return np.array([words.index(str(value)) for value in variable.values], dtype=float), title, words
@@ -280,7 +280,7 @@ def _draw_cracks(ax: Axes, result: xr.Dataset, notes: Sequence[str]) -> Any:
     ax.contourf(x, y, result["ice"].values, levels=[0.5, 1.5], colors=[colours.ICE], zorder=1)
     share = np.ma.masked_less(result["crack_probability"].values, 0.005)
     image = ax.pcolormesh(x, y, share, cmap="magma_r", vmin=0.0, vmax=max(0.1, float(share.max() or 0.1)), zorder=2)
-    ax.set_aspect("equal")
+    ax.set_aspect("equal", adjustable="datalim")  # a slim berg leaves no empty picture
     style.plain_axes(ax)
     ax.set_xlabel("km east of the middle at the start", fontsize=9)
     ax.set_ylabel("km north", fontsize=9)
@@ -441,6 +441,10 @@ def draw_sensitivity(sensitivities: xr.Dataset, path: str | Path, *, title: str 
         ax.set_yticks(position, [style.spell_name(name) for name in inputs])
         ax.set_ylim(len(inputs) - 0.4, -0.6)
         style.plain_axes(ax)
-    style.put_title(figure, f"{title}; lines: 90 % intervals" if title else "Lines: 90 % intervals")
+    head, note = (
+        f"{title}; lines: 90 % intervals" if title else "Lines: 90 % intervals",
+        sensitivities.attrs.get("note"),
+    )
+    style.put_title(figure, f"{head}\n{note}" if note else head)
     style.lay_out(figure)
     return style.save_figure(figure, path)

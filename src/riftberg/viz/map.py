@@ -183,8 +183,7 @@ def draw_tracks(run: xr.Dataset, *, title: str = "", projection: Projection = "a
     figure = style.new_figure(7.0, 8.4, dpi)
     overview = Overview(figure.subplots(), scene, water, OVERVIEW)
     depth_bar(overview.panel)
-    handles = overview.handles(marks="track and dates")
-    figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=2, frameon=False)
+    style.legend_below(figure, overview.handles("dates"), columns=2)
     style.put_title(figure, _title(run, scene, title))
     style.lay_out(figure)
     overview.draw(scene.telling_records(6))
@@ -219,10 +218,8 @@ def _draw_figure(
         subfigures = figure.subfigures(1, 2, width_ratios=(0.4, 0.6)) if panel_records else [figure]
     overview = Overview(subfigures[0].subplots(), scene, water, shape, observed, statics)
     depth_bar(overview.panel)
-    marks = "track and dates of the panels" if panel_records else "track and dates"
-    subfigures[0].legend(
-        handles=overview.handles(marks), fontsize=8, loc="outside lower left", ncols=6 if wide else 2, frameon=False
-    )
+    marks = "dates of the panels" if panel_records else "dates"
+    style.legend_below(subfigures[0], overview.handles(marks), columns=6 if wide else 2)
     style.put_title(figure, title, size=11.0)
     if not panel_records:
         style.lay_out(figure)
@@ -320,10 +317,11 @@ class Overview:
                 self.ax.plot(x[0], y[0], "*", ms=13, mfc=self.colours[number], mec="black", zorder=9)
                 labels.avoid(x[0], y[0], 8.0)
         # Smaller pieces first, so that the track of the largest lies on top.
-        for number in reversed(list(self.colours)):
+        for number in reversed(list(self.colours)) if self.statics is None else ():
             self._draw_track(number, labels)
-        self.panel.draw_place(self.scene.x, self.scene.y, labels)
-        self._draw_dates(labels, records)
+        self.panel.draw_place(*self._covered(records), labels)
+        if self.statics is None:
+            self._draw_dates(labels, records)
         for number, position in ends.items():
             if len(ends) > 1:
                 labels.put(self.scene.name(number), *position, fontsize=8, style="italic")
@@ -372,13 +370,20 @@ class Overview:
                 labels.put(texts[k], *positions[k], fontsize=9, fontweight="bold")
                 labelled.append(positions[k])
 
+    def _covered(self, records: list[int]) -> tuple[Floats, Floats]:
+        """Return points that the view of the Earth should leave free: corners of the ice that is drawn, and tracks."""
+        corners = [self.scene.polygons(records[k]).reshape(-1, 2) for k in (0, -1)]
+        tracks = [np.stack(self.scene.track(number)[:2], axis=-1) for number in self.colours]
+        x, y = np.concatenate([*corners, *tracks]).T
+        return x, y
+
     def touches(self) -> list[tuple[float, float]]:
         """Return where bergs and fragments touched the sea floor, on the map."""
         rows = [stay.event for stay in self.scene.stays]
         x, y = self.panel.placed(np.array([row.lon for row in rows]), np.array([row.lat for row in rows]))
         return list(zip(x.tolist(), y.tolist(), strict=True))
 
-    def handles(self, marks: str = "track and dates of the panels") -> list[Any]:
+    def handles(self, marks: str) -> list[Any]:
         """Return the entries of fragments and signs in a legend."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
@@ -386,15 +391,19 @@ class Overview:
         handles: list[Any] = list(fragment_patches(self.scene))
         if not np.isin(self.scene.berg[[0, -1]], [0, *self.colours]).all():
             handles.append(Patch(fc=colours.SMALL, ec="black", lw=0.5, label="smaller bergs and pieces"))
-        handles.append(Line2D([], [], color="black", marker="o", mfc="white", lw=2, label=marks))
-        if self.statics is not None:
+        broke = any(self.scene.birth(n) for n in self.colours)
+        if self.statics is None:
+            track = f"track (with gaps at break-ups) and {marks}" if broke else f"track and {marks}"
+            handles.append(Line2D([], [], color="black", marker="o", mfc="white", lw=2, label=track))
+        else:
+            handles.append(Patch(fc=colours.MODEL, alpha=0.35, label="at the start"))
             arrow = Line2D([], [], ls="", marker="$\\downarrow$", ms=11, color=colours.GROUND, label="load")
             handles += [
                 Line2D([], [], ls="", label="support", **SUPPORT),
                 arrow,
                 Line2D([], [], label="theory", **THEORY),
             ]
-        if any(self.scene.birth(n) for n in self.colours):
+        if broke:
             handles.append(
                 Line2D([], [], ls="", marker="*", ms=11, mfc="white", mec="black", label="where it broke off")
             )
@@ -408,7 +417,7 @@ class Overview:
                     ms=8,
                     mfc=colours.GROUND,
                     mec="black",
-                    label="place of a touch of the sea floor",
+                    label="where it touched the sea floor",
                 )
             )
         handles += [
@@ -417,7 +426,7 @@ class Overview:
         ]  # fmt: skip
         handles += self.panel.ground_patches()
         if self.panel.seams:
-            handles.append(Line2D([], [], label="where the channel begins anew", **SEAM))
+            handles.append(Line2D([], [], label="edge of the periodic channel", **SEAM))
         if self.observed:
             handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.1, label="observed outline"))
         return handles

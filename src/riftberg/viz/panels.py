@@ -264,6 +264,7 @@ class Map:
         A shaded floor needs its `depth_bar`.
         """
         from matplotlib.colors import BoundaryNorm
+        from matplotlib.patheffects import withStroke
 
         if water is None:
             return
@@ -282,8 +283,9 @@ class Map:
         levels = [d for d in ISOBATHS if low < d < high]
         if levels and not stepped:
             lines = self.ax.contour(x, y, depth, levels=levels, colors=colours.ISOBATH, linewidths=0.6, zorder=2)
-            if labels:
-                self.ax.clabel(lines, fmt="%d m", fontsize=6)
+            if labels and not self.depth_steps:  # the scale of a shaded floor names them
+                for name in self.ax.clabel(lines, fmt="%d m", fontsize=6, zorder=7):
+                    name.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
         if not hatched or draft is None or not low < draft:
             return
         filled = self.ax.contourf(
@@ -584,23 +586,26 @@ def depth_bar(panel: Map) -> None:
 
 
 def arrow_key(quiver: Quiver, top: float) -> None:
-    """Draw an arrow of a round speed of up to ``top`` (m s-1) in the upper right corner of its panel."""
+    """Draw an arrow of a round speed of up to ``top`` (m s-1) inside the upper right corner of its panel."""
     from matplotlib.patheffects import withStroke
 
     speed = style.round_length(0.75 * top)
     axes: Any = quiver.axes
+    scale: Any = quiver.scale
     key = axes.quiverkey(
-        quiver, 0.95, 0.94, speed, f"{speed:g} m s$^{{-1}}$", labelpos="W", labelsep=0.06, color=colours.ARROW,
-        fontproperties={"size": 8}, zorder=10,
+        quiver, 0.97 - speed / scale, 0.94, speed, f"{speed:g} m s$^{{-1}}$", labelpos="W", labelsep=0.06,
+        color=colours.ARROW, fontproperties={"size": 8}, zorder=10,
     )  # fmt: skip
     key.text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 
 
-def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) -> list[Box]:
+def common_boxes(
+    scene: Scene, records: Sequence[int], *, margin: float = 0.12, largest: float = LARGE_BOX
+) -> list[Box]:
     """Return square extents for panels that are compared: one for all, or of one size where the berg goes far.
 
-    Where the berg stays about where it is, all panels show the same place; else each is centred on the named fragments of
-    its record.
+    Where the berg stays about where it is (all of it within ``largest`` times its extent), all panels show the same place;
+    else each is centred on the named fragments of its record.
     """
     least = FEWEST * math.sqrt(float(scene.area.max())) / 1e3 * scene.units_per_km()
     single = [widen_box(scene.box(record), scene.latlon, 1.0, margin=margin, least=least) for record in records]
@@ -610,17 +615,17 @@ def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) 
         min(b.south for b in single), max(b.north for b in single),
     )  # fmt: skip
     shared = widen_box(union, scene.latlon, 1.0)
-    if shared.north - shared.south <= LARGE_BOX * side:
+    if shared.north - shared.south <= largest * side:
         return [shared] * len(single)
     return [widen_box(box, scene.latlon, 1.0, least=side) for box in single]
 
 
 def make_panels(
     axes: Sequence[Axes], scene: Scene, water: Water | None, records: Sequence[int], *, margin: float = 0.12,
-    texts: Sequence[str] | None = None,
+    largest: float = LARGE_BOX, texts: Sequence[str] | None = None,
 ) -> list[Panel]:  # fmt: skip
     """Return maps of records on axes of one row or table, under their moments or other texts."""
-    boxes = common_boxes(scene, records, margin=margin)
+    boxes = common_boxes(scene, records, margin=margin, largest=largest)
     panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(axes, boxes, strict=True)]
     for panel, text in zip(panels, texts or style.moment_texts(scene.times, records), strict=True):
         panel.ax.set_title(text, fontsize=10, pad=4)

@@ -55,10 +55,12 @@ CRACK = 1.3
 """Largest stress of the scale, as a part of the strength; the figure says where stresses go beyond."""
 
 
-def figure_title(run: xr.Dataset, subject: str) -> str:
-    """Return the title of a figure; its second line names the forcing."""
-    note = str(run.attrs.get("forcing_title", "")).strip()
-    return f"{run_heading(run)}: {subject}" + (f"\nForcing: {note}" if note else "")
+def figure_title(run: xr.Dataset, subject: str, records: Sequence[int] = ()) -> str:
+    """Return the title of a figure, with the years of the records that it shows; its second line names the forcing."""
+    note, times = str(run.attrs.get("forcing_title", "")).strip(), run["time"].values
+    years = [] if is_short(times) else sorted({str(times[record])[:4] for record in records})
+    dated = ", ".join([subject, *([" to ".join(dict.fromkeys([years[0], years[-1]]))] if years else [])])
+    return f"{run_heading(run)}: {dated}" + (f"\nForcing: {note}" if note else "")
 
 
 def choose_records(scene: Scene, dates: Sequence[np.datetime64] | None, most: int = 6) -> list[int]:
@@ -122,7 +124,8 @@ def draw_dates(
     figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=columns, frameon=False)
     if flows:
         speed_bar(panel_axes, top)
-    style.put_title(figure, figure_title(run, "model and observed outlines" if seen else "position and shape"))
+    subject = "model and observed outlines" if seen else "position and shape"
+    style.put_title(figure, figure_title(run, subject, records))
     if seen:
         _observed_panel(
             panel_axes[0], scene, [r for r, day in zip(records, days, strict=True) if day in seen], seen, water, top
@@ -232,7 +235,7 @@ def _bond_maps(
 
     figure, records = new_figure(5.2 * len(values) + 0.8, 6.6, dpi), list(values)
     axes = list(figure.subplots(1, len(values), squeeze=False).flat)
-    panels = make_panels(axes, scene, water, records, margin=0.05, texts=_spans(scene, records))
+    panels = make_panels(axes, scene, water, records, margin=0.05, largest=1.1, texts=_spans(scene, records))
     style.letters(axes)
     style.outer_names(axes, len(axes))
     # By the square root: a berg at rest has a tenth of its strength, and few bonds have most of the damage.
@@ -252,7 +255,7 @@ def _bond_maps(
     bar.ax.xaxis.set_major_locator(FixedLocator([0.0, small, *np.arange(large, top * (1.0 + 1e-9), large)]))
     bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.3g}" if v < 1e3 else f"{v:,.0f}"))
     bar.ax.xaxis.set_minor_locator(FixedLocator([]))
-    style.put_title(figure, figure_title(scene.run, subject))
+    style.put_title(figure, figure_title(scene.run, subject, records))
     style.lay_out(figure)
     for panel, record in zip(panels, records, strict=True):
         panel.draw_ground()
@@ -387,7 +390,7 @@ def draw_fragments(run: xr.Dataset, *, dpi: int = 150) -> Figure:
     figure = new_figure(11.0, 7.4, dpi)
     ground = scene.aground().sum(axis=1) if knows_floor(scene) else np.zeros(len(scene.times))
     bonded = run.sizes["bond"] > 0
-    heights = [3.0, *([1.6] if bonded else []), *([1.0] if ground.any() else [])]
+    heights = [3.0 if len(scene.numbers) > 1 else 1.2, *([1.6] if bonded else []), *([1.0] if ground.any() else [])]
     axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     length, lower = style.run_length(scene.times), axes[-1]
     times: Any = scene.times

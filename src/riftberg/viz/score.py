@@ -386,10 +386,14 @@ def _draw_whole(figure: Figure, berg: WholeBerg) -> None:
         if any(sizes):
             forces.plot(moments, np.array(sizes) / 1e9, color=shades[name], lw=1.5, label=name)
     forces.set_ylabel("force (GN)", fontsize=9)
+    # A berg that stands still moves by micrometres: the scale does not blow them up.
+    speed.set_ylim(top=max(0.01, 1.05 * max(berg.speed, default=0.0)))
     for ax in axes:
         ax.set_ylim(bottom=0.0)
-        ax.fill_between(moments, 0, 1, where=np.array(berg.aground) > 0, color=colours.GROUND, alpha=0.12, lw=0,
-                        transform=ax.get_xaxis_transform(), label="aground" if any(berg.aground) else None)  # fmt: skip
+        # The last force holds until the end of the run.
+        ax.fill_between([*moments, times[-1]], 0, 1, where=np.array([*berg.aground, berg.aground[-1]]) > 0,
+                        color=colours.GROUND, alpha=0.12, lw=0, transform=ax.get_xaxis_transform(),
+                        label="aground" if any(berg.aground) else None)  # fmt: skip
         plain_axes(ax)
     style.legend_above(forces, ncols=8)
     date_axis(axes[-1])

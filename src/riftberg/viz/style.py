@@ -347,6 +347,15 @@ def legend_above(ax: Axes, **options: Any) -> None:
     ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.1, **options)
 
 
+def legend_below(figure: Any, handles: Sequence[Any], *, columns: int) -> None:
+    """Put a legend below all axes of a figure, in as many columns as its width holds, at most ``columns``."""
+    for count in range(columns, 0, -1):
+        legend = figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=count, frameon=False)
+        if count == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
+
+
 def letters(axes: Sequence[Axes]) -> None:
     """Name the panels of a figure by letters, each above its left end; a single one needs none."""
     for name, ax in zip("abcdefghijklmnopqrstuvwxyz", axes, strict=False):
@@ -369,7 +378,7 @@ _UNIT = r"(?:[kcm]?m|km²|m/s|[kMG]?Pa|kg|Gt|°C?|h|s|days?|degrees?|[NSEW]|[A-Z
 
 def put_title(figure: Figure, text: str, *, size: float = 12.0) -> None:
     """Put a title at the top left of a figure, in as many lines as it takes."""
-    width = figure.get_figwidth()
+    width, text = figure.get_figwidth(), text.replace(" km2", " km²")
     figure.suptitle("\n".join(wrap_text(text, width - 0.4, size=size)), x=0.1 / width, ha="left", fontsize=size)
 
 
@@ -449,7 +458,7 @@ def moment_texts(times: Times, records: Sequence[int], *, hour: bool = True) -> 
 def span_text(times: Times) -> str:
     """Return from when to when a run goes, or how long it is."""
     if is_short(times):
-        return f"{moment_text(times, times[-1])} long"
+        return moment_text(times, times[-1])
     hour = run_length(times) < 2.0 * SECONDS_PER_DAY
     same_year = times[0].astype("datetime64[Y]") == times[-1].astype("datetime64[Y]")
     # The hour would stand between day and year.

@@ -386,8 +386,8 @@ def resonance_warning(elements: Elements, bonds: Bonds, parameters: Parameters) 
         return ""
     breaks = ", so bonds may break that would hold" if p.fracture.enabled else ""
     return (
-        f"the stress in the bonds rings: water and air push in two kicks of each long step of {p.time_step:g} s, "
-        f"which is long beside the {duration_text(period / SECONDS_PER_DAY)} of a swing of the berg{breaks}. "
+        f"the stress in the bonds rings: the drag of water and air acts in two impulses per time step of {p.time_step:g} s, "
+        f"which is long against the berg's natural period of {duration_text(period / SECONDS_PER_DAY)}{breaks}. "
         "stepping.scheme=quasi_static gives the stress that the ice has to bear"
     )
 
