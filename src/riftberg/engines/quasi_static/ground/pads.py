@@ -44,7 +44,9 @@ class Pads(NamedTuple):
     raster: (
         Ints  # Of each fragment: where its squares begin in ``ice``, and their rows and columns; shape (fragments, 3)
     )
-    ice: Floats  # Of each square: area (m2), centroid and variances xx, xy, yy (m2) of the ice in it; shape (squares, 6)
+    ice: (
+        Floats  # Of each square: area (m2), centroid and variances xx, xy, yy (m2) of the ice in it; shape (squares, 6)
+    )
     frame: Floats  # Of each fragment the columns below; shape (fragments, 5)
     element: Floats  # Places of the elements; shape (rows, 2)
     moments: Floats  # Area of each element, its moments by x and y, second moments xx, xy, yy; shape (rows, 6)

@@ -191,7 +191,10 @@ def _assemble(
                     else:
                         area = pads.ice[first + row * wide + column, 0] / count
                     for p in range(count):
-                        s, t = (points[p, 0] - pads.frame[b, LOW_X]) / h - i, (points[p, 1] - pads.frame[b, LOW_Y]) / h - j
+                        s, t = (
+                            (points[p, 0] - pads.frame[b, LOW_X]) / h - i,
+                            (points[p, 1] - pads.frame[b, LOW_Y]) / h - j,
+                        )
                         for d in range(3):
                             cubics(s, d, x[d])
                             cubics(t, d, y[d])

@@ -49,8 +49,12 @@ NO_BONDS: Final = np.zeros(0, np.int64)
 NEAREST_CRACK: Final = 0.1
 """Part of the way between two elements by which a crack stays clear of both: each keeps the ice under its centre."""
 
-ONWARD: Final = 2.0
-"""Way straight on beyond the last crossing of a crack, over the side of an element: to the outline, or to the face of another."""
+ONWARD: Final = 2.0, 6.0
+"""Way straight on beyond the last crossing of a crack, over the side of an element: to where it leaves the ice, at the outline or
+the face of another, at most the second; the first if it leaves it nowhere there."""
+
+SEAM: Final = 1e-4
+"""Way (over the side of an element) across which two footprints are one ice: short edges have left gaps between them."""
 
 SHORTEST_EDGE: Final = 1e-5
 """Shortest edge of a footprint, as a part of the radius: a few times the edges that the moved centres leave at a corner."""
@@ -207,11 +211,12 @@ def _divide(rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: In
     centre = footprints.centre
     fraction = np.clip(fraction, NEAREST_CRACK, 1.0 - NEAREST_CRACK)[:, None]
     crossing = (1.0 - fraction) * centre[i] + fraction * centre[j]
-    side, ends = math.sqrt(float(footprints.size[i].mean())), crossing[[0, -1]] - crossing[[1, -2]]
-    ends = crossing[[0, -1]] + ONWARD * side * ends / np.hypot(*ends.T)[:, None]
+    side, fragments = math.sqrt(float(footprints.size[i].mean())), np.flatnonzero(np.isin(berg, berg[np.union1d(i, j)]))
+    onward = crossing[[0, -1]] - crossing[[1, -2]]
+    onward *= side / np.hypot(*onward.T)[:, None]
+    ends = [_run_out(rings, centre, fragments, *end) for end in zip(crossing[[0, -1]], onward, strict=True)]
     crack = shapely.LineString([ends[0], *crossing, ends[1]])
-    neighbours = np.flatnonzero(np.isin(berg, berg[np.union1d(i, j)]))
-    neighbours = neighbours[shapely.dwithin(shapely.points(centre[neighbours]), crack, 2.0 * side)]
+    neighbours = fragments[shapely.dwithin(shapely.points(centre[fragments]), crack, 2.0 * side)]
 
     def lies_beyond(point: Floats, e: int) -> bool:
         """Whether the crack runs between a point and an element."""
@@ -233,6 +238,18 @@ def _divide(rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: In
             (rings[e] if target == e else transferred.setdefault(target, [])).extend(_convex_rings(piece, side))
     for e, added in transferred.items():
         rings[e].extend(added)
+
+
+def _run_out(rings: list[list[Floats]], centre: Floats, fragments: Ints, last: Floats, onward: Floats) -> Floats:
+    """Find where a crack that goes straight on from its last crossing ends; ``onward``: its direction, as long as a side, m."""
+    shortest, farthest = ONWARD
+    side, line = float(np.hypot(*onward)), shapely.LineString([last, last + farthest * onward])
+    near = fragments[shapely.dwithin(shapely.points(centre[fragments]), line, 2.0 * side)].tolist()
+    ice = shapely.union_all([shapely.buffer(shapely.Polygon(ring), SEAM * side) for e in near for ring in rings[e]])
+    stretches = shapely.get_parts(shapely.intersection(line, ice))
+    through_ice = stretches[shapely.dwithin(stretches, shapely.Point(last), SEAM * side)]
+    way = float(shapely.length(through_ice).sum()) / side
+    return np.asarray(last + (way if 0.0 < way < 0.99 * farthest else shortest) * onward)
 
 
 class BodyFootprint(NamedTuple):
