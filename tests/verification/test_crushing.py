@@ -167,7 +167,7 @@ def test_a_restart_within_an_impact_goes_on_bit_for_bit(tmp_path: Path) -> None:
     assert speeds(model)[1] > 0.05
 
 
-def pressed(latlon: bool, between: float = 4.0, dt: float = 1800.0) -> Model:
+def pressed(latlon: bool, between: float = 4.0, dt: float = 1800.0, **fracture: Any) -> Model:
     """Two bergs of 10 x 10 km that go along side by side, the first of which a given force presses against the second."""
     shape = {"thickness": 250.0, "radius": 2500.0, "latlon": latlon, "velocity": (0.2, 0.3)}
     gap = 10e3 + between
@@ -175,7 +175,8 @@ def pressed(latlon: bool, between: float = 4.0, dt: float = 1800.0) -> Model:
     bergs = [Iceberg.rectangle(10e3, 10e3, placement=(place[0] + n * gap, place[1]), **shape) for n in range(2)]
     parameters = Parameters(
         earth={"latlon": latlon, **({} if latlon else {"period": 0.0})},
-        stepping={"scheme": "quasi_static", "time_step": dt, "only_interactions": True}, fracture={"enabled": False},
+        stepping={"scheme": "quasi_static", "time_step": dt, "only_interactions": True},
+        fracture=fracture or {"enabled": False},
     )  # fmt: skip
     model = Model(Iceberg.join(bergs), Steady(), parameters)
     model.elements.load_x[:4] = 2.5e8
@@ -296,6 +297,20 @@ def test_contact_at_rest_loads_the_ice_once_it_has_lasted(dt: float) -> None:
     for n in range(round(1200.0 / dt)):
         model.advance(steps=1)
         assert (model.bonds.peak_stress[behind].max() > 1.0) == ((n + 1) * dt >= 600.0)
+
+
+@pytest.mark.parametrize(("dt", "strength"), [(1800.0, 0.8), (1800.0, 3.0), (900.0, 0.8)])
+def test_contact_that_lasts_breaks_the_ice_when_its_load_sets_in_and_not_before(dt: float, strength: float) -> None:
+    """Bug: loads were taken to grow evenly from the start of a step, and a bond of A68a broke at 37 % of its strength.
+
+    The berg behind bears up to 5.6 Pa, from ten minutes on, and nothing before.
+    """
+    model = pressed(False, between=0.0, dt=dt, normal_strength=strength)
+    model.bonds.strength[model.bonds.first < 4] = 1e3
+    model.advance(steps=round(1800.0 / dt))
+    breaks = [row.birth_time for row in model.fragments.rows if row.parent > 0]
+    assert breaks
+    assert 600.0 <= min(breaks) < 601.0
 
 
 @pytest.mark.slow

@@ -43,8 +43,8 @@ EVENT_TOLERANCE = 1.0 / 64.0
 """Events are located to this part of the shortest interval between two of them: the shortest sub-step for fracture by contact,
 the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
 
-SHORTFALL = 0.05
-"""Part of the strength by which the stress may fall short of it where an overload was found between the ends of a trial."""
+UNEVEN = 0.05
+"""Part of the strength by which the stress may miss it where loads that grow evenly would reach it: beyond it they do not."""
 
 LONGEST_CONTACT_STEP = 1800.0
 """Longest trial step (s) in which fragments touch each other or the bed: in longer ones the loads at its end are not those of
@@ -190,9 +190,7 @@ class TimeStep:
         if (short := max(after, least)) < h * (1.0 - 1e-9):
             self._rollback()
             whole, trial = trial, self.motion.trial(self.state, short)
-            if (
-                self._overload_at_end(trial) < -SHORTFALL
-            ):  # loads have not grown evenly: contact that lasts sets in at once
+            if short == after and abs(self._overload_at_end(trial)) > UNEVEN:  # as where contact begins to load the ice
                 trial = self._locate_event(whole, self._overload_at_end, tolerance, least)
                 first_broken = self.lattice.critical_bond(self._equilibrium(trial.state))[0]
         self._accept(trial, cracks=True)

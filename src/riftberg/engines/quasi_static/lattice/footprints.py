@@ -212,9 +212,7 @@ def _divide(rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: In
     fraction = np.clip(fraction, NEAREST_CRACK, 1.0 - NEAREST_CRACK)[:, None]
     crossing = (1.0 - fraction) * centre[i] + fraction * centre[j]
     side, fragments = math.sqrt(float(footprints.size[i].mean())), np.flatnonzero(np.isin(berg, berg[np.union1d(i, j)]))
-    onward = crossing[[0, -1]] - crossing[[1, -2]]
-    onward *= side / np.hypot(*onward.T)[:, None]
-    ends = [_run_out(rings, centre, fragments, *end) for end in zip(crossing[[0, -1]], onward, strict=True)]
+    ends = [_run_out(rings, centre, fragments, crossings, side) for crossings in (crossing, crossing[::-1])]
     crack = shapely.LineString([ends[0], *crossing, ends[1]])
     neighbours = fragments[shapely.dwithin(shapely.points(centre[fragments]), crack, 2.0 * side)]
 
@@ -240,10 +238,15 @@ def _divide(rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: In
         rings[e].extend(added)
 
 
-def _run_out(rings: list[list[Floats]], centre: Floats, fragments: Ints, last: Floats, onward: Floats) -> Floats:
-    """Find where a crack that goes straight on from its last crossing ends; ``onward``: its direction, as long as a side, m."""
+def _run_out(rings: list[list[Floats]], centre: Floats, fragments: Ints, crossing: Floats, side: float) -> Floats:
+    """Find where a crack ends that goes straight on before the first of its crossings; ``side``: of an element, m."""
+    last, away = crossing[0], crossing[0] - crossing
+    distance = np.hypot(*away.T)
+    # Two crossings in a row may lie so near to each other that they give no direction.
+    behind = int(np.argmax(distance >= min(side, distance.max())))
+    onward = side * away[behind] / distance[behind]
     shortest, farthest = ONWARD
-    side, line = float(np.hypot(*onward)), shapely.LineString([last, last + farthest * onward])
+    line = shapely.LineString([last, last + farthest * onward])
     near = fragments[shapely.dwithin(shapely.points(centre[fragments]), line, 2.0 * side)].tolist()
     ice = shapely.union_all([shapely.buffer(shapely.Polygon(ring), SEAM * side) for e in near for ring in rings[e]])
     stretches = shapely.get_parts(shapely.intersection(line, ice))
