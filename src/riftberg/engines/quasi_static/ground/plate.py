@@ -248,16 +248,19 @@ def _invert(matrix: Floats, rows: Ints, out: Floats) -> None:
 @kernel
 def _fill_rigid(pads: Pads, b: int, out: Floats) -> None:
     """Find the compliance of a whole fragment against heave and tilts by its water plane."""
-    first, count = pads.raster[b, 0], pads.raster[b, 1] * pads.raster[b, 2]
-    moments = np.zeros((3, 3))
-    for s in range(first, first + count):
-        area, x, y = WATER_STIFFNESS * pads.ice[s, 0], pads.ice[s, 1], pads.ice[s, 2]
-        moments[0, 0] += area
-        moments[0, 1] += area * y
-        moments[0, 2] -= area * x
-        moments[1, 1] += area * y * y
-        moments[1, 2] -= area * x * y
-        moments[2, 2] += area * x * x
+    first, squares = pads.raster[b, 0], pads.raster[b, 1] * pads.raster[b, 2]
+    moments, points = np.zeros((3, 3)), np.empty((4, 2))
+    for s in range(first, first + squares):
+        # By the points of the plate: what this takes from its compliance must not be more than it has.
+        count = _place_points(pads.ice[s], pads.frame[b, SIDE], points)
+        for p in range(count):
+            area, x, y = WATER_STIFFNESS * pads.ice[s, 0] / count, points[p, 0], points[p, 1]
+            moments[0, 0] += area
+            moments[0, 1] += area * y
+            moments[0, 2] -= area * x
+            moments[1, 1] += area * y * y
+            moments[1, 2] -= area * x * y
+            moments[2, 2] += area * x * x
     moments[1, 0], moments[2, 0], moments[2, 1] = moments[0, 1], moments[0, 2], moments[1, 2]
     unit = np.eye(3)
     for k in range(3):
