@@ -323,9 +323,10 @@ def test_ice_is_as_stiff_at_each_of_its_edges_wherever_the_raster_ends(towards: 
 
 @pytest.mark.parametrize("gap", [1e-3, 1.0])
 def test_a_berg_wholly_on_a_flat_bed_is_borne_by_all_of_it(gap: float) -> None:
-    """More pads than bend one by one: the bed bears the water that the berg does not displace."""
-    now = Berg(6, 3, 3000.0).press(lambda x, y: np.full(np.shape(x), DRAFT - gap), ROCK)
-    assert now.load == pytest.approx(WATER * 18e3 * 9e3 * gap, rel=0.005)
+    """More pads than bend one by one, and few: the bed bears the water that the berg does not displace."""
+    for columns, rows, cell in ((6, 3, 3000.0), (7, 3, 600.0)):
+        now = Berg(columns, rows, cell).press(lambda x, y: np.full(np.shape(x), DRAFT - gap), ROCK)
+        assert now.load == pytest.approx(WATER * columns * rows * cell**2 * gap, rel=0.005)
 
 
 def of_plate(case: str) -> float:

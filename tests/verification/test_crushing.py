@@ -6,6 +6,7 @@ Young's modulus, a restart and a second impact change.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -358,6 +359,42 @@ def test_a_piece_that_the_floor_holds_bears_what_stands_behind_it_at_once(dt: fl
     assert model.elements.lon[0] == pytest.approx(2e3, abs=0.01)
     assert model.elements.u.tolist() == pytest.approx([0.0, speed], abs=2e-3)
     assert 2e3 - float(np.ptp(model.elements.lon)) == pytest.approx(depth, abs=0.1)
+
+
+def strike(how: str, speed: float, dt: float) -> tuple[float, float]:
+    """Largest force on the faces (N), and tension (Pa), of a berg of 4 x 2 km that runs into another one; ``how`` that stands."""
+    shape = {"radius": 500.0, "latlon": False}
+    bergs = [
+        Iceberg.rectangle(4e3, 2e3, thickness=h, placement=(x, 0.0), velocity=(u, 0.0), **shape)
+        for h, x, u in ((200.0, 0.0, speed), (300.0, 4000.5, 0.0))
+    ]
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt, "only_interactions": True},
+        contact={"friction": 0.0}, fracture={"enabled": False},
+    )  # fmt: skip
+    model = Model(Iceberg.join(bergs), Steady(depth=244.0 if how == "aground" else 1000.0), parameters)
+    model.elements.static[8:] = 1.0 if how == "fixed" else 0.0
+    force = tension = 0.0
+    for _ in range(math.ceil(24.0 / dt)):
+        model.advance(steps=1)
+        force = max(force, float(model._stepper.state_dict()["meeting_state"][:, FORCE].sum()))
+        tension = max(tension, float(model.bonds.peak_stress[model.bonds.first < 8].max()))
+    assert (model.elements.keel.floor_load.sum() > 3e11) == (how == "aground")
+    return force, tension
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize("speed", [0.05, 0.3])
+def test_a_berg_that_the_bed_holds_is_struck_like_one_of_endless_mass(speed: float) -> None:
+    """Peak of ``F = k s``: ``v (k m)^(1/2)`` with the reduced mass m of both; and what it does to the ice hangs on no step."""
+    stiffness, mass = 1.5e6 * 200.0 * 2e3 / 20.0, 850.0 * 8e6 * np.array([200.0, 300.0])
+    tensions = []
+    for how, reduced in (("aground", mass[0]), ("fixed", mass[0]), ("afloat", mass.prod() / mass.sum())):
+        force, tension = strike(how, speed, 1.0)
+        assert force == pytest.approx(speed * math.sqrt(stiffness * reduced), rel=0.03)
+        assert strike(how, speed, 60.0)[1] == pytest.approx(tension, rel=0.005)
+        tensions.append(tension / math.sqrt(reduced))
+    np.testing.assert_allclose(tensions, tensions[0], rtol=0.02)
 
 
 class Converging(Steady):
