@@ -168,7 +168,7 @@ def test_a_restart_within_an_impact_goes_on_bit_for_bit(tmp_path: Path) -> None:
     assert speeds(model)[1] > 0.05
 
 
-def pressed(latlon: bool, between: float = 4.0, dt: float = 1800.0) -> Model:
+def pressed(latlon: bool, between: float = 4.0, dt: float = 1800.0, **fracture: Any) -> Model:
     """Two bergs of 10 x 10 km that go along side by side, the first of which a given force presses against the second."""
     shape = {"thickness": 250.0, "radius": 2500.0, "latlon": latlon, "velocity": (0.2, 0.3)}
     gap = 10e3 + between
@@ -176,7 +176,8 @@ def pressed(latlon: bool, between: float = 4.0, dt: float = 1800.0) -> Model:
     bergs = [Iceberg.rectangle(10e3, 10e3, placement=(place[0] + n * gap, place[1]), **shape) for n in range(2)]
     parameters = Parameters(
         earth={"latlon": latlon, **({} if latlon else {"period": 0.0})},
-        stepping={"scheme": "quasi_static", "time_step": dt, "only_interactions": True}, fracture={"enabled": False},
+        stepping={"scheme": "quasi_static", "time_step": dt, "only_interactions": True},
+        fracture=fracture or {"enabled": False},
     )  # fmt: skip
     model = Model(Iceberg.join(bergs), Steady(), parameters)
     model.elements.load_x[:4] = 2.5e8
@@ -299,6 +300,20 @@ def test_contact_at_rest_loads_the_ice_once_it_has_lasted(dt: float) -> None:
         assert (model.bonds.peak_stress[behind].max() > 1.0) == ((n + 1) * dt >= 600.0)
 
 
+@pytest.mark.parametrize(("dt", "strength"), [(1800.0, 0.8), (1800.0, 3.0), (900.0, 0.8)])
+def test_contact_that_lasts_breaks_the_ice_when_its_load_sets_in_and_not_before(dt: float, strength: float) -> None:
+    """Bug: loads were taken to grow evenly from the start of a step, and a bond of A68a broke at 37 % of its strength.
+
+    The berg behind bears up to 5.6 Pa, from ten minutes on, and nothing before.
+    """
+    model = pressed(False, between=0.0, dt=dt, normal_strength=strength)
+    model.bonds.strength[model.bonds.first < 4] = 1e3
+    model.advance(steps=round(1800.0 / dt))
+    breaks = [row.birth_time for row in model.fragments.rows if row.parent > 0]
+    assert breaks
+    assert 600.0 <= min(breaks) < 601.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("dt", [225.0, 450.0])
 def test_shorter_steps_break_the_same_pieces_off_a68a(dt: float) -> None:
@@ -344,6 +359,42 @@ def test_a_piece_that_the_floor_holds_bears_what_stands_behind_it_at_once(dt: fl
     assert model.elements.lon[0] == pytest.approx(2e3, abs=0.01)
     assert model.elements.u.tolist() == pytest.approx([0.0, speed], abs=2e-3)
     assert 2e3 - float(np.ptp(model.elements.lon)) == pytest.approx(depth, abs=0.1)
+
+
+def strike(how: str, speed: float, dt: float) -> tuple[float, float]:
+    """Largest force on the faces (N), and tension (Pa), of a berg of 4 x 2 km that runs into another one; ``how`` that stands."""
+    shape = {"radius": 500.0, "latlon": False}
+    bergs = [
+        Iceberg.rectangle(4e3, 2e3, thickness=h, placement=(x, 0.0), velocity=(u, 0.0), **shape)
+        for h, x, u in ((200.0, 0.0, speed), (300.0, 4000.5, 0.0))
+    ]
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt, "only_interactions": True},
+        contact={"friction": 0.0}, fracture={"enabled": False},
+    )  # fmt: skip
+    model = Model(Iceberg.join(bergs), Steady(depth=244.0 if how == "aground" else 1000.0), parameters)
+    model.elements.static[8:] = 1.0 if how == "fixed" else 0.0
+    force = tension = 0.0
+    for _ in range(math.ceil(24.0 / dt)):
+        model.advance(steps=1)
+        force = max(force, float(model._stepper.state_dict()["meeting_state"][:, FORCE].sum()))
+        tension = max(tension, float(model.bonds.peak_stress[model.bonds.first < 8].max()))
+    assert (model.elements.keel.floor_load.sum() > 3e11) == (how == "aground")
+    return force, tension
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize("speed", [0.05, 0.3])
+def test_a_berg_that_the_bed_holds_is_struck_like_one_of_endless_mass(speed: float) -> None:
+    """Peak of ``F = k s``: ``v (k m)^(1/2)`` with the reduced mass m of both; and what it does to the ice hangs on no step."""
+    stiffness, mass = 1.5e6 * 200.0 * 2e3 / 20.0, 850.0 * 8e6 * np.array([200.0, 300.0])
+    tensions = []
+    for how, reduced in (("aground", mass[0]), ("fixed", mass[0]), ("afloat", mass.prod() / mass.sum())):
+        force, tension = strike(how, speed, 1.0)
+        assert force == pytest.approx(speed * math.sqrt(stiffness * reduced), rel=0.03)
+        assert strike(how, speed, 60.0)[1] == pytest.approx(tension, rel=0.005)
+        tensions.append(tension / math.sqrt(reduced))
+    np.testing.assert_allclose(tensions, tensions[0], rtol=0.02)
 
 
 class Converging(Steady):

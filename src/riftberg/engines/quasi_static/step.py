@@ -43,6 +43,9 @@ EVENT_TOLERANCE = 1.0 / 64.0
 """Events are located to this part of the shortest interval between two of them: the shortest sub-step for fracture by contact,
 the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
 
+UNEVEN = 0.05
+"""Part of the strength by which the stress may miss it where loads that grow evenly would reach it: beyond it they do not."""
+
 LONGEST_CONTACT_STEP = 1800.0
 """Longest trial step (s) in which fragments touch each other, or the bed catches, turns or frees one: in longer ones the loads at
 its end are not those of the impact, and a berg that lifts off the bed comes free hours too early."""
@@ -159,10 +162,7 @@ class TimeStep:
             # Cracks by contact may follow each other as quickly as its sub-steps.
             shortest = trial.contact.shortest_substep
             trial = self._locate_event(trial, self._find_overload, shortest * EVENT_TOLERANCE, min(least, shortest))
-            if (
-                self._peak_equilibrium(trial) is not None
-                and self.lattice.overload(self._equilibrium(trial.state)) <= 0.0
-            ):
+            if self._peak_equilibrium(trial) is not None and self._overload_at_end(trial) <= 0.0:
                 # Contact presses harder within the step than at its end: the crack runs under the peak loads.
                 assert trial.contact is not None
                 peak_load = self.motion.peak_load(trial.state, trial.contact.peak_load)
@@ -174,7 +174,7 @@ class TimeStep:
             # The factor only trades steps against trials: each step is located to the same tolerance.
             return max(8.0 * trial.h, shortest)
 
-        if self.lattice.overload(self._equilibrium(trial.state)) <= 0.0:
+        if self._overload_at_end(trial) <= 0.0:
             self._accept(trial)
             return 8.0 * trial.h if self.cracked and trial.contact is not None else math.inf
         start, end, h = self._equilibrium(self.state), self._equilibrium(trial.state), trial.h
@@ -189,7 +189,10 @@ class TimeStep:
         first_broken = self.lattice.critical_bond(self._between(start, end, after / h))[0]
         if (short := max(after, least)) < h * (1.0 - 1e-9):
             self._rollback()
-            trial = self.motion.trial(self.state, short)
+            whole, trial = trial, self.motion.trial(self.state, short)
+            if short == after and abs(self._overload_at_end(trial)) > UNEVEN:  # as where contact begins to load the ice
+                trial = self._locate_event(whole, self._overload_at_end, tolerance, least)
+                first_broken = self.lattice.critical_bond(self._equilibrium(trial.state))[0]
         self._accept(trial, cracks=True)
         # In the located step the loads may fall short of those between its ends by a little: the bond that was found there
         # breaks in any case.
@@ -285,9 +288,11 @@ class TimeStep:
 
     def _find_overload(self, trial: Trial) -> float:
         """Event function of fracture in a trial, by contact on the way or under the loads at its end."""
-        return max(
-            self.lattice.overload(self._peak_equilibrium(trial)), self.lattice.overload(self._equilibrium(trial.state))
-        )
+        return max(self.lattice.overload(self._peak_equilibrium(trial)), self._overload_at_end(trial))
+
+    def _overload_at_end(self, trial: Trial) -> float:
+        """Event function of fracture under the loads at the end of a trial."""
+        return self.lattice.overload(self._equilibrium(trial.state))
 
     def _between(self, start: Equilibrium, end: Equilibrium, share: float) -> Equilibrium:
         """Return the equilibrium at a part of a trial: loads change linearly from start to end, and displacements with them."""

@@ -44,7 +44,9 @@ class Pads(NamedTuple):
     raster: (
         Ints  # Of each fragment: where its squares begin in ``ice``, and their rows and columns; shape (fragments, 3)
     )
-    ice: Floats  # Area (m2) and centroid of the ice in each square; shape (squares, 3)
+    ice: (
+        Floats  # Of each square: area (m2), centroid and variances xx, xy, yy (m2) of the ice in it; shape (squares, 6)
+    )
     frame: Floats  # Of each fragment the columns below; shape (fragments, 5)
     element: Floats  # Places of the elements; shape (rows, 2)
     moments: Floats  # Area of each element, its moments by x and y, second moments xx, xy, yy; shape (rows, 6)
@@ -136,6 +138,7 @@ def _fill_squares(
     moments: Floats,
 ) -> None:  # fmt: skip
     """Find the centroids of polygons, the ice of each square, and the moments of each element."""
+    variances = ice[:, 3:]
     room = np.ones((CORNERS, 3))
     for b in range(polygon_start.size - 1):
         for k in range(polygon_start[b], polygon_start[b + 1]):
@@ -152,10 +155,15 @@ def _fill_squares(
             add_moments(room, size, 0.0, 1.0, sums)
             for n in range(6):
                 moments[owner[k], n] += sums[3 + n]
+            for n in range(3):
+                variances[s, n] += sums[6 + n]
     for s in range(len(ice)):
         if ice[s, 0] > 0.0:
-            ice[s, 1] /= ice[s, 0]
-            ice[s, 2] /= ice[s, 0]
+            for n in range(1, 6):
+                ice[s, n] /= ice[s, 0]
+            variances[s, 0] -= ice[s, 1] * ice[s, 1]
+            variances[s, 1] -= ice[s, 1] * ice[s, 2]
+            variances[s, 2] -= ice[s, 2] * ice[s, 2]
 
 
 def cut_into_pads(footprint: BodyFootprint, body: Ints, count: int, xy: Floats, side: Floats) -> Pads:
@@ -194,7 +202,7 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, count: int, xy: Floats, 
             break
         room *= 2
     start, corner = out_start[: polygons + 1].copy(), out[: out_start[polygons]].copy()
-    centre, ice, square = np.zeros((polygons, 2)), np.zeros((squares[-1], 3)), square[:polygons].copy()
+    centre, ice, square = np.zeros((polygons, 2)), np.zeros((squares[-1], 6)), square[:polygons].copy()
     owner, moments = footprint.owner[origin[:polygons]], np.zeros((body.size, 6))
     _fill_squares(polygon_start, start, corner, owner, square, raster, centre, ice, moments)
     return Pads(

@@ -33,6 +33,9 @@ LENGTH_RUNGS: Final = 256.0
 EMPTY_SQUARE: Final = 1e-6
 """Part of a square that is taken as ice where there is none, so that each node is borne."""
 
+WHOLE: Final = 1e-6
+"""Part of a square that may miss where it counts as whole."""
+
 
 class Plates(NamedTuple):
     """Plates of some fragments, one after the other.
@@ -139,6 +142,28 @@ def _number_nodes(marked: NDArray[np.bool_], node: Ints) -> int:
 
 
 @kernel
+def _place_points(ice: Floats, side: float, points: Floats) -> int:
+    """Place the points by which integrals over the ice of a square are summed up; returns their number, 0 without ice.
+
+    One in the middle of a whole square, of a cut one four, with the second moments of its ice.
+    """
+    full = side * side
+    if ice[0] <= EMPTY_SQUARE * full:
+        return 0
+    points[0, 0], points[0, 1] = ice[1], ice[2]
+    if ice[0] > (1.0 - WHOLE) * full:
+        return 1
+    # Of the factors of the variances: a bar of ice a few metres wide bends across as little as along.
+    xx = math.sqrt(max(ice[3], 0.0))
+    xy = ice[4] / xx if xx > 0.0 else 0.0
+    yy = math.sqrt(max(ice[5] - xy * xy, 0.0))
+    for p in range(4):
+        a, c = (-1.0 if p < 2 else 1.0), (-1.0 if p % 2 == 0 else 1.0)
+        points[p, 0], points[p, 1] = ice[1] + a * xx, ice[2] + a * xy + c * yy
+    return 4
+
+
+@kernel
 def _assemble(
     pads: Pads, b: int, marked: NDArray[np.bool_], node: Ints, per: int, length: float, poisson: float, matrix: Floats
 ) -> None:  # fmt: skip
@@ -146,6 +171,7 @@ def _assemble(
     side, first, high, wide = pads.frame[b, SIDE], pads.raster[b, 0], pads.raster[b, 1], pads.raster[b, 2]
     h, which = per * side, np.empty(16, np.int64)
     x, y, shape, slope = np.empty((3, 4)), np.empty((3, 4)), np.empty((4, 16)), (length / (per * side)) ** 4
+    points = np.empty((4, 2))
     for j in range(marked.shape[0]):
         for i in range(marked.shape[1]):
             if not marked[j, i]:
@@ -153,29 +179,37 @@ def _assemble(
             list_unknowns(node, marked.shape[1] + 1, j, i, which)
             for row in range(per * j, per * (j + 1)):
                 for column in range(per * i, per * (i + 1)):
-                    area, s, t = EMPTY_SQUARE * side * side, (column + 0.5) / per - i, (row + 0.5) / per - j
+                    count = 0
                     if row < high and column < wide:
-                        ice = pads.ice[first + row * wide + column]
-                        if ice[0] > area:
-                            area, s, t = (
-                                ice[0],
-                                (ice[1] - pads.frame[b, LOW_X]) / h - i,
-                                (ice[2] - pads.frame[b, LOW_Y]) / h - j,
-                            )
-                    for d in range(3):
-                        cubics(s, d, x[d])
-                        cubics(t, d, y[d])
-                    for k in range(16):
-                        shape[0, k], shape[1, k] = x[0, k // 4] * y[0, k % 4], x[2, k // 4] * y[0, k % 4]
-                        shape[2, k], shape[3, k] = x[0, k // 4] * y[2, k % 4], x[1, k // 4] * y[1, k % 4]
-                    for k in range(16):
-                        bending_x, bending_y = shape[1, k] + poisson * shape[2, k], shape[2, k] + poisson * shape[1, k]
-                        twist = 2.0 * (1.0 - poisson) * shape[3, k]
-                        for n in range(16):
-                            bending = bending_x * shape[1, n] + bending_y * shape[2, n] + twist * shape[3, n]
-                            matrix[which[k], which[n]] += (
-                                WATER_STIFFNESS * area * (shape[0, k] * shape[0, n] + slope * bending)
-                            )
+                        count = _place_points(pads.ice[first + row * wide + column], side, points)
+                    if count == 0:
+                        area, count = EMPTY_SQUARE * side * side, 1
+                        points[0, 0], points[0, 1] = (
+                            pads.frame[b, LOW_X] + (column + 0.5) * side,
+                            pads.frame[b, LOW_Y] + (row + 0.5) * side,
+                        )
+                    else:
+                        area = pads.ice[first + row * wide + column, 0] / count
+                    for p in range(count):
+                        s, t = (
+                            (points[p, 0] - pads.frame[b, LOW_X]) / h - i,
+                            (points[p, 1] - pads.frame[b, LOW_Y]) / h - j,
+                        )
+                        for d in range(3):
+                            cubics(s, d, x[d])
+                            cubics(t, d, y[d])
+                        for k in range(16):
+                            shape[0, k], shape[1, k] = x[0, k // 4] * y[0, k % 4], x[2, k // 4] * y[0, k % 4]
+                            shape[2, k], shape[3, k] = x[0, k // 4] * y[2, k % 4], x[1, k // 4] * y[1, k % 4]
+                        for k in range(16):
+                            bending_x = shape[1, k] + poisson * shape[2, k]
+                            bending_y = shape[2, k] + poisson * shape[1, k]
+                            twist = 2.0 * (1.0 - poisson) * shape[3, k]
+                            for n in range(16):
+                                bending = bending_x * shape[1, n] + bending_y * shape[2, n] + twist * shape[3, n]
+                                matrix[which[k], which[n]] += (
+                                    WATER_STIFFNESS * area * (shape[0, k] * shape[0, n] + slope * bending)
+                                )
 
 
 @kernel
@@ -214,16 +248,19 @@ def _invert(matrix: Floats, rows: Ints, out: Floats) -> None:
 @kernel
 def _fill_rigid(pads: Pads, b: int, out: Floats) -> None:
     """Find the compliance of a whole fragment against heave and tilts by its water plane."""
-    first, count = pads.raster[b, 0], pads.raster[b, 1] * pads.raster[b, 2]
-    moments = np.zeros((3, 3))
-    for s in range(first, first + count):
-        area, x, y = WATER_STIFFNESS * pads.ice[s, 0], pads.ice[s, 1], pads.ice[s, 2]
-        moments[0, 0] += area
-        moments[0, 1] += area * y
-        moments[0, 2] -= area * x
-        moments[1, 1] += area * y * y
-        moments[1, 2] -= area * x * y
-        moments[2, 2] += area * x * x
+    first, squares = pads.raster[b, 0], pads.raster[b, 1] * pads.raster[b, 2]
+    moments, points = np.zeros((3, 3)), np.empty((4, 2))
+    for s in range(first, first + squares):
+        # By the points of the plate: what this takes from its compliance must not be more than it has.
+        count = _place_points(pads.ice[s], pads.frame[b, SIDE], points)
+        for p in range(count):
+            area, x, y = WATER_STIFFNESS * pads.ice[s, 0] / count, points[p, 0], points[p, 1]
+            moments[0, 0] += area
+            moments[0, 1] += area * y
+            moments[0, 2] -= area * x
+            moments[1, 1] += area * y * y
+            moments[1, 2] -= area * x * y
+            moments[2, 2] += area * x * x
     moments[1, 0], moments[2, 0], moments[2, 1] = moments[0, 1], moments[0, 2], moments[1, 2]
     unit = np.eye(3)
     for k in range(3):
