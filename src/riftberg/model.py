@@ -804,7 +804,7 @@ def check_arguments(berg: object, forcing: object, parameters: object) -> None:
         "berg": (isinstance(berg, Iceberg), "an Iceberg, for example Iceberg.rectangle(...)"),
         "forcing": (
             isinstance(forcing, Forcing),
-            "a forcing, for example Steady(current=(0.2, 0.0))",
+            "a forcing, for example Forcing.uniform(current=(0.2, 0.0))",
         ),
         "parameters": (isinstance(parameters, Parameters), "Parameters(...), or A68A_2022.changed(...)"),
     }

@@ -62,7 +62,6 @@ from riftberg.kid.a68 import (
 from riftberg.kid.ncfile import opened_dataset
 from riftberg.kid.restart import read_restart
 from riftberg.model import DEFAULT_START
-from riftberg.ocean.analytic import Steady
 from riftberg.ocean.cells import ZONE_DEPTH
 from riftberg.ocean.forcing import Forcing, WrappedForcing
 from riftberg.ocean.grid import Grid
@@ -271,7 +270,7 @@ MELT_THICKNESS: Final = 190.0
 """Mean thickness at the start, m: 168 +- 10 m in January 2021, and about 20 m more before these three months."""
 
 
-class TrackSea(Steady):
+class TrackSea(Forcing):
     """A sea that carries a berg along its track, with the season's temperature.
 
     The current is uniform: the velocity of the track, and a part that brings the berg back to it within two days. The sea
@@ -286,7 +285,6 @@ class TrackSea(Steady):
     DEEP: Final = 1.0  # How much colder the mean over the draft is than the surface, degrees
 
     def __init__(self, warmest: float = 3.3) -> None:
-        super().__init__()
         self.provides = frozenset(("sst", "sss"))
         self.warmest = warmest
         self.latitudes, self.longitudes = np.array(TRACK).T

@@ -37,7 +37,6 @@ from riftberg.experiments.schema import (
     Strength,
     check_span,
 )
-from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.formulas import Sum
 from riftberg.parameters import (
@@ -592,12 +591,6 @@ def build_forcing(
         )
     if options.grid is not None and not isinstance(forcing, FileForcing):
         raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
-    if isinstance(forcing, ConstantForcing):
-        from riftberg.ocean.analytic import Steady
-
-        return Steady(
-            forcing.current, forcing.wind, forcing.slope, forcing.sea_ice, forcing.depth, ice_fraction=forcing.ice_fraction
-        )  # fmt: skip
     if isinstance(forcing, FileForcing):
         from riftberg.ocean.files_forcing import Run, shared_forcing
 
@@ -617,7 +610,7 @@ def build_forcing(
         return series_forcing(forcing, folder, experiment.start)
     from riftberg.ocean.story import StoryOcean
 
-    find(forcing.name).check_parts(options.without)
+    find(forcing.experiment).check_parts(options.without)
     without = options.without | set(forcing.without)
     return StoryOcean(shoal="shoal" not in without, shear="shear" not in without, start=experiment.start)
 
