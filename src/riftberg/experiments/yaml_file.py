@@ -41,13 +41,12 @@ from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.formulas import Sum
 from riftberg.parameters import (
     A68A_2022,
-    A68A_2022_MTS,
     PUBLISHED_SPRINGS,
     Earth,
     ExplicitParameters,
     Parameters,
+    choose_a68a_preset,
     fields_by_path,
-    scheme_asked,
 )
 from riftberg.system.input_files import MOST_YAML, check_file, in_folder, shown, value_shown
 from riftberg.system.netcdf_lock import closing_files
@@ -332,8 +331,8 @@ def _parameters(groups: Any) -> Parameters:
                     "it is an option of KID's namelists alone", where=f"{group}.{name}", remedy=OF_NAMELISTS
                 )
     usual = PRESETS[preset]
-    if usual is A68A_2022 and scheme_asked(groups) != "quasi_static":
-        usual = A68A_2022_MTS
+    if usual is A68A_2022:
+        usual = choose_a68a_preset(groups)
     if isinstance(usual, ExplicitParameters):  # the number of sub-steps of a preset belongs to its lattice
         usual = usual.changed(stepping={"substeps": None})
     return usual.changed(**groups)

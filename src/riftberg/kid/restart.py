@@ -327,12 +327,11 @@ def write_restart(path: Path, elements: Elements, grid: Grid, parameters: Parame
     values["ine"], values["jne"] = cell_indices(e, grid)
     values["id_cnt"], values["id_ij"] = split_id(e.id)
     values["static_berg"] = np.where(e.static >= 0.5, 1.0, np.where(e.in_contact != 0, CONTACT_FLAG, 0.0))
-    scheme = parameters.stepping.scheme
     layout = [*_BASE]
-    layout += _VERLET if scheme != "runge_kutta" else ()
+    layout += _VERLET if parameters.stepping.scheme != "runge_kutta" else ()
     layout += _BERG
     layout += _FOOTLOOSE if parameters.footloose.enabled else ()
-    layout += _FAST if scheme == "mts" else ()
+    layout += _FAST if parameters.has_substeps else ()
     layout += _SPIN if parameters.bonds.law == "dem" else ()
     layout += _STATIC if (elements.static >= 0.5).any() else ()
     write_restart_file(Path(path), [(c, values[c.name]) for c in layout], len(elements.id), counter=True)

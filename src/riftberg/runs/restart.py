@@ -305,7 +305,7 @@ def check_restart(state: RestartState, path: Path) -> None:
     broken_at = bonds.break_time[~np.isnan(bonds.break_time)]  # NaN: the bond holds
     if ((broken_at < 0.0) | (broken_at > state.time + dt)).any():
         raise _damage_error("a bond that broke before the start, or later than now", path, "variable bond_break_time")
-    if state.parameters.stepping.scheme == "mts":
+    if state.parameters.has_substeps:
         _refuse(state.elements.substeps, Allowed(1, MOST_SUBSTEPS, whole=True), path, "variable element_substeps")
     check_extra(state, path)
 
