@@ -9,6 +9,7 @@ classes (files 6.4), and counters of the bergs born in each cell.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -214,12 +215,14 @@ DENSITIES: Final = (200.0, 1100.0)
 """Densities (kg m-3) between which mass over volume lies."""
 
 
+def _at_most(most: float) -> Callable[[Any], Any]:
+    """Return the test that numbers are no larger, of either sign."""
+    return lambda values: ~(np.abs(values) > most)
+
+
 RULES: Final = (
     *(Rule(name, lambda values: ~(values <= 0.0), "a positive number") for name in _POSITIVE),
-    *(
-        Rule(name, lambda values, most=most: ~(np.abs(values) > most), f"a number of at most {most:g}")
-        for name, most in _LARGEST.items()
-    ),
+    *(Rule(name, _at_most(most), f"a number of at most {most:g}") for name, most in _LARGEST.items()),
     Rule("mass_scaling", lambda values: values > 0.0, "a number above 0"),
     *(
         Rule(name, lambda values: ~(values < 0.0), "0 or more")

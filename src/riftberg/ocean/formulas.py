@@ -349,12 +349,16 @@ class Flow(Part):
 
     @model_validator(mode="after")
     def _has_a_latitude(self) -> Flow:
+        self.require_latitude()
+        return self
+
+    def require_latitude(self) -> None:
+        """Refuse positions in metres without the latitude that the balance of the current needs."""
         if not self.latlon and self.latitude is None:
             raise UnfitError(
                 "positions in metres have no latitude",
                 "Give latitude, the same as earth.reference_latitude of the parameters",
             )
-        return self
 
     @property
     def is_balanced(self) -> bool:
@@ -450,11 +454,9 @@ class Uniform(Flow):
 
     @model_validator(mode="after")
     def _has_a_latitude(self) -> Uniform:
-        if not self.is_balanced or not any(self.current):
-            return self
-        if self.latlon is None:
-            self.latlon = True
-        super()._has_a_latitude()
+        if self.is_balanced and any(self.current):
+            self.latlon = True if self.latlon is None else self.latlon
+            self.require_latitude()
         return self
 
     def __post_init__(self) -> None:
@@ -486,9 +488,9 @@ class Uniform(Flow):
             np.maximum(e.ice_fraction, self.ice_fraction, out=e.ice_fraction)
         if self.water is not None:
             e.depth[:] = np.minimum(e.depth, self.water)
-        for name, value in (("sst", self.temperature), ("sss", self.salinity)):
-            if value is not None:
-                getattr(e, name)[:] = value
+        for name, water_value in (("sst", self.temperature), ("sss", self.salinity)):
+            if water_value is not None:
+                getattr(e, name)[:] = water_value
                 # The value at the surface counts, whatever another term has set.
                 getattr(e, OVER_KEEL[name])[:] = np.nan
 
