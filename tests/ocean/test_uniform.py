@@ -79,7 +79,9 @@ def test_temperature_and_salinity_are_known_where_they_are_given() -> None:
     assert sea.provides == {"sst", "sss"}
     assert (sampled(sea).sst[0], sampled(sea).sss[0]) == (2.0, 34.0)
     assert Forcing.uniform().provides == frozenset()
-    for wrong in ({"temperature": 275.0}, {"salinity": -1.0}, {"slope": (0.5, 0.0)}, {"depth": -1.0}):
+    with pytest.raises(ForcingError, match=r"kelvin\? Then give 1\.85"):
+        Forcing.uniform(temperature=275.0)
+    for wrong in ({"salinity": -1.0}, {"slope": (0.5, 0.0)}, {"depth": -1.0}):
         with pytest.raises(ForcingError, match="is not possible"):
             Forcing.uniform(**wrong)
 

@@ -58,7 +58,7 @@ def model_of(
 
 def pack(thickness: float = 1.0, fraction: float = 1.0, ice: Any = ICE, **others: Any) -> Forcing:
     """Return water at rest under a pack of sea ice."""
-    return Forcing.uniform(sea_ice=(*ice, thickness), ice_fraction=fraction, **others)
+    return Forcing.uniform(sea_ice=(*ice, thickness), ice_fraction=fraction, slope=(0.0, 0.0), **others)
 
 
 def drift(model: Model) -> np.ndarray:

@@ -23,7 +23,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, dataclass_tran
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs
 
@@ -409,6 +417,22 @@ def heading(towards: float) -> Pair:
     return math.sin(towards * DEGREE), math.cos(towards * DEGREE)
 
 
+def _check_celsius(temperature: float | None) -> float | None:
+    """Refuse a temperature that no sea has."""
+    if temperature is None or COLDEST <= temperature <= WARMEST:
+        return temperature
+    kelvin = 270.0 <= temperature <= 318.0
+    hint = f": is it in kelvin? Then give {temperature - 273.15:.2f}" if kelvin else ""
+    raise UnfitError(
+        f"temperature = {temperature:g} is none of the sea in degrees Celsius{hint}",
+        f"Give one from {COLDEST:g} to {WARMEST:g}",
+    )
+
+
+COLDEST, WARMEST = -3.0, 45.0
+"""Temperatures (degrees Celsius) between which all seas lie."""
+
+
 @_formula
 class Uniform(Flow):
     """The same current, wind, sea ice and water everywhere, at all times.
@@ -434,7 +458,9 @@ class Uniform(Flow):
         SurfaceSlope | None,
         about("1", "eastward and northward slope of the sea surface, without balance"),
     ] = None
-    temperature: Annotated[float | None, about("degC", "temperature of the sea, for melt", ge=-3, le=45)] = None
+    temperature: Annotated[
+        float | None, AfterValidator(_check_celsius), about("degC", "temperature of the sea, for melt")
+    ] = None
     salinity: Annotated[float | None, about("1e-3", "salinity of the sea, for melt", ge=0, le=50)] = None
     # Without a current to balance, it fits positions of both kinds.
     latlon: Annotated[bool | None, about("", "positions are degrees, otherwise metres", hidden=True)] = Field(
