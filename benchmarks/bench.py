@@ -47,12 +47,11 @@ from typing import Any, Final
 import numpy as np
 from numba import njit
 
-from riftberg import Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.cli.options import make_options
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments import Options, build
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022_MTS
 from riftberg.state import Floats, Ints
 from riftberg.system.input_files import check_elements
@@ -255,7 +254,9 @@ def square_berg(elements: int, change: Callable[[Parameters], Parameters] | None
     berg = Iceberg.rectangle(columns * 3000.0, rows * 3000.0, thickness=200.0, latlon=False, offset=(0.0, 0.0))
     plane = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
     parameters = A68A_2022_MTS.changed(earth=plane, stepping={"substeps": None}, fracture={"enabled": False})
-    return Model(berg, Steady(current=(0.2, 0.0)), change(parameters) if change else parameters)
+    return Model(
+        berg, Forcing.uniform(current=(0.2, 0.0), slope=(0.0, 0.0)), change(parameters) if change else parameters
+    )
 
 
 def sizes_between(text: str) -> list[int]:

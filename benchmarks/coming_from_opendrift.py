@@ -16,7 +16,7 @@ from pathlib import Path
 
 from story import put, table
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "coming-from-opendrift.md"
 LENGTH, WIDTH, SAIL, DRAFT = 300.0, 200.0, 12.4, 87.6
@@ -57,7 +57,9 @@ def riftberg(step: float) -> complex:
     berg = Iceberg.from_points(
         [-39.0], [LATITUDE], length=math.sqrt(LENGTH * WIDTH), width=math.sqrt(LENGTH * WIDTH), thickness=SAIL + DRAFT
     )
-    model = Model(berg, Steady(current=(CURRENT, 0.0)), Parameters(stepping={"time_step": step}))
+    model = Model(
+        berg, Forcing.uniform(current=(CURRENT, 0.0), slope=(0.0, 0.0)), Parameters(stepping={"time_step": step})
+    )
     model.advance(days=DAYS)
     lon, lat = float(model.elements.lon[0]), float(model.elements.lat[0])
     return 111.0 * complex((lon + 39.0) * math.cos(math.radians(0.5 * (lat + LATITUDE))), lat - LATITUDE)

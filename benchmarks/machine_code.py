@@ -1,6 +1,6 @@
 """Machine code that a wheel brings along, so that the first run compiles nothing.
 
-    python benchmarks/machine_code.py FOLDER [EXPERIMENT ...]
+    python benchmarks/machine_code.py FOLDER [RUN ...]
 
 runs experiments with kernels compiled for a common kind of processor and leaves their machine code in a folder. A wheel that
 is built with ``RIFTBERG_MACHINE_CODE=FOLDER`` holds it (``hatch_build.py``). It is data: where sources, Python, numba or the
@@ -20,25 +20,22 @@ from pathlib import Path
 from riftberg.compiled.kernels import LEVELS, toolchain_digest
 
 RUNS = {
-    "a68a": [],
-    "a68a-melt": ["--days", "2"],
-    "collision": [],
-    "grounding-fracture": [],
-    "supported-beam": [],
-    "cantilever": [],
+    "a68a": ["a68a"],
+    "a68a-melt": ["a68a-melt", "--days", "2"],
+    "reference": ["a68a", "--numerics", "reference", "--days", "0.1"],
 }
-"""Experiments whose kernels are wanted, with the options of their runs."""
+"""Runs whose kernels are wanted, with their arguments."""
 
 
-def make(folder: Path, experiments: list[str]) -> Path:
-    """Run experiments in processes of their own and leave their machine code in a folder; returns where it lies."""
+def make(folder: Path, runs: list[str]) -> Path:
+    """Make runs in processes of their own and leave their machine code in a folder; returns where it lies."""
     level, _ = LEVELS[platform.machine().lower()]
     with tempfile.TemporaryDirectory() as passing:
         environment = {
             **os.environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": "", "RIFTBERG_CACHE": passing,
         }  # fmt: skip
-        for name in experiments:
-            words = ["run", name, *RUNS[name], "--quiet", "--output", str(Path(passing) / "out" / name)]
+        for name in runs:
+            words = ["run", *RUNS[name], "--quiet", "--output", str(Path(passing) / "out" / name)]
             subprocess.run([sys.executable, "-m", "riftberg", *words], check=True, env=environment)
         made = Path(passing) / "kernels" / toolchain_digest(f"{level} ")
         return Path(shutil.copytree(made, folder / made.name, dirs_exist_ok=True))

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from story import print_tables, table
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import GRAVITY, SECONDS_PER_DAY
 from riftberg.diagnostics.summary import breakups
 from riftberg.physics.crevasses import prestress, reserve
@@ -54,7 +54,7 @@ GIANTS = (
 """3,590, 1,630 and 3,510 km2 as rectangles; thicknesses are assumed from their ice shelves."""
 
 
-class EddySea(Steady):
+class EddySea(Forcing.uniform):
     """Eddies by waves of a stream function, a tide and a turning wind; on a plane.
 
     ``rms``: speed of the eddies, m s-1.

@@ -13,11 +13,11 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.main import app
 from riftberg.errors import BergError, ForcingError, InputError, RunError
 from riftberg.experiments.changes import parse_settings
-from riftberg.ocean.analytic import Steady
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
@@ -32,8 +32,7 @@ berg:
   rectangle: {length: 12 km, width: 6 km}
   placement: [-39.0, -55.5]
 forcing:
-  kind: constant
-  current: [0.2, 0.0]
+  uniform: {current: [0.2, 0.0], slope: [0, 0]}
 """
 
 
@@ -101,19 +100,19 @@ def moved_together() -> Iceberg:
 
 def test_overlapping_elements() -> None:
     with pytest.raises(BergError, match=r"elements 1 and 2 overlap: 600.* m apart instead of 3000 m. Place elements"):
-        Model(moved_together(), Steady())
+        Model(moved_together(), Forcing.uniform())
 
 
 def test_overlap_stays_possible_with_the_quirks_of_the_reference() -> None:
-    Model(moved_together(), Steady(), A68A_2022_KID)
+    Model(moved_together(), Forcing.uniform(), A68A_2022_KID)
 
 
 def test_a_resumed_berg_may_be_compressed(tmp_path: Path) -> None:
     """Overlap is a mistake of who places a berg; in a run, contact and compression bring elements closer."""
-    model = Model(berg(), Steady())
+    model = Model(berg(), Forcing.uniform())
     model.step()
     model.elements.lon[:] = model.elements.lon.mean() + 0.98 * (model.elements.lon - model.elements.lon.mean())
-    Model.resume(model.save(tmp_path / "a.nc"), Steady())
+    Model.resume(model.save(tmp_path / "a.nc"), Forcing.uniform())
 
 
 @pytest.mark.parametrize(
@@ -125,7 +124,7 @@ def test_impossible_elements(name: str, value: float) -> None:
     with pytest.raises(
         InputError, match=rf"element 3 \(row 2\) at .*: {name} is {value:g}. It must be a finite number"
     ):
-        Model(made, Steady())
+        Model(made, Forcing.uniform())
 
 
 def test_zero_thickness_in_the_making_of_a_berg() -> None:
@@ -137,7 +136,7 @@ def test_substep_too_long() -> None:
     with pytest.raises(
         InputError, match=r"stepping.substeps: sub-step of 600 s \(3 in 1800 s\).*Set it to \d+ or more"
     ):
-        Model(berg(), Steady(), A68A_2022_MTS.changed(stepping={"substeps": 3}))
+        Model(berg(), Forcing.uniform(), A68A_2022_MTS.changed(stepping={"substeps": 3}))
 
 
 @pytest.mark.parametrize(
@@ -153,7 +152,7 @@ def test_a_run_in_metres_does_not_keep_the_period_of_degrees(earth: dict[str, An
 def test_degrees_and_metres_do_not_mix() -> None:
     metres = Iceberg.rectangle(12e3, 6e3, thickness=200.0, latlon=False)
     with pytest.raises(InputError, match="positions of the berg are metres, those of the parameters degrees"):
-        Model(metres, Steady())
+        Model(metres, Forcing.uniform())
     flat = Grid.cartesian(20, 20, 1000.0)
     with pytest.raises(InputError, match="positions of the grid of the forcing are metres"):
         Model(berg(), GriddedForcing(flat, flat.fields()))
@@ -188,7 +187,7 @@ def call(folder: Path, text: str, *arguments: str) -> Any:
         ("length: 12 km", "lenght: 12 km", ("line 4", "lenght", "length")),
         ("days: 0.25", "days: 0.25 m", ("line 2", "days", "0.25 m")),
         ("  rectangle:", "  thickness: 0 m\n  rectangle:", ("thickness 0 m", "Give a positive thickness")),
-        ("  kind: constant\n  current: [0.2, 0.0]", "  kind: files\n  files: [none.nc]\n  longitude: [-41, -37]\n"
+        ("  uniform: {current: [0.2, 0.0], slope: [0, 0]}", "  kind: files\n  files: [none.nc]\n  longitude: [-41, -37]\n"
          "  latitude: [-57, -54]", ("no file matches 'none.nc'", "forcing.files")),
     ],
 )  # fmt: skip
@@ -223,21 +222,21 @@ def test_a_file_cut_short_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
 def test_a_restart_cut_short_is_named(tmp_path: Path, share: float) -> None:
-    path = Model(berg(), Steady()).save(tmp_path / "a.restart.nc")
+    path = Model(berg(), Forcing.uniform()).save(tmp_path / "a.restart.nc")
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(InputError, match=r"a.restart.nc: (not readable as NetCDF-4|the file is empty)"):
-        Model.resume(path, Steady())
+        Model.resume(path, Forcing.uniform())
     path.unlink()
     with pytest.raises(InputError, match=r"a.restart.nc: no such file"):
-        Model.resume(path, Steady())
+        Model.resume(path, Forcing.uniform())
 
 
-class Failing(Steady):
+class Failing(Forcing.uniform):
     """An environment that is lost at some time, or turns into nonsense."""
 
     def __init__(self, after: float, error: BaseException | None = None) -> None:
-        super().__init__(current=(0.2, 0.1))
+        super().__init__(current=(0.2, 0.1), slope=(0.0, 0.0))
         self.after, self.error = after, error
 
     def sample(self, elements: Any, time: float) -> None:
@@ -260,7 +259,7 @@ def test_a_failure_in_a_run_saves_the_state_and_says_how_to_go_on(tmp_path: Path
         model.run(days=0.25, output=tmp_path / "run.nc")
     assert model.step_number == 2
     assert xr.open_dataset(tmp_path / "run.nc").sizes["time"] >= 2
-    resumed = Model.resume(tmp_path / "run.failed.restart.nc", Steady(current=(0.2, 0.1)))
+    resumed = Model.resume(tmp_path / "run.failed.restart.nc", Forcing.uniform(current=(0.2, 0.1), slope=(0.0, 0.0)))
     np.testing.assert_array_equal(resumed.elements.lon, model.elements.lon)
     resumed.advance(steps=1)
     assert np.isfinite(resumed.elements.lon).all()
@@ -290,19 +289,19 @@ def test_any_failure_within_a_step_leaves_the_state_before_it(error: BaseExcepti
 
 @pytest.mark.slow
 def test_a_failure_on_the_command_line_can_be_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def sample(self: Steady, elements: Any, time: float) -> None:
+    def sample(self: Forcing, elements: Any, time: float) -> None:
         whole(self, elements, time)
         if time >= 5400.0:
             raise ForcingError("the disk is gone", where="currents.nc")
 
-    whole = Steady.sample
-    monkeypatch.setattr(Steady, "sample", sample)
+    whole = Forcing.sample
+    monkeypatch.setattr(Forcing, "sample", sample)
     result = call(tmp_path, EXPERIMENT, "--no-map")
     assert result.exit_code == 2, result.output
     assert "currents.nc: the disk is gone" in result.stderr
     restart = tmp_path / "out" / "failed.restart.nc"
     assert f"--resume {restart}" in result.stderr
-    monkeypatch.setattr(Steady, "sample", whole)
+    monkeypatch.setattr(Forcing, "sample", whole)
     result = call(tmp_path, EXPERIMENT, "--no-map", "--resume", str(restart))
     assert result.exit_code == 0, result.output
 

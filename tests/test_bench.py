@@ -49,7 +49,7 @@ def test_a_whole_run_is_timed_day_by_day_and_with_output(
 ) -> None:
     monkeypatch.setattr(bench, "REPEATS", 2)
     monkeypatch.setattr(bench, "WHOLE_SECONDS", float("inf"))  # a busy machine
-    whole = measured("collision", capsys=capsys)["whole_run"]
+    whole = measured("a68a", "--days", "2", capsys=capsys)["whole_run"]
     assert 0.0 < whole["seconds_per_day"] <= whole["slowest"]
     assert whole["seconds_per_day"] < whole["with_output"]["seconds_per_day"] <= whole["with_output"]["slowest"]
     dearest = whole["dearest_days"]
@@ -79,7 +79,7 @@ def test_a_scheme_is_set_and_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert row["scheme"] == "mts"
     assert row["substeps_per_day"] > 1000.0
     with pytest.raises(SystemExit, match="2"):
-        bench.main(["collision", "--set", "stepping.scheme=fast"])
+        bench.main(["a68a", "--set", "stepping.scheme=fast"])
     assert "quasi_static" in capsys.readouterr().err
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, open_run
@@ -37,8 +37,8 @@ def block(columns: int, rows: int, x: float = 0.0, y: float = 0.0, **body: float
     return Iceberg.from_points(x + SIDE * i, y + SIDE * j, latlon=False, **body)  # type: ignore[arg-type]
 
 
-def ocean() -> Steady:
-    return Steady(current=(0.3, -0.1), wind=(8.0, 4.0), slope=(1e-6, 2e-6), depth=500.0)
+def ocean() -> Forcing:
+    return Forcing.uniform(current=(0.3, -0.1), wind=(8.0, 4.0), slope=(1e-6, 2e-6), depth=500.0)
 
 
 def come_and_go(model: Model) -> None:
@@ -201,7 +201,7 @@ def test_melting_sides_do_not_strain_the_bonds() -> None:
             bonds={"constant_size": False}, fracture={"enabled": False}, stepping={"substeps": None},
             compatibility={"rest_length_from_sizes": rule},
         )  # fmt: skip
-        model = Model(block(4, 1), Steady(), p)
+        model = Model(block(4, 1), Forcing.uniform(), p)
         model.advance(steps=1)
         body = model.elements.body
         body.length[:] *= 0.98

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.main import app
 from riftberg.errors import InputError
 from riftberg.experiments.changes import reference_numerics
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.runs.layout import run_parameters
 from riftberg.runs.model import Model
@@ -37,7 +37,7 @@ def pulled(r: float, columns: int = 2, *, time_step: float = 600.0, **damage: An
         fracture={"enabled": True, "normal_strength": STRENGTH}, damage={"enabled": True, **damage},
         stepping={"scheme": "quasi_static", "time_step": time_step, "only_interactions": True},
     )  # fmt: skip
-    return Model(berg, Steady(), p)
+    return Model(berg, Forcing.uniform(), p)
 
 
 def borne(r: float) -> float:
@@ -109,7 +109,11 @@ def test_a_rift_without_strength_stays_one() -> None:
     """No 0 / 0: it bears no tension, and in compression nothing is taken."""
     berg = Iceberg.rectangle(12e3, 6e3, thickness=200.0, placement=(-39.0, -55.0))
     cut = berg.with_rifts([[-39.0, -56.0], [-39.0, -54.0]], strength=0.0)
-    model = Model(cut, Steady(current=(0.2, 0.0)), A68A_2022.changed(damage={"enabled": True, "threshold": 0.0}))
+    model = Model(
+        cut,
+        Forcing.uniform(current=(0.2, 0.0), slope=(0.0, 0.0)),
+        A68A_2022.changed(damage={"enabled": True, "threshold": 0.0}),
+    )
     model.advance(days=0.5)
     assert np.isfinite(model.bonds.damage).all()
     assert model.bonds_broken == int((cut.bonds.strength == 0.0).sum())
@@ -158,7 +162,7 @@ def test_it_is_in_the_run_file_where_it_is_on(tmp_path: Path) -> None:
         assert run["damage"].attrs["units"] == "1"
         assert (np.diff(run["damage"].values, axis=1) > 0.0).all()
         np.testing.assert_array_equal(run["damage"].values[:, -1], model.bonds.damage.astype("f4"))
-    off = Model(bergs(), Steady()).run(days=0.125)
+    off = Model(bergs(), Forcing.uniform()).run(days=0.125)
     assert "damage" not in off
 
 
@@ -187,9 +191,9 @@ def test_it_needs_bonds_that_can_break_in_equilibrium(groups: dict[str, Any], no
 def test_strengths_that_are_none_are_refused(name: str, value: float) -> None:
     changed = {name: value}
     with pytest.raises(InputError, match=rf"fracture.{name} = {value:g} Pa is no strength.*fracture.enabled = false"):
-        Model(bergs(), Steady(), A68A_2022.changed(fracture=changed))
-    Model(bergs(), Steady(), A68A_2022.changed(fracture={**changed, "enabled": False}))
-    Model(bergs(), Steady(), A68A_2022_KID.changed(fracture=changed))  # runs of KID must run as they stand
+        Model(bergs(), Forcing.uniform(), A68A_2022.changed(fracture=changed))
+    Model(bergs(), Forcing.uniform(), A68A_2022.changed(fracture={**changed, "enabled": False}))
+    Model(bergs(), Forcing.uniform(), A68A_2022_KID.changed(fracture=changed))  # runs of KID must run as they stand
 
 
 @pytest.mark.parametrize(
@@ -210,7 +214,7 @@ def test_impossible_values_of_a_bond_are_named(name: str, value: float) -> None:
     with pytest.raises(
         InputError, match=rf"bond in row 3, between the elements in rows {ends[0]} and {ends[1]}: {name}"
     ):
-        Model(berg, Steady())
+        Model(berg, Forcing.uniform())
 
 
 def test_numerics_of_the_reference_and_runs_of_kid_know_no_damage() -> None:

@@ -66,7 +66,7 @@ def test_so_it_is_on_the_command_line_and_in_files(tmp_path: Path) -> None:
     assert schemes == {"plain": "quasi_static", "mts": "mts", "fine": "mts"}
     text = """
 berg: {rectangle: {length: 9 km, width: 6 km}, thickness: 200 m, placement: [-37, -56]}
-forcing: {kind: constant, current: [0.1, 0.0]}
+forcing: {uniform: {current: [0.1, 0.0], slope: [0, 0]}}
 start: 2020-12-09
 days: 1
 """

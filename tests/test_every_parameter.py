@@ -13,12 +13,12 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.config.values import field_extra
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import RiftbergError
-from riftberg.ocean.analytic import Steady
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import Parameters, fields_by_path, kid_quirks
@@ -92,7 +92,7 @@ SEA: Final[dict[str, Any]] = {
 }  # fmt: skip
 
 
-class Ebb(Steady):
+class Ebb(Forcing.uniform):
     """A sea whose surface sinks by 2 cm/s, so that elements touch down."""
 
     def sample(self, elements: Any, time: float) -> None:
@@ -111,7 +111,7 @@ def state(model: Model) -> dict[str, np.ndarray]:
 
 def drift(
     groups: Groups, *, steps: int = 3, sea: dict[str, Any] | None = None, prepare: Any = None,
-    kind: type[Steady] = Steady, **berg: Any,
+    kind: type[Any] = Forcing.uniform, **berg: Any,
 ) -> Any:  # fmt: skip
     """Run the bergs in a steady sea, or one that sinks."""
     made = bergs(**berg)

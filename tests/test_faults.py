@@ -31,7 +31,7 @@ days: 0.0625
 berg:
   rectangle: {length: 9 km, width: 6 km}
   placement: [-39.0, -55.5]
-forcing: {kind: constant, current: [0.2, 0.0]}
+forcing: {uniform: {current: [0.2, 0.0], slope: [0, 0]}}
 """
 KERNEL = """\
 from riftberg.compiled.kernels import cache_folder, kernel

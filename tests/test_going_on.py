@@ -45,7 +45,7 @@ output_every_hours: 5
 berg:
   rectangle: {length: 9 km, width: 6 km}
   placement: [-39.0, -55.5]
-forcing: {kind: constant, current: [0.3, 0.1], wind: [12.0, 5.0]}
+forcing: {uniform: {current: [0.3, 0.1], wind: [12.0, 5.0], slope: [0, 0]}}
 parameters: {melt: {enabled: true, temperature: 2, salinity: 34}, stepping: {time_step: 1800 s}}
 """,
 }

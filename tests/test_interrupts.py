@@ -21,9 +21,9 @@ import typer
 
 import riftberg
 from forked import Program
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.options import EXIT_INTERRUPTED, report_errors
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
 from riftberg.runs.restart import load_state
@@ -35,13 +35,13 @@ SOURCES = Path(riftberg.__file__).parent
 
 PROGRAM = """
 import sys
-from riftberg import Iceberg, Model, Steady
+from riftberg import Forcing, Iceberg, Model
 from riftberg.parameters import A68A_2022
 scheme, how, out = sys.argv[1:4]
 stepping = {"scheme": scheme, **({} if scheme == "mts" else {"time_step": 20.0})}
 law = {} if scheme == "mts" else {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}
 berg = Iceberg.rectangle(24e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
-model = Model(berg, Steady(current=(0.3, 0.1), depth=500.0), A68A_2022.changed(stepping=stepping, **law))
+model = Model(berg, Forcing.uniform(current=(0.3, 0.1), depth=500.0), A68A_2022.changed(stepping=stepping, **law))
 class Tell:
     def start(self, model): pass
     def record(self, model):
@@ -167,7 +167,7 @@ def test_a_kid_run_leaves_its_restart(tmp_path: Path, trial: int) -> None:
 
 def model() -> Model:
     berg = Iceberg.rectangle(24e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
-    return Model(berg, Steady(current=(0.3, 0.1), depth=500.0))
+    return Model(berg, Forcing.uniform(current=(0.3, 0.1), depth=500.0, slope=(0.0, 0.0)))
 
 
 class Presses:
@@ -321,7 +321,7 @@ def test_no_kernel_that_python_calls_returns_a_named_tuple() -> None:
         law = spring if scheme in {"verlet", "runge_kutta"} else {}
         p = A68A_2022.changed(stepping={"scheme": scheme, "time_step": dt}, **law)
         berg = Iceberg.rectangle(24e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
-        Model(berg, Steady(current=(0.3, 0.1), depth=500.0), p).run(steps=2)
+        Model(berg, Forcing.uniform(current=(0.3, 0.1), depth=500.0, slope=(0.0, 0.0)), p).run(steps=2)
     returning = {
         name
         for module in list(sys.modules.values())

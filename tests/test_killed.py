@@ -102,12 +102,12 @@ run = open_run(out / "run.nc")
 WRITERS |= {
     "forces": """
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.ocean.analytic import Steady
+from riftberg import Forcing
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter
 berg = Iceberg.rectangle(9e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
-model = Model(berg, Steady(current=(0.3, 0.0), depth=500.0), A68A_2022)
+model = Model(berg, Forcing.uniform(current=(0.3, 0.0), depth=500.0), A68A_2022)
 writer = RunWriter(out / "run.nc", every_hours=0.5, flush_seconds=0, forces=True)
 writer.start(model)
 model.step()

@@ -19,7 +19,7 @@ SLAB = """\
 start: 2020-12-09 13:00
 days: 1
 berg: {rectangle: {length: 9 km, width: 6 km}, placement: [-39.0, -55.5]}
-forcing: {kind: constant, current: [0.2, 0.0], depth: 150 m}
+forcing: {uniform: {current: [0.2, 0.0], depth: 150 m, slope: [0, 0]}}
 parameters:
   grounding: %s
 """

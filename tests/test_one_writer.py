@@ -28,7 +28,7 @@ days: 30
 berg:
   rectangle: {length: 9 km, width: 6 km}
   placement: [-39.0, -55.5]
-forcing: {kind: constant, current: [0.2, 0.0]}
+forcing: {uniform: {current: [0.2, 0.0], slope: [0, 0]}}
 """
 SEEN = "date,lat,lon\n2020-12-10,-55.0,-39.0\n"
 

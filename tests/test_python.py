@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 
 import riftberg
-from riftberg import A68A_2022, A68A_2022_KID, GriddedForcing, Iceberg, Model, Parameters, Steady
+from riftberg import A68A_2022, A68A_2022_KID, Forcing, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.experiments import build
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.story import StoryOcean
@@ -24,7 +24,7 @@ LINES, COLUMNS = 45, 300
 
 def small(**options: Any) -> Model:
     berg = Iceberg.rectangle(9e3, 6e3, thickness=200.0, placement=(-37.0, -56.0), **options)
-    return Model(berg, Steady(current=(0.2, 0.1)))
+    return Model(berg, Forcing.uniform(current=(0.2, 0.1), slope=(0.0, 0.0)))
 
 
 def test_all_public_names_are_listed_before_they_are_loaded() -> None:
@@ -59,7 +59,7 @@ def thing() -> dict[str, Any]:
         "a68a": A68A_2022,
         "kid": A68A_2022_KID,
         "compatibility": A68A_2022_KID.compatibility,
-        "steady": Steady(current=(0.2, 0.0)),
+        "steady": Forcing.uniform(current=(0.2, 0.0), slope=(0.0, 0.0)),
         "story": StoryOcean(),
         "gridded": GriddedForcing(grid, grid.fields()),
         "grid": grid,

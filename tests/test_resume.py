@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.ocean.analytic import Steady
-from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
@@ -62,7 +61,7 @@ def bergs() -> Iceberg:
 
 def steady() -> Forcing:
     """Return a uniform environment."""
-    return Steady(current=(0.3, -0.1), wind=(8.0, 4.0), slope=(1e-6, 2e-6), depth=500.0)
+    return Forcing.uniform(current=(0.3, -0.1), wind=(8.0, 4.0), slope=(1e-6, 2e-6), depth=500.0)
 
 
 def gridded(summit: float = 100.0) -> Forcing:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.cli.run import short_summary
 from riftberg.diagnostics.summary import summarize
 from riftberg.diagnostics.why import explain, reason_lines
@@ -39,7 +39,7 @@ def gap(model: Model, half: int, radius: float) -> float:
 def test_bergs_that_do_not_touch_do_not_push(side: float, radius: float, scheme: str) -> None:
     """The default preset pushed small bergs apart at 4 km, as A68a's pieces."""
     both = Iceberg.join([square(side, radius), square(side, radius, side + 30.0)])
-    model = Model(both, Steady(), Parameters(**STILL, stepping={"scheme": scheme}))
+    model = Model(both, Forcing.uniform(), Parameters(**STILL, stepping={"scheme": scheme}))
     model.advance(steps=4)
     np.testing.assert_array_equal(model.elements.u, 0.0)
     assert model.contacts.rows == []
@@ -59,7 +59,7 @@ def test_bergs_do_not_pass_through_each_other(side: float, radius: float, scheme
     right = square(2.0 * radius * count, radius, 2.0 * radius * count + 200.0)
     dt = 600.0 if scheme == "verlet" else 1800.0
     p = Parameters(**STILL, bonds={"law": law}, stepping={"scheme": scheme, "time_step": dt}, drag={"ocean_scale": 0.0})
-    model = Model(Iceberg.join([left, right], names=["left", "right"]), Steady(), p)
+    model = Model(Iceberg.join([left, right], names=["left", "right"]), Forcing.uniform(), p)
     half = left.elements.size
     mass, momentum = model.elements.mass, float(model.elements.mass @ model.elements.u)
     nearest = np.inf
@@ -83,7 +83,7 @@ def test_a_collision_depends_on_the_bergs_that_meet_alone() -> None:
         bergs = [square(1200.0, 200.0, 60e3, velocity=(0.1, 0.0))]
         if others:
             bergs += [square(6e3, 1500.0, velocity=(0.3, 0.0)), square(6e3, 1500.0, 6200.0)]
-        model = Model(Iceberg.join(bergs), Steady(current=(0.1, 0.05)), Parameters(**STILL))
+        model = Model(Iceberg.join(bergs), Forcing.uniform(current=(0.1, 0.05), slope=(0.0, 0.0)), Parameters(**STILL))
         model.advance(steps=4)
         return np.array([model.elements.lon[:9], model.elements.u[:9]])
 
@@ -101,7 +101,7 @@ def test_bergs_of_different_packing_thickness_and_size_go_through_one_run(tmp_pa
     assert both.names == ("A", "B", "C")
     np.testing.assert_allclose([float(both.elements.mass[both.elements.berg == k].sum()) for k in (1, 2, 3)],
                                [large.mass, small.mass, middle.mass], rtol=1e-14)  # fmt: skip
-    ocean = Steady.balanced((0.2, 0.0), -56.0)
+    ocean = Forcing.uniform((0.2, 0.0))
     half_hour = Parameters(stepping={"time_step": 1800.0})  # the large one alone would take an hour
     run = Model(both, ocean, half_hour).run(days=0.25)
     assert run["fragment_name"].values.tolist() == ["A", "B", "C"]
@@ -124,7 +124,10 @@ def cracked(tmp_path: Path | None = None) -> Model:
     west = Iceberg.rectangle(12e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
     west = west.with_rifts([np.array([[-37.0, -56.1], [-37.0, -55.9]])], strength=1e-6)
     east = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-36.0, -56.0))
-    model = Model(Iceberg.join([west, east], names=["W", "E"]), Steady(current=(0.3, 0.0), wind=(5.0, 5.0)))
+    model = Model(
+        Iceberg.join([west, east], names=["W", "E"]),
+        Forcing.uniform(current=(0.3, 0.0), wind=(5.0, 5.0), slope=(0.0, 0.0)),
+    )
     model.advance(0.25)
     return model
 
@@ -154,12 +157,12 @@ def test_fragments_bear_the_name_of_their_berg_and_bergs_have_not_broken_off(tmp
 def test_meetings_are_kept_by_a_restart(tmp_path: Path) -> None:
     left, right = square(1200.0, 200.0, velocity=(0.3, 0.0)), square(1200.0, 200.0, 1300.0)
     p = Parameters(**STILL)
-    whole = Model(Iceberg.join([left, right]), Steady(), p)
+    whole = Model(Iceberg.join([left, right]), Forcing.uniform(), p)
     whole.advance(steps=4)
-    part = Model(Iceberg.join([left, right]), Steady(), p)
+    part = Model(Iceberg.join([left, right]), Forcing.uniform(), p)
     part.advance(steps=2)
     part.save(tmp_path / "half.restart.nc")
-    rest = Model.resume(tmp_path / "half.restart.nc", Steady())
+    rest = Model.resume(tmp_path / "half.restart.nc", Forcing.uniform())
     rest.advance(steps=2)
     assert len(whole.contacts.rows) == 1
     assert rest.contacts.rows == whole.contacts.rows
@@ -200,7 +203,7 @@ def test_the_sea_floor_is_one_for_berg_and_pieces(coefficient: float) -> None:
     berg = berg.with_rifts([np.array([[-37.0, -56.1], [-37.0, -55.9]])], strength=1e-6)
     model = Model(
         berg,
-        Steady(current=(0.3, 0.0), wind=(5.0, 8.0), depth=100.0),
+        Forcing.uniform(current=(0.3, 0.0), wind=(5.0, 8.0), depth=100.0, slope=(0.0, 0.0)),
         Parameters(grounding={"coefficient": coefficient}, stepping={"scheme": "mts"}),
     )
     run = model.run(days=0.25)
@@ -221,7 +224,7 @@ def test_the_sea_floor_stops_a_berg_whatever_the_bonds_and_sub_steps(law: str, e
     p = Parameters(
         bonds={"law": law}, stepping={"scheme": "mts", "explicit_substeps": explicit}, fracture={"enabled": False}
     )
-    model = Model(berg, Steady(current=(0.3, 0.0), depth=100.0), p)
+    model = Model(berg, Forcing.uniform(current=(0.3, 0.0), depth=100.0, slope=(0.0, 0.0)), p)
     model.advance(steps=4)
     assert np.abs(model.velocity()).max() < 0.02
     floor = model.applied_forces()[:, 5]
@@ -235,7 +238,7 @@ def test_why_tells_of_a_collision(tmp_path: Path) -> None:
         [np.array([[0.0, -5e3], [0.0, 5e3]])], strength=0.02
     )
     hammer = Iceberg.rectangle(3e3, 3e3, thickness=200.0, latlon=False, placement=(7.5e3, 3.4e3), velocity=(0.0, -0.4))
-    model = Model(Iceberg.join([beam, hammer], names=["beam", "hammer"]), Steady(), Parameters(earth=PLANE))
+    model = Model(Iceberg.join([beam, hammer], names=["beam", "hammer"]), Forcing.uniform(), Parameters(earth=PLANE))
     run = model.run(days=0.25, every_hours=0.5, output=tmp_path / "run.nc")
     breakups = explain(run, smallest=0.0).breakups
     assert breakups[0].name == "beam.1"

@@ -21,11 +21,10 @@ import pytest
 import xarray as xr
 
 import riftberg
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError
 from riftberg.kid.run import run_kid
-from riftberg.ocean.analytic import Steady
-from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
@@ -59,7 +58,7 @@ def digest(path: str | Path) -> str:
 def one_run(seed: int, path: str, forcing: Forcing | None = None) -> str:
     """Run a berg that drifts and breaks, save it, resume it, and return the digest of both files."""
     berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, placement=(-37.0, -56.0))
-    ocean = forcing or Steady(current=(0.3, 0.1), wind=(10.0, -4.0), depth=165.0)
+    ocean = forcing or Forcing.uniform(current=(0.3, 0.1), wind=(10.0, -4.0), depth=165.0, slope=(0.0, 0.0))
     model = Model(berg, ocean, WEAK)
     model.elements.u[:] += np.linspace(-0.05, 0.05, model.elements.u.size) * (1 + seed)
     model.run(steps=STEPS, output=path, every_hours=0.5).close()
@@ -284,7 +283,7 @@ def test_two_runs_into_one_file_are_noticed(tmp_path: Path) -> None:
         def finish(self, model: Model) -> None: ...
 
     berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, placement=(-37.0, -56.0))
-    model = Model(berg, Steady(current=(0.3, 0.1), depth=500.0))
+    model = Model(berg, Forcing.uniform(current=(0.3, 0.1), depth=500.0, slope=(0.0, 0.0)))
     model.run(steps=2, output=tmp_path / "run.nc", recorders=[Second()]).close()
     assert [path.name for path in tmp_path.iterdir()] == ["run.nc"]
     one_run(1, str(tmp_path / "run.nc"))  # it is free again

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import A68A_2022, Forcing, Iceberg, Model, Steady
+from riftberg import A68A_2022, Forcing, Iceberg, Model
 
 BED: dict[str, Any] = {"law": "seabed", "sediment": "sand"}
 
@@ -107,7 +107,7 @@ def test_a_floor_of_ones_own_is_asked_at_the_longitudes_of_the_berg() -> None:
     """Blocks are numbered round the sphere, and the floor was asked at 322 for a berg at 38 degrees west: there was no shoal."""
     asked: list[float] = []
 
-    class Shoal(Steady):
+    class Shoal(Forcing.uniform):
         def depth(self, lon: Any, lat: Any) -> Any:
             asked.extend(np.ravel(lon).tolist())
             return 400.0 - 151.7 * np.exp(-(((np.asarray(lon) + 38.0) / 0.5) ** 2))
@@ -116,7 +116,7 @@ def test_a_floor_of_ones_own_is_asked_at_the_longitudes_of_the_berg() -> None:
             super().sample(elements, time)
             elements.depth[:] = self.depth(elements.lon, elements.lat)
 
-    sea = Shoal(current=(0.05, 0.0))
+    sea = Shoal(current=(0.05, 0.0), slope=(0.0, 0.0))
     berg = Iceberg.rectangle("6 km", "6 km", thickness="300 m", placement=(-38.0, -56.0))
     model = Model(berg, sea, A68A_2022.changed(grounding=BED, fracture={"enabled": False}))
     model.step()

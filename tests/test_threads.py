@@ -10,8 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.model import Model
 
@@ -27,7 +27,7 @@ def moved(seed: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """Return elements and bonds of a small berg that has drifted and broken for some steps."""
     berg = Iceberg.rectangle(30e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
     weak = A68A_2022_MTS.changed(fracture={"normal_strength": 3e2 + 1e2 * seed})
-    model = Model(berg, Steady(current=(0.3, 0.1), wind=(10.0, -4.0), depth=165.0), weak)
+    model = Model(berg, Forcing.uniform(current=(0.3, 0.1), wind=(10.0, -4.0), depth=165.0, slope=(0.0, 0.0)), weak)
     model.elements.u[:] += np.linspace(-0.05, 0.05, model.elements.u.size)
     for _ in range(6):
         model.step()

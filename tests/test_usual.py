@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, Steady
+from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
 from riftberg.config.usual_ranges import LAWS, USUAL, of_length, without_effect
 from riftberg.config.values import field_extra
-from riftberg.experiments import Options, build
 from riftberg.ocean import formulas
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
@@ -78,8 +77,8 @@ def test_every_number_has_a_usual_range_or_none_with_a_reason() -> None:
 def test_every_range_of_a_formula_is_of_a_value_that_it_holds(name: str) -> None:
     """A name that no formula has would be looked for in vain, and nothing would ever be told."""
     everything = [
-        Steady(temperature=1.0, salinity=34.0),
-        formulas.Uniform(depth=500.0), formulas.Eddy((-39, -55), 3e4, 0.3), formulas.Jet((-39, -55), 90, 0.3, 3e4),
+        formulas.Uniform(depth=500.0, slope=(1e-6, 0.0), temperature=1.0, salinity=34.0),
+        formulas.Eddy((-39, -55), 3e4, 0.3), formulas.Jet((-39, -55), 90, 0.3, 3e4),
         formulas.Front((-39, -55), 90, 0.2, 3e4, temperature=(1.0, 5.0)), formulas.Tide(0.1),
         formulas.Seamount((-39, -55), 300, 5e3, 1000), formulas.Slope((-39, -55), 90, 0.01, 500), formulas.TurningWind(5.0),
     ]  # fmt: skip
@@ -91,23 +90,7 @@ def test_every_range_of_a_formula_is_of_a_value_that_it_holds(name: str) -> None
 
 @pytest.mark.parametrize("parameters", [Parameters(), A68A_2022])
 def test_defaults_and_presets_are_usual(parameters: Parameters) -> None:
-    assert Model(berg(), Steady(current=(0.2, 0.0)), parameters).notices == ()
-
-
-@pytest.mark.parametrize("name", ["supported-beam", "cantilever", "collision", "grounding-fracture"])
-def test_test_cases_are_as_they_are_meant(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from riftberg.cli.run import collect_notices
-
-    options = Options()
-    model, info = build(name, options)
-    assert not [
-        text for text in collect_notices(model=model, info=info, options=options, hours=1.0) if "unusual" in text
-    ]
-    options = Options(changes={"ice": {"density": 100.0}})
-    model, info = build(name, options)
-    told = [text for text in collect_notices(model=model, info=info, options=options, hours=1.0) if "unusual" in text]
-    assert len(told) == 1
-    assert "ice.density = 100" in told[0]
+    assert Model(berg(), Forcing.uniform(current=(0.2, 0.0), slope=(0.0, 0.0)), parameters).notices == ()
 
 
 TIDE = Forcing.uniform(current=(0.1, 0.0)) + Forcing.tide(0.2)
@@ -126,11 +109,11 @@ SLIPS: list[tuple[dict[str, Any], Any, dict[str, Any], str]] = [
     ({"placement": (-39.0, 5.0)}, None, {}, "berg.latitude = 5"),
     ({"velocity": (9.0, 0.0)}, None, {}, "berg.speed = 9 m s-1"),
     ({"length": 12.0, "width": 6.0, "radius": 1.5}, None, {}, "berg.radius = 1.5 m"),
-    ({}, Steady(wind=(0.0, 120.0)), {}, "forcing, Steady: wind = 120 m s-1"),
-    ({}, Steady(current=(8.0, 0.0)), {}, "forcing, Steady: current = 8 m s-1"),
+    ({}, Forcing.uniform(wind=(0.0, 120.0)), {}, "forcing, Uniform: wind = 120 m s-1"),
+    ({}, Forcing.uniform(current=(8.0, 0.0), slope=(0.0, 0.0)), {}, "forcing, Uniform: current = 8 m s-1"),
     ({}, Forcing.eddy((-39.0, -55.0), 30.0, 0.5), {}, "forcing, Eddy: radius = 30 m"),
     ({}, Forcing.tide(0.2, period=7200.0), {}, "forcing, Tide: period = 7200 s"),
-    ({}, Steady(temperature=25.0, salinity=34.0), {}, "forcing, Steady: temperature = 25"),
+    ({}, Forcing.uniform(temperature=25.0, salinity=34.0), {}, "forcing, Uniform: temperature = 25"),
 ]  # fmt: skip
 
 
@@ -141,7 +124,9 @@ SLIPS: list[tuple[dict[str, Any], Any, dict[str, Any], str]] = [
 def test_slips_of_magnitude_are_told_with_the_usual_range(
     made: dict[str, Any], forcing: Any, changes: dict[str, Any], words: str
 ) -> None:
-    model = Model(berg(**made), forcing or Steady(current=(0.2, 0.0)), Parameters().changed(**changes))
+    model = Model(
+        berg(**made), forcing or Forcing.uniform(current=(0.2, 0.0), slope=(0.0, 0.0)), Parameters().changed(**changes)
+    )
     assert [text for text in model.notices if words in text], model.notices
 
 
@@ -151,7 +136,7 @@ KEEL = 850.0 / 1025.0 * 250.0
 @pytest.mark.parametrize(
     ("floor", "grounding", "words"),
     [
-        (Steady(depth=KEEL - 35.0), {}, "starts up to 35 m below the sea floor, more than 20 m under 100 % of it"),
+        (Forcing.uniform(depth=KEEL - 35.0), {}, "starts up to 35 m below the sea floor, more than 20 m under 100 % of it"),
         (Forcing.slope((-39.0, -55.0), 90.0, 5e-3, KEEL - 15.0, (1.0, 500.0)), {}, "below the sea floor"),
         (Forcing.seamount((-36.0, -55.0), 400.0, 300.0, depth=600.0), {}, "a seamount with a width of 300 m is narrower"),
         (Forcing.seamount((-36.0, -55.0), 400.0, 500.0, depth=600.0), {"bending": False}, "a width of 500 m is narrower"),
@@ -167,7 +152,7 @@ def test_a_floor_that_is_no_place_for_a_keel_is_told(floor: Any, grounding: dict
 @pytest.mark.parametrize(
     ("floor", "grounding"),
     [
-        (Steady(depth=KEEL - 15.0), {}),
+        (Forcing.uniform(depth=KEEL - 15.0), {}),
         (Forcing.seamount((-39.0, -55.0), 120.0, 1500.0, depth=KEEL + 90.0), {}),
         (Forcing.seamount((-36.0, -55.0), 400.0, 900.0, depth=600.0), {}),
         (Forcing.seamount((-36.0, -55.0), 400.0, 450.0, depth=600.0), {"ice_modulus": 1e9}),
@@ -182,8 +167,8 @@ def test_a_keel_a_little_below_the_floor_or_on_a_knoll_is_as_usual(floor: Any, g
 
 def test_a_law_that_is_left_out_by_zero_is_as_usual() -> None:
     for group, name in (("drag", "ocean_scale"), ("sea_ice", "strength")):
-        assert Model(berg(), Steady(), Parameters().changed(**{group: {name: 0.0}})).notices == ()
-    assert Model(berg(), Steady(), Parameters(grounding={"law": "none"})).notices == ()
+        assert Model(berg(), Forcing.uniform(), Parameters().changed(**{group: {name: 0.0}})).notices == ()
+    assert Model(berg(), Forcing.uniform(), Parameters(grounding={"law": "none"})).notices == ()
 
 
 def test_a_step_that_passes_over_records_is_told() -> None:
@@ -196,7 +181,11 @@ def test_a_step_that_passes_over_records_is_told() -> None:
 
 
 def test_python_logs_notices_once(caplog: pytest.LogCaptureFixture) -> None:
-    model = Model(berg(thickness=0.3), Steady(current=(0.2, 0.0)), Parameters(stepping={"time_step": 1800.0}))
+    model = Model(
+        berg(thickness=0.3),
+        Forcing.uniform(current=(0.2, 0.0), slope=(0.0, 0.0)),
+        Parameters(stepping={"time_step": 1800.0}),
+    )
     with caplog.at_level(logging.WARNING, "riftberg"):
         model.run(steps=3, every_hours=0.75)
     assert [record.message.split(" is ")[0] for record in caplog.records if "unusual" in record.message] == [
@@ -241,7 +230,9 @@ def test_run_doctor_and_python_say_once_where_a_run_ends(tmp_path: Path, caplog:
     assert run.stderr.count(words) == asked.output.replace("\n", " ").count(words) == 1
     caplog.clear()
     with caplog.at_level(logging.WARNING, "riftberg"):
-        Model(berg(), Steady(current=(0.2, 0.0)), Parameters(stepping={"time_step": 1800.0})).run(days=0.05)
+        Model(
+            berg(), Forcing.uniform(current=(0.2, 0.0), slope=(0.0, 0.0)), Parameters(stepping={"time_step": 1800.0})
+        ).run(days=0.05)
     assert sum(words in record.message for record in caplog.records) == 1
 
 
@@ -268,7 +259,9 @@ def end_of(parameters: Parameters) -> tuple[Any, ...]:
     ]
     model = Model(
         Iceberg.join(pair),
-        Steady(current=(0.2, 0.1), wind=(9.0, 3.0), depth=168.0, temperature=3.0, salinity=34.0),
+        Forcing.uniform(
+            current=(0.2, 0.1), wind=(9.0, 3.0), depth=168.0, temperature=3.0, salinity=34.0, slope=(0.0, 0.0)
+        ),
         parameters,
     )
     model.advance(steps=6)

@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 import riftberg
-from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Parameters, Steady
+from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.config.values import moment, native, number, numbers
 from riftberg.ensembles.sweep import make_plan
 from riftberg.errors import BergError, ForcingError, InputError
@@ -41,7 +41,7 @@ def block(**options: Any) -> Iceberg:
 )  # fmt: skip
 def test_dates_of_every_kind(given: Any) -> None:
     assert moment(given, where="start") == NOON
-    assert Model(block(), Steady(), start=given).start == NOON
+    assert Model(block(), Forcing.uniform(), start=given).start == NOON
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_dates_are_read_as_people_write_them_in_python_and_in_a_file(text: str, 
     from riftberg.experiments.yaml_file import read_file
 
     file = tmp_path / "e.yaml"
-    file.write_text(f"name: e\nstart: \"{text}\"\ndays: 1\nforcing: {{kind: constant, current: [0.1, 0.0]}}\n"
+    file.write_text(f"name: e\nstart: \"{text}\"\ndays: 1\nforcing: {{uniform: {{current: [0.1, 0.0], slope: [0, 0]}}}}\n"
                     "berg: {thickness: 200, rectangle: {length: 9 km, width: 6 km}, placement: [-37, -56]}\n")  # fmt: skip
     assert read_file(file)[0].start == moment(text, where="start") == NOON
     assert moment("2020-12-09 6:00", where="start") == NOON.replace(hour=6)
@@ -92,7 +92,7 @@ def test_a_day_begins_at_midnight() -> None:
 @pytest.mark.parametrize("given", ["tomorrow", "2020-02-31", 5, pd.NaT, np.datetime64("NaT"), True, [NOON]])
 def test_what_is_no_date_is_refused(given: Any) -> None:
     with pytest.raises(InputError, match=r"start: .* is not a date. Write it like 2020-12-09 13:00"):
-        Model(block(), Steady(), start=given)
+        Model(block(), Forcing.uniform(), start=given)
 
 
 @pytest.mark.parametrize(
@@ -123,9 +123,10 @@ def test_points_from_a_table() -> None:
 def test_units_in_every_constructor() -> None:
     assert Parameters(fracture={"normal_strength": "25 kPa"}).fracture.normal_strength == 25e3
     assert A68A_2022.changed(stepping={"time_step": "15 min"}).stepping.time_step == 900.0
-    sea = Steady(current=("20 cm/s", np.float32(0.5)), wind=pd.Series([5, -2]), depth="0.5 km")
+    sea = Forcing.uniform(
+        current=("20 cm/s", np.float32(0.5)), wind=pd.Series([5, -2]), depth="0.5 km", slope=(0.0, 0.0)
+    )
     assert (sea.current, sea.wind, sea.water) == ((0.2, 0.5), (5.0, -2.0), 500.0)
-    assert Steady.balanced(("0.2 m/s", 0.0), latitude="-56 deg").slope == Steady.balanced((0.2, 0.0), -56.0).slope
     berg = block(velocity=("20 cm/s", 0.0), rotation="0.5 rad", spin="1e-6 rad/s", radius="750 m", density="0.9 t/m3")
     assert berg.elements.u.mean() == pytest.approx(0.2, abs=1e-6)
     assert set(berg.elements.spin) == {1e-6}
@@ -135,7 +136,7 @@ def test_units_in_every_constructor() -> None:
 
 @pytest.mark.parametrize("days", ["1 h", 1 / 24, np.float64(1 / 24), pd.Timedelta("1h"), timedelta(hours=1)], ids=str)
 def test_the_length_of_a_run_of_every_kind(days: Any) -> None:
-    model = Model(block(), Steady())
+    model = Model(block(), Forcing.uniform())
     model.advance(days)
     assert model.step_number == 2
 
@@ -148,9 +149,9 @@ MISTAKES: list[tuple[str, str, Callable[[Any], object]]] = [
     ("  velocity: [VALUE, 0]", "berg.velocity", lambda v: block(velocity=(v, 0))),
     ("  rotation: VALUE", "berg.rotation", lambda v: block(rotation=v)),
     ("  packing: VALUE", "berg.packing", lambda v: block(packing=v)),
-    ("current: [VALUE, 0]", "forcing.current", lambda v: Steady(current=(v, 0.0))),
-    ("wind: [0, VALUE]", "forcing.wind", lambda v: Steady(wind=(0.0, v))),
-    ("depth: VALUE", "forcing.depth", lambda v: Steady(depth=v)),
+    ("current: [VALUE, 0]", "forcing.current", lambda v: Forcing.uniform(current=(v, 0.0), slope=(0.0, 0.0))),
+    ("wind: [0, VALUE]", "forcing.wind", lambda v: Forcing.uniform(wind=(0.0, v))),
+    ("depth: VALUE", "forcing.depth", lambda v: Forcing.uniform(depth=v)),
     ("fracture: {normal_strength: VALUE}", "parameters.fracture.normal_strength",
      lambda v: Parameters(fracture={"normal_strength": v})),
     ("fracture: {enabled: VALUE}", "parameters.fracture.enabled", lambda v: A68A_2022.changed(fracture={"enabled": v})),
@@ -164,8 +165,7 @@ berg:
   placement: [-37, -56]
 {berg}
 forcing:
-  kind: constant
-  {forcing}
+  uniform: {{{forcing}}}
 parameters:
   {parameters}
 """
@@ -204,9 +204,9 @@ def test_a_mistake_gets_the_same_words_in_python_as_in_a_file(
         ("  radius: VALUE", True, lambda v: block(radius=v)),
         ("  velocity: [VALUE, 0]", 50, lambda v: block(velocity=(v, 0))),
         ("  rectangle: {length: 6 km, width: VALUE}", 0, lambda v: block(width=v)),
-        ("depth: VALUE", -5, lambda v: Steady(depth=v)),
-        ("wind: [VALUE, 0]", 500, lambda v: Steady(wind=(v, 0.0))),
-        ("sea_ice: [0, 0, VALUE]", -1, lambda v: Steady(sea_ice=(0.0, 0.0, v))),
+        ("depth: VALUE", -5, lambda v: Forcing.uniform(depth=v)),
+        ("wind: [VALUE, 0]", 500, lambda v: Forcing.uniform(wind=(v, 0.0))),
+        ("sea_ice: [0, 0, VALUE]", -1, lambda v: Forcing.uniform(sea_ice=(0.0, 0.0, v))),
         ("stepping: {time_step: VALUE}", -3, lambda v: Parameters(stepping={"time_step": v})),
         ("fracture: {normal_strength: VALUE}", True, lambda v: Parameters(fracture={"normal_strength": v})),
     ],
@@ -227,17 +227,17 @@ def test_latitudes_beyond_the_pole_are_refused(place: tuple[float, float]) -> No
     with pytest.raises(BergError, match="has no sea for a berg"):
         Iceberg.from_table([(0, 0, 1)], thickness=200.0, placement=place)
     with pytest.raises(ForcingError, match=r"latitude: .* is not possible"):
-        Steady.balanced((0.1, 0.0), latitude=place[1])
+        Forcing.uniform((0.1, 0.0), latitude=place[1])
 
 
 def test_arguments_in_the_wrong_order_are_named() -> None:
     berg = block()
     with pytest.raises(InputError, match=r"Model, berg: .* is no berg. Give an Iceberg"):
-        Model(Steady(), berg)  # type: ignore[arg-type]
+        Model(Forcing.uniform(), berg)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"Model, forcing: .* is no forcing"):
         Model(berg, A68A_2022)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"Model, parameters: .* is no parameters"):
-        Model(berg, Steady(), {"fracture": {}})  # type: ignore[arg-type]
+        Model(berg, Forcing.uniform(), {"fracture": {}})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -306,7 +306,7 @@ def test_what_is_native_stays() -> None:
         (lambda: riftberg.open_sweep(5), "open_sweep: 5 cannot be used here"),
         (lambda: riftberg.draw_map(5), "draw_map: 5 cannot be used here"),
         (lambda: riftberg.draw_sweep(5, "a.png"), "draw_sweep: 5 cannot be used here"),
-        (lambda: Model.resume(5, Steady()), "Model.resume: 5 cannot be used here"),
+        (lambda: Model.resume(5, Forcing.uniform()), "Model.resume: 5 cannot be used here"),
     ],
 )
 def test_arguments_of_the_wrong_kind_are_refused_in_words(make: Callable[[], object], message: str) -> None:
@@ -328,7 +328,7 @@ def test_letters_tell_a_place_with_its_numbers_swapped() -> None:
     with pytest.raises(BergError, match="'56 S' is a latitude where a longitude belongs"):
         block(placement=("56 S", "37 W"))
     with pytest.raises(ForcingError, match="'56 W' is a longitude where a latitude belongs"):
-        Steady.balanced((0.1, 0.0), latitude="56 W")
+        Forcing.uniform((0.1, 0.0), latitude="56 W")
     assert Parameters(earth={"reference_latitude": "56 S"}).earth.reference_latitude == -56.0
 
 
@@ -355,16 +355,14 @@ def test_parts_with_units_of_their_own_take_them() -> None:
     assert Forcing.uniform(sea_ice=("10 cm/s", 0, "50 cm")).sea_ice == (0.1, 0.0, 0.5)
     assert Forcing.turning_wind("20 kn", turning="360 deg/day").turning == pytest.approx(15.0)
     assert Forcing.front((-37, -56), 90, "20 cm", "15 km", temperature=("-1 °C", 2)).temperature == (-1.0, 2.0)
-    sea = Steady(temperature="2 degC", salinity=np.float32(34.0), ice_fraction="50 %")
-    assert sea._water == (2.0, 34.0, 0.5)
+    sea = Forcing.uniform(temperature="2 degC", salinity=np.float32(34.0), ice_fraction="50 %")
+    assert (sea.temperature, sea.salinity, sea.ice_fraction) == (2.0, 34.0, 0.5)
 
 
 @pytest.mark.parametrize("name", ["current", "wind"])
 def test_a_formula_knows_what_no_water_and_no_air_does(name: str) -> None:
-    """Steady refused a current of 200 m/s, the formula took it."""
-    for make in (Steady, Forcing.uniform):
-        with pytest.raises(ForcingError, match="is not possible; the most is"):
-            make(**{name: (200.0, 0.0)})
+    with pytest.raises(ForcingError, match="is not possible; the most is"):
+        Forcing.uniform(**{name: (200.0, 0.0)})
     with pytest.raises(ForcingError, match=r"velocity: .* is not possible"):
         Forcing.eddy((-37.0, -56.0), 3e4, 0.5, velocity=(200.0, 0.0))
 
@@ -412,21 +410,21 @@ def test_more_of_the_wrong_kind_is_refused_in_words(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no forcing. Give a forcing"):
         Model(block(), Forcing)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="Give the path of a restart file"):
-        Model(block(), Steady()).save(3)  # type: ignore[arg-type]
+        Model(block(), Forcing.uniform()).save(3)  # type: ignore[arg-type]
     for wrong in (3, [3]):
         with pytest.raises(InputError, match="Give recorders in a list"):
-            Model(block(), Steady()).run(steps=1, recorders=wrong)  # type: ignore[arg-type]
+            Model(block(), Forcing.uniform()).run(steps=1, recorders=wrong)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="Give the path of a run file"):
-        Model(block(), Steady()).run(steps=1, output=3)  # type: ignore[arg-type]
+        Model(block(), Forcing.uniform()).run(steps=1, output=3)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="this dataset is no run of Riftberg"):
         riftberg.draw_map(xr.Dataset())
     with pytest.raises(InputError, match="vary: None cannot be used here"):
         riftberg.sweep("a68a", None)  # type: ignore[arg-type]
-    plan = make_plan("collision", {"fracture.normal_strength": [1e3]}, Options(days=1 / 24), None)
+    plan = make_plan("a68a", {"fracture.normal_strength": [1e3]}, Options(days=1 / 24), None)
     assert plan.every == 3600.0  # by default as long as a run that is shorter than 6 h
     for workers in (-1, "two", 1.5):
         with pytest.raises(InputError, match=r"workers: .* processes. Give a whole number, 0 or more"):
-            riftberg.sweep("collision", {"fracture.normal_strength": [1e3]}, days="1 h", workers=workers)  # type: ignore[arg-type]
+            riftberg.sweep("a68a", {"fracture.normal_strength": [1e3]}, days="1 h", workers=workers)  # type: ignore[arg-type]
     for wrong in (None, np.ones((3, 3))):
         with pytest.raises(BergError, match="Give a file, a DataArray, a Dataset or a Raster"):
             Iceberg.from_mask(wrong)

@@ -7,10 +7,10 @@ In a current in geostrophic balance and without wind, a berg drifts with the wat
 
 import numpy as np
 
-from riftberg import Iceberg, Model, Steady, draw_map
+from riftberg import Forcing, Iceberg, Model, draw_map
 
 berg = Iceberg.rectangle("30 km", "15 km", thickness="200 m", placement=(-37.0, -56.0), velocity=(0.2, 0.1))
-model = Model(berg, Steady.balanced(current=(0.2, 0.1), latitude=-56.0))
+model = Model(berg, Forcing.uniform(current=(0.2, 0.1)))
 run = model.run(days=2)
 draw_map(run, "drift.png", forcing=model.forcing, title="Drift with the water")
 

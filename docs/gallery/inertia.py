@@ -8,11 +8,11 @@ A berg with an initial velocity and without forcing moves in inertial circles of
 import numpy as np
 from matplotlib.figure import Figure
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 
 latitude = -56.0
 berg = Iceberg.rectangle("3 km", "3 km", thickness="200 m", placement=(-37.0, latitude), velocity=(0.2, 0.0))
-model = Model(berg, Steady(), Parameters(drag={"ocean_scale": 0.0}, stepping={"time_step": "10 min"}))
+model = Model(berg, Forcing.uniform(), Parameters(drag={"ocean_scale": 0.0}, stepping={"time_step": "10 min"}))
 run = model.run(days=2, every_hours="10 min")
 
 # %%

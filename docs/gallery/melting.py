@@ -8,12 +8,12 @@ A function that is called after each time step may change thickness and mass.
 import numpy as np
 from matplotlib.figure import Figure
 
-from riftberg import Iceberg, Model, Steady
+from riftberg import Forcing, Iceberg, Model
 
 RATE = 2.0 / 86400  # m s-1: two metres a day
 
 berg = Iceberg.rectangle("12 km", "6 km", thickness="200 m", placement=(-37.0, -56.0))
-model = Model(berg, Steady.balanced(current=(0.1, 0.0), latitude=-56.0))
+model = Model(berg, Forcing.uniform(current=(0.1, 0.0)))
 
 
 def melt(now):

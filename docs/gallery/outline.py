@@ -7,7 +7,7 @@ A polygon in longitude and latitude is filled with elements. The lattice is posi
 
 import numpy as np
 
-from riftberg import Iceberg, Model, Steady, draw_map
+from riftberg import Forcing, Iceberg, Model, draw_map
 
 angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
 reach = 1 + 0.25 * np.cos(2 * angle) + 0.1 * np.sin(3 * angle)
@@ -15,7 +15,7 @@ outline = np.column_stack([-37 + 0.35 * reach * np.cos(angle), -56 + 0.2 * reach
 
 berg = Iceberg.from_outline(outline, thickness="200 m", radius="1 km")
 print(berg.describe())
-model = Model(berg, Steady.balanced(current=(0.1, 0.0), latitude=-56.0))
+model = Model(berg, Forcing.uniform(current=(0.1, 0.0)))
 draw_map(model.run("6 h"), "outline.png", title="From an outline")
 
 # %%

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from riftberg.ensembles.result import open_cells, open_sweep
     from riftberg.ensembles.sensitivity import sensitivity
     from riftberg.ensembles.sweep import sweep
-    from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing, Forcing
     from riftberg.ocean.gridded import FieldRules, GriddedForcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
@@ -46,7 +45,6 @@ _HOMES = {
     "Parameters": "riftberg.parameters",
     "A68A_2022": "riftberg.parameters",
     "A68A_2022_KID": "riftberg.parameters",
-    "Steady": "riftberg.ocean.analytic",
     "FieldRules": "riftberg.ocean.gridded",
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
@@ -79,7 +77,6 @@ __all__ = [
     "Laws",
     "Model",
     "Parameters",
-    "Steady",
     "__version__",
     "allow_large",
     "calibrate",

@@ -9,7 +9,8 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from datetime import date, datetime
-from typing import Any, Protocol, Self
+from functools import partial
+from typing import Any, Final, Protocol, Self
 
 import numpy as np
 
@@ -43,6 +44,7 @@ from riftberg.ocean.forcing import Forcing, as_forcing
 from riftberg.parameters import ExplicitParameters, Parameters
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Environment, Floats, Ints, copy_state
 from riftberg.state.population import Population, Saved, by_identifier, changed_rows, cut_out
+from riftberg.state.rules import Rule, find_breach, is_positive
 from riftberg.system.input_files import check_work, shortened, value_shown
 from riftberg.system.process import Hold, held
 
@@ -803,7 +805,7 @@ def check_arguments(berg: object, forcing: object, parameters: object) -> None:
         "berg": (isinstance(berg, Iceberg), "an Iceberg, for example Iceberg.rectangle(...)"),
         "forcing": (
             isinstance(forcing, Forcing),
-            "a forcing, for example Steady(current=(0.2, 0.0))",
+            "a forcing, for example Forcing.uniform(current=(0.2, 0.0))",
         ),
         "parameters": (isinstance(parameters, Parameters), "Parameters(...), or A68A_2022.changed(...)"),
     }
@@ -875,22 +877,28 @@ def check_balance(forcing: Forcing, p: Parameters) -> None:
         )
 
 
+STATE_RULES: Final = (
+    *(Rule(name, np.isfinite, "a finite number") for name in ("lon", "lat", "u", "v", "spin", "rotation")),
+    *(Rule(name, is_positive, "a finite number above zero") for name in ("mass", "thickness", "length", "width")),
+)
+"""Rules for elements that can be stepped."""
+
+BOND_RULES: Final = (
+    Rule("strength", lambda values: np.isfinite(values) & (values >= 0.0), "a finite factor, 0 or more"),
+    Rule("damage", lambda values: (values >= 0.0) & (values < 1.0), "from 0 up to, not including, 1"),
+)
+"""Rules for bonds that can break."""
+
+
 def check_state(elements: Elements, bonds: Bonds, latlon: bool) -> None:
     """Refuse elements that cannot be stepped, before the first step."""
-    for name in ("lon", "lat", "u", "v", "mass", "thickness", "length", "width", "spin", "rotation"):
-        values = getattr(elements, name)
-        bad = ~np.isfinite(values)
-        if name in ("mass", "thickness", "length", "width"):
-            bad |= values <= 0.0
-        if bad.any():
-            e = int(np.flatnonzero(bad)[0])
-            position = place_text(float(elements.lon[e]), float(elements.lat[e]), latlon=latlon, digits=5)
-            raise InputError(
-                f"{name} is {values[e]:g}",
-                where=f"element {int(elements.id[e])} (row {e}) at {position}",
-                remedy="It must be a finite number"
-                + (" above zero" if name in ("mass", "thickness", "length", "width") else ""),
-            )
+    if breach := find_breach(STATE_RULES, partial(getattr, elements)):
+        e = breach.row
+        position = place_text(float(elements.lon[e]), float(elements.lat[e]), latlon=latlon, digits=5)
+        raise InputError(
+            f"{breach.rule.variable} is {breach.value:g}", where=f"element {int(elements.id[e])} (row {e}) at {position}",
+            remedy=f"It must be {breach.rule.allowed}",
+        )  # fmt: skip
     count = elements.mass.size
     ends = np.concatenate([bonds.first, bonds.second])
     if ends.size and (ends.min() < 0 or ends.max() >= count):
@@ -907,19 +915,10 @@ def check_strengths(bonds: Bonds, p: Parameters) -> None:
                 where="parameters",
                 remedy="Give a positive one, or set fracture.enabled = false so that no bond breaks",
             )
-    for name, values, bad, possible in (
-        (
-            "strength",
-            bonds.strength,
-            ~(np.isfinite(bonds.strength) & (bonds.strength >= 0.0)),
-            "a finite factor, 0 or more",
-        ),
-        ("damage", bonds.damage, ~((bonds.damage >= 0.0) & (bonds.damage < 1.0)), "from 0 up to, not including, 1"),
-    ):
-        if bad.any():
-            b = int(np.flatnonzero(bad)[0])
-            raise InputError(
-                f"{name} is {values[b]:g}",
-                where=f"bond in row {b}, between the elements in rows {bonds.first[b]} and {bonds.second[b]}",
-                remedy=f"It must be {possible}",
-            )
+    if breach := find_breach(BOND_RULES, partial(getattr, bonds)):
+        b = breach.row
+        raise InputError(
+            f"{breach.rule.variable} is {breach.value:g}",
+            where=f"bond in row {b}, between the elements in rows {bonds.first[b]} and {bonds.second[b]}",
+            remedy=f"It must be {breach.rule.allowed}",
+        )

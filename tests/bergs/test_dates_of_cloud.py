@@ -138,7 +138,7 @@ berg:
   placement: [-37.0, -56.0]
   thickness: 80 m
   seed: {number: 5, radius: 20 km, length: 200 m, width: 100 m, dates: [2020-12-09, 2020-12-09 12:00]}
-forcing: {kind: constant, current: [0.2, 0.0]}
+forcing: {uniform: {current: [0.2, 0.0], slope: [0, 0]}}
 parameters: {stepping: {interactions: false}}
 """
     path = tmp_path / "cloud.yaml"

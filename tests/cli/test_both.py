@@ -194,9 +194,9 @@ def test_a_fetch_that_fails_says_so_and_runs_nothing(source: Shelf) -> None:
 
 
 def test_experiments_without_files_fetch_nothing() -> None:
-    result = call("run", "collision", "--fetch")
+    result = call("run", "a68a-melt", "--fetch")
     assert result.exit_code == 2
-    assert "collision needs no files" in result.stderr
+    assert "a68a-melt needs no files" in result.stderr
     assert "a68a-paper" in result.stderr
     own = call("run", "slab.yaml", "--fetch")
     assert own.exit_code == 2

@@ -132,7 +132,7 @@ def test_files_without_an_experiment_are_judged_by_what_a_run_needs(folder: Path
 
 def test_a_run_that_needs_no_files_is_ready_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "steady.yaml"
-    steady = HEAD[: HEAD.index("  kind")].format(start="2020-12-09", days=1) + "  kind: constant\n"
+    steady = HEAD[: HEAD.index("  kind")].format(start="2020-12-09", days=1) + "  uniform: {}\n"
     for text, code in (
         (steady, 0),
         (steady + "output_every_hours: 0.1\n", 0),

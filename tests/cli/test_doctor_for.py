@@ -99,10 +99,9 @@ def test_a_yaml_file_gives_products_limits_and_what_it_leaves_out(asked: dict[st
 
 def test_what_cannot_be_asked_for_is_told(asked: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "steady.yaml"
-    path.write_text(EXPERIMENT[: EXPERIMENT.index("forcing:")] + "forcing: {kind: constant}\n")
+    path.write_text(EXPERIMENT[: EXPERIMENT.index("forcing:")] + "forcing: {uniform: {}}\n")
     for arguments, words in [
         (["--for", path, "a.nc"], "It needs no files"),
-        (["--for", "cantilever", "a.nc"], "nowhere on Earth"),
         ([], "no files were named"),
     ]:
         result = call(*arguments)

@@ -18,7 +18,7 @@ from riftberg.runs.run_file import open_run
 
 YAML = """start: 2020-12-09
 days: 0.25
-forcing: {kind: constant, current: [0.3, 0.1]}
+forcing: {uniform: {current: [0.3, 0.1], slope: [0, 0]}}
 berg: {outline: {file: shape.csv}, thickness: 200 m, name: X1}
 """
 SHAPE = "lon,lat\n-39.1,-55.05\n-38.9,-55.05\n-38.9,-54.95\n-39.1,-54.95\n"
@@ -136,7 +136,7 @@ def test_a_member_that_is_not_there_and_a_sweep_that_keeps_nothing_are_refused(s
             result = call(*words)
             assert result.exit_code == 2
             assert f"no member {number}. They are counted from 0" in " ".join(result.output.split())
-    sweep(lambda **_: build("cantilever")[0], {"errors.seed": [1]}, days=0.001, workers=0, output="own")
+    sweep(lambda **_: build("a68a")[0], {"errors.seed": [1]}, days=0.001, workers=0, output="own")
     result = call("rerun", "own/sweep.nc#0", "-o", "b", "-q")
     assert result.exit_code == 2
     assert "keeps no experiment" in result.output

@@ -205,7 +205,7 @@ def test_a_yaml_experiment_runs_for_real(tmp_path: Path) -> None:
     (tmp_path / "slab.yaml").write_text(
         "start: 2020-12-09\ndays: 0.25\n"
         "berg:\n  rectangle: {length: 12 km, width: 6 km}\n  placement: [-39, -55]\n"
-        "forcing: {kind: constant, current: [0.2, 0.0]}\n"
+        "forcing: {uniform: {current: [0.2, 0.0], slope: [0, 0]}}\n"
     )
     result = CliRunner().invoke(app, ["run", str(tmp_path / "slab.yaml"), "-o", str(tmp_path / "out")])
     assert result.exit_code == 0, result.output
@@ -219,7 +219,7 @@ def test_resumed_run_ends_like_the_run_that_never_stopped(tmp_path: Path) -> Non
     (tmp_path / "slab.yaml").write_text(
         "start: 2020-12-09\ndays: 0.25\n"
         "berg:\n  rectangle: {length: 12 km, width: 6 km}\n  placement: [-39, -55]\n"
-        "forcing: {kind: constant, current: [0.2, 0.0]}\n"
+        "forcing: {uniform: {current: [0.2, 0.0], slope: [0, 0]}}\n"
     )
     from riftberg.experiments import build
 
@@ -265,7 +265,7 @@ def test_the_command_that_is_printed_goes_on_with_all_options(
     (tmp_path / "a slab.yaml").write_text(
         "start: 2020-12-09\ndays: 9\noutput_every_hours: 7\n"
         "berg:\n  rectangle: {length: 9 km, width: 6 km}\n  placement: [-39, -55]\n"
-        "forcing: {kind: constant, current: [0.2, 0.0]}\n"
+        "forcing: {uniform: {current: [0.2, 0.0], slope: [0, 0]}}\n"
     )
     given = ["run", str(tmp_path / "a slab.yaml"), "--days", "0.15", "--every", "1", "--forces", "--no-map", "--quiet"]
     given += ["--set", "ice.density=870", "--set", "stepping.substeps=80", "--allow-large"]

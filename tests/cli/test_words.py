@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from numba.core import event
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.cli.run import ledger_lines, short_summary
 from riftberg.config.units import box_text, drift_text
 from riftberg.diagnostics.summary import summarize
@@ -22,7 +22,7 @@ def adrift(**melt: Any) -> Model:
         for name, lon, thickness in (("X1", -39.0, 200.0), ("X2", -38.0, 0.02))
     ]
     p = Parameters().changed(melt={"enabled": True, "temperature": 5.0, "salinity": 34.0})
-    return Model(Iceberg.join(bergs), Steady(current=(0.2, 0.1)), p)
+    return Model(Iceberg.join(bergs), Forcing.uniform(current=(0.2, 0.1), slope=(0.0, 0.0)), p)
 
 
 def test_each_berg_has_a_line_of_result_and_the_ledgers_are_for_the_verbose() -> None:

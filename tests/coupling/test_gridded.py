@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.main import app
 from riftberg.coupling.exchange import ocean_grid
@@ -15,7 +16,6 @@ from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.gridded import GridRecorder, make_cells
 from riftberg.errors import InputError
 from riftberg.life.melt import scaled_mass
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 
@@ -24,13 +24,13 @@ ALONE = Parameters(
     stepping={"scheme": "verlet", "time_step": 3600.0, "interactions": False, "explicit_substeps": True},
     melt={"enabled": True, "mode": "berg", "base": "turbulent", "bits_fraction": 0.3}, rolling={"enabled": True},
 )  # fmt: skip
-SEA = {"current": (0.4, -0.1), "wind": (8.0, 3.0), "temperature": 3.0, "salinity": 34.0}
+SEA = {"current": (0.4, -0.1), "slope": (0.0, 0.0), "wind": (8.0, 3.0), "temperature": 3.0, "salinity": 34.0}
 LON, LAT = np.array([179.7, -170.0, 60.2]), np.array([-56.1, -61.0, -57.5])
 
 
 def model(rows=slice(None), parameters=ALONE, start="2020-01-31 06:00") -> Model:
     berg = Iceberg.from_points(LON[rows], LAT[rows], thickness=200.0, radius=9000.0)
-    return Model(berg, Steady(**SEA), parameters, start=start)
+    return Model(berg, Forcing.uniform(**SEA), parameters, start=start)
 
 
 def run(tmp_path, name="f", days=2.0, every_hours=12.0, grid=1.0, **more) -> tuple[Model, GridRecorder]:
@@ -113,10 +113,10 @@ def test_a_resumed_run_goes_on_with_month_and_moment_bit_for_bit(tmp_path) -> No
     first, _ = run(tmp_path, days=0.7)  # in the middle of both; the month ends at 0.75 days
     first.save(tmp_path / "stopped.nc")
     for steps in (1, 7):  # stopped again right after, and once more across the end of the month
-        model = Model.resume(tmp_path / "stopped.nc", Steady(**SEA))
+        model = Model.resume(tmp_path / "stopped.nc", Forcing.uniform(**SEA))
         model.advance(steps=steps, recorders=[GridRecorder(tmp_path / "part", 1.0, every_hours=12.0)])
         model.save(tmp_path / "stopped.nc")
-    model = Model.resume(tmp_path / "stopped.nc", Steady(**SEA))
+    model = Model.resume(tmp_path / "stopped.nc", Forcing.uniform(**SEA))
     rest = GridRecorder(tmp_path / "rest", 1.0, every_hours=12.0)
     model.advance(steps=whole.step_number - model.step_number, recorders=[rest])
     for here, there in ((rest._months, full._months), (rest._moments, full._moments)):
@@ -142,7 +142,7 @@ def test_other_cells_or_another_moment_begin_anew(tmp_path) -> None:
     first, _ = run(tmp_path, days=0.5)
     first.save(tmp_path / "stopped.nc")
     for cells, hours in ((2.0, 12.0), (1.0, 6.0)):
-        model = Model.resume(tmp_path / "stopped.nc", Steady(**SEA))
+        model = Model.resume(tmp_path / "stopped.nc", Forcing.uniform(**SEA))
         began = model.date
         recorder = GridRecorder(tmp_path / "other", cells, every_hours=hours)
         model.advance(steps=2, recorders=[recorder])
@@ -168,7 +168,7 @@ def test_the_command_line_writes_both_files(tmp_path) -> None:
     (tmp_path / "e.yaml").write_text(
         "name: small\nstart: 2020-12-15\ndays: 0.1\n"
         "berg: {rectangle: {length: 6 km, width: 3 km}, thickness: 200 m, radius: 1500 m, placement: [-37, -56]}\n"
-        "forcing: {kind: constant}\nparameters: {melt: {enabled: true, temperature: 2, salinity: 34}}\n"
+        "forcing: {uniform: {}}\nparameters: {melt: {enabled: true, temperature: 2, salinity: 34}}\n"
     )
     words = ["run", str(tmp_path / "e.yaml"), "--no-map", "--quiet", "--output", str(tmp_path / "out"), "--every", "1"]
     done = CliRunner().invoke(app, [*words, "--cells", "0.5"])

@@ -259,7 +259,7 @@ def shelf_file(folder: Path, **keys) -> Path:
     more = "".join(f", {name}: {value}" for name, value in keys.items())
     path = folder / "e.yaml"
     path.write_text(
-        "start: 2020-12-09\ndays: 1\nforcing: {kind: constant}\n"
+        "start: 2020-12-09\ndays: 1\nforcing: {uniform: {}}\n"
         f"berg: {{shelf: {{file: shelf.nc, variable: thickness, mask: calves}}, radius: 1200 m{more}}}\n"
         "parameters: {ice: {density: 880}}\n"
     )

@@ -7,7 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from riftberg import Model, Steady
+from riftberg import Forcing, Model
 from riftberg.coupling.veros import HEAT_CAPACITY, VerosBergs, veros_forcing, veros_grid
 from riftberg.errors import InputError
 from scripts import loaded
@@ -140,7 +140,9 @@ def test_a_set_up_without_sources_is_refused(example) -> None:
 def test_another_grid_and_a_keel_above_the_water_are_refused(after_hours, example) -> None:
     channel, bergs, _ = after_hours
     with pytest.raises(InputError, match=r"not of the grid of Veros.*veros_forcing"):
-        VerosBergs(channel.state, Model(example.bergs(), Steady(temperature=1.0, salinity=34.0), example.PARAMETERS))
+        VerosBergs(
+            channel.state, Model(example.bergs(), Forcing.uniform(temperature=1.0, salinity=34.0), example.PARAMETERS)
+        )
     for keel in (0.0, -5.0, np.nan):
         with pytest.raises(InputError, match="keel"):
             VerosBergs(channel.state, bergs.exchange.model, keel=keel)

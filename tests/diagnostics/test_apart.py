@@ -23,7 +23,7 @@ from riftberg.runs.run_file import memory_run
 
 YAML = """start: 2020-12-09
 days: 0.5
-forcing: {kind: constant, current: [0.3, 0.1]}
+forcing: {uniform: {current: [0.3, 0.1], slope: [0, 0]}}
 berg: {rectangle: {length: 9 km, width: 6 km}, placement: [-39, -55], thickness: 200 m, name: X1, velocity: [0.2, 0.0]}
 """
 

@@ -16,7 +16,7 @@ import netCDF4
 import pytest
 
 from fakes import FakeModel
-from riftberg import Iceberg, Model, Parameters, Steady, sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, sweep
 from riftberg.diagnostics.compare import (
     RealEvent,
     compare,
@@ -198,7 +198,7 @@ def test_what_was_set_beside_the_parameters_is_told(folder: Path, tmp_path: Path
 def drifting(speed: float) -> Model:
     """Return a model of one element in a current."""
     berg = Iceberg.rectangle("3 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
-    return Model(berg, Steady(current=(speed, 0.0)), Parameters(), start="2020-12-09")
+    return Model(berg, Forcing.uniform((speed, 0.0), slope=(0.0, 0.0)), Parameters(), start="2020-12-09")
 
 
 def test_a_member_of_a_sweep_is_compared_by_its_own_track_and_time() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.diagnostics import why
 from riftberg.diagnostics.summary import summarize
 from riftberg.life.edges import EdgeIce, edge_bending
@@ -26,7 +26,9 @@ FEET: dict[str, Any] = {  # which break nothing in the step
 def ran(berg: Iceberg, foot: float = 0.0, edge: float = 0.0, **groups: Any) -> dict[str, Any]:
     """Summary of a berg after a step; each metre of ``edge`` begins with a foot (m)."""
     plane = {} if berg.latlon else {"latlon": False}
-    model = Model(berg, Steady(wind=(0.1, 0.0)), Parameters(earth=plane, stepping={"time_step": 60.0}, **groups))
+    model = Model(
+        berg, Forcing.uniform(wind=(0.1, 0.0)), Parameters(earth=plane, stepping={"time_step": 60.0}, **groups)
+    )
     model.elements.life.fl_k[:] = foot * edge / model.elements.size
     model.advance(steps=1)
     (entry,) = json.loads(json.dumps(summarize(model)))["bergs"]
@@ -107,7 +109,7 @@ def test_the_reasons_of_a_run_say_how_much_its_fronts_bend(tmp_path: Path) -> No
     """Of its largest berg, which need not be the first; a model says it before it runs."""
     small = Iceberg.rectangle(6e3, 3e3, thickness=300.0, placement=(-39.0, -56.0))
     berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, placement=(-38.0, -56.0))
-    model = Model(Iceberg.join([small, berg]), Steady(), Parameters())
+    model = Model(Iceberg.join([small, berg]), Forcing.uniform(), Parameters())
     described = model.describe()
     model.run(steps=1, output=tmp_path / "run.nc")
     with open_run(tmp_path / "run.nc") as run:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Iceberg, Model, Steady
+from riftberg import Forcing, Iceberg, Model
 from riftberg.diagnostics.cut import FORCES, accelerations, external_forces
 from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.derived import force_variables
@@ -21,7 +21,7 @@ P = A68A_2022_MTS.changed(stepping={"substeps": None}, bonds={"constant_size": F
 def floating(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """Half a day of a small berg in current, wind, sloping sea and sea ice."""
     path = tmp_path_factory.mktemp("forces") / "run.nc"
-    sea = Steady(current=(0.3, -0.1), wind=(8.0, -4.0), slope=(2e-6, -1e-6), sea_ice=(0.1, 0.05, 1.5))
+    sea = Forcing.uniform(current=(0.3, -0.1), wind=(8.0, -4.0), slope=(2e-6, -1e-6), sea_ice=(0.1, 0.05, 1.5))
     berg = Iceberg.rectangle(12e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
     Model(berg, sea, P).advance(0.5, recorders=[RunWriter(path, every_hours=0.5)])
     return open_run(path)
@@ -61,7 +61,7 @@ def test_the_budget_of_a_whole_berg_closes(floating: xr.Dataset) -> None:
 
 
 def test_the_sea_floor_slows_by_its_rate(tmp_path: Path) -> None:
-    sea = Steady(depth=150.0)
+    sea = Forcing.uniform(depth=150.0)
     berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-37.0, -56.0), velocity=(0.5, 0.0))
     for p in (P, P.changed(bonds={"constant_size": True, "constant_length": 2e3, "constant_width": 2e3})):
         Model(berg, sea, p).advance(steps=1, recorders=[RunWriter(tmp_path / "run.nc", every_hours=0.5)])
@@ -77,7 +77,9 @@ def test_the_quadratic_floor_slows_by_its_coefficient(tmp_path: Path) -> None:
     """The budgets of why read the same table as the schemes: force by speed squared and excess draft."""
     berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-37.0, -56.0), velocity=(0.5, 0.0))
     p = P.changed(grounding={"law": "quadratic", "quadratic_coefficient": 2e3})
-    Model(berg, Steady(depth=150.0), p).advance(steps=1, recorders=[RunWriter(tmp_path / "run.nc", every_hours=0.5)])
+    Model(berg, Forcing.uniform(depth=150.0), p).advance(
+        steps=1, recorders=[RunWriter(tmp_path / "run.nc", every_hours=0.5)]
+    )
     with open_run(tmp_path / "run.nc") as run:
         force = external_forces(run, 0, p.kernel_values())["sea floor"]
     excess = 200.0 * 850.0 / 1025.0 - 150.0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.diagnostics import why
 from riftberg.diagnostics.summary import summarize
 from riftberg.runs.run_file import open_run
@@ -30,7 +30,7 @@ def cracked(rift: Any, pull: float = 0.0, *, broken: bool = True, radius: float 
     if rift is not None:
         how = {"broken": True} if broken else {"strength": 0.5}
         berg = berg.with_rifts([1e3 * np.array(rift) + [130.0, 70.0]], **how)
-    model = Model(berg, Steady(), p)
+    model = Model(berg, Forcing.uniform(), p)
     el = model.elements
     x = el.lon
     for sign in (-1.0, 1.0):
@@ -132,15 +132,15 @@ def test_rifts_however_given_are_told_without_a_toughness(way: str, tmp_path: Pa
     through = berg.with_rifts(4.0 * line, broken=True)
     for fracture, tipless in (({}, False), ({"criterion": "toughness", "toughness": TOUGHNESS}, True)):
         said, nothing = (
-            " ".join(Model(b, Steady(), Parameters(earth={"latlon": False}, fracture=fracture)).notices)
+            " ".join(Model(b, Forcing.uniform(), Parameters(earth={"latlon": False}, fracture=fracture)).notices)
             for b in (cut, through)
         )
         assert ("strength alone" in said) is not tipless
         assert ("has no tips" in said) is (tipless and way != "two lines")
         assert "rift" not in nothing
-    assert ("2 rifts are broken" in " ".join(Model(cut, Steady(), Parameters(earth={"latlon": False})).notices)) is (
-        way == "two lines"
-    )
+    assert (
+        "2 rifts are broken" in " ".join(Model(cut, Forcing.uniform(), Parameters(earth={"latlon": False})).notices)
+    ) is (way == "two lines")
 
 
 def test_pressed_faces_are_said_to_be() -> None:
@@ -171,7 +171,7 @@ def test_a_rift_at_its_toughness_parts_the_berg_and_one_below_it_stands() -> Non
 def test_intensities_go_on_from_a_restart(tmp_path) -> None:
     run = cracked(INSIDE, 500.0)
     run.advance(steps=1)
-    again = Model.resume(run.save(tmp_path / "rift.nc"), Steady())
+    again = Model.resume(run.save(tmp_path / "rift.nc"), Forcing.uniform())
     assert again.rift_tips == run.rift_tips
     run.elements.load_x[:] *= 0.5
     again.elements.load_x[:] *= 0.5

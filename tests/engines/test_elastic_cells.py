@@ -10,6 +10,7 @@ import pytest
 import shapely
 
 from engines.lattices import stiffness_matrix
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.engines.common.crack_tips import NO_TIPS
 from riftberg.engines.common.forces.sizes import interaction_sizes
@@ -22,7 +23,6 @@ from riftberg.engines.quasi_static.lattice.cells import add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import Supports, balanced_loads, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.errors import InputError, RunError
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.state.population import Population
@@ -298,7 +298,7 @@ def test_beams_bend_as_theory_says_whatever_the_direction_of_the_lattice(packing
         el.static[supports[0]] = 0.0
         middle = abs(x) < 1.6 * RADIUS
         el.load_y[middle] = -load / middle.sum()
-    model = Model(berg, Steady(), parameters(packing, stepping={"time_step": 1.0}))
+    model = Model(berg, Forcing.uniform(), parameters(packing, stepping={"time_step": 1.0}))
     model.step()
     model.step()
     down = y - model.elements.lat
@@ -324,7 +324,7 @@ def pulled(packing: str = "square", strength: float = 1e3) -> Model:
     pull = np.sin(np.pi * el.lon / 18000.0)
     el.load_x[:] = 1.02 * strength * THICKNESS * 4500.0 / pull[el.lon > 0.0].sum() * pull
     fracture = {"enabled": True, "normal_strength": strength, "shear_strength": 1e6}
-    return Model(berg, Steady(), parameters(packing, fracture=fracture, stepping={"time_step": 60.0}))
+    return Model(berg, Forcing.uniform(), parameters(packing, fracture=fracture, stepping={"time_step": 60.0}))
 
 
 def test_a_bar_that_is_pulled_apart_parts_across_and_the_pieces_are_free_of_each_other() -> None:
@@ -352,7 +352,7 @@ def test_a_resumed_run_goes_on_bit_for_bit(packing, tmp_path) -> None:
     middle = model.save(tmp_path / "middle.nc")
     model.advance(steps=3)
     for path, steps in ((start, 4), (middle, 3)):
-        again = Model.resume(path, Steady())
+        again = Model.resume(path, Forcing.uniform())
         again.advance(steps=steps)
         for table, other in ((model.elements, again.elements), (model.bonds, again.bonds)):
             for name, array in table.arrays().items():

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.quasi_static.rigid_step import BodyState
 from riftberg.engines.quasi_static.step import TimeStep, first_moment
 from riftberg.engines.quasi_static.trial import Trial
@@ -72,7 +72,9 @@ def test_a_value_that_is_no_number_is_no_event(value: float) -> None:
 def step_of_a_berg() -> TimeStep:
     """The second half hour of a berg of four elements in a current."""
     berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, radius=1500.0, placement=(0.0, 0.0), latlon=False)
-    model = Model(berg, Steady(current=(0.3, 0.1)), Parameters(earth={"latlon": False, "period": 0.0}))
+    model = Model(
+        berg, Forcing.uniform(current=(0.3, 0.1), slope=(0.0, 0.0)), Parameters(earth={"latlon": False, "period": 0.0})
+    )
     model.advance(steps=1)  # begins with a look around
     return TimeStep(model)
 

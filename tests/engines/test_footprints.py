@@ -11,7 +11,6 @@ from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.lattices import outline_cells
 from riftberg.engines.quasi_static.lattice import cells, footprints
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
-from riftberg.ocean.analytic import Steady
 from riftberg.state.population import find_rows
 
 
@@ -19,7 +18,9 @@ def model(rotation: float, packing: str) -> Model:
     berg = Iceberg.rectangle(
         12e3, 9e3, thickness=200.0, radius=1000.0, placement=(19e3, 4e3), latlon=False, rotation=rotation, packing=packing
     )  # fmt: skip
-    return Model(berg, Steady(), Parameters(earth={"latlon": False, "period": 0.0}, bonds={"packing": packing}))
+    return Model(
+        berg, Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}, bonds={"packing": packing})
+    )
 
 
 @pytest.mark.quick(2)
@@ -146,7 +147,7 @@ def test_a_crack_divides_the_ice_along_its_line(packing: str, angle: float, line
 
     A line with a bend, as one without; the ends, which no crossing bears witness of, may be off by a part of a cell.
     """
-    run = Model(parted(packing, angle, line), Steady(), Parameters(earth={"latlon": False, "period": 0.0}))
+    run = Model(parted(packing, angle, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
     el, found = run.elements, FootprintBook(run).follow(run)
     corner = found.corner - found.centre.mean(axis=0) + (el.lon.mean(), el.lat.mean())
     rings = [shapely.Polygon(corner[a:b]) for a, b in zip(found.start[:-1], found.start[1:], strict=True)]
@@ -180,7 +181,7 @@ def test_a_crack_runs_on_to_the_edge_of_the_ice_however_far_it_is(
     and the rest broke up on it as it slid past.
     """
     line = [(-13e3, begin), (13e3, begin + slope * 26e3)]
-    run = Model(parted(packing, angle, line), Steady(), Parameters(earth={"latlon": False, "period": 0.0}))
+    run = Model(parted(packing, angle, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
     el, found = run.elements, FootprintBook(run).follow(run)
     corner = found.corner - found.centre.mean(axis=0) + (el.lon.mean(), el.lat.mean())
     rings = [shapely.Polygon(corner[a:b]) for a, b in zip(found.start[:-1], found.start[1:], strict=True)]
@@ -208,7 +209,7 @@ def test_ice_that_slides_along_a_crack_breaks_nothing_whatever_the_lattice(packi
     el.static[west] = 1.0
     el.v[~west], el.u[~west] = 0.2, 0.02  # along the crack, and away from it as slowly as a current parts ice
     run = Model(
-        berg, Steady(), Parameters(
+        berg, Forcing.uniform(), Parameters(
             earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0, "only_interactions": True},
             fracture={"normal_strength": "11 kPa"},
         ),

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.engines.common.broad_phase import NEWBORN_CHILD
 from riftberg.engines.quasi_static.contact.islands import find_islands
 from riftberg.engines.quasi_static.step import TimeStep
-from riftberg.ocean.analytic import Steady
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import Parameters
@@ -42,7 +42,7 @@ def bonded(x: float, u: float, side: float = 18e3) -> Iceberg:
     )
 
 
-class Counting(Steady):
+class Counting(Forcing.uniform):
     """A uniform environment that counts how often it is asked."""
 
     asked = 0
@@ -55,10 +55,10 @@ class Counting(Steady):
 
 def test_two_bergs_that_meet_do_not_cut_the_step_of_others() -> None:
     """Bug: the whole model took the step of the stiffest contact: forcing was sampled anew, and bergs far away went otherwise."""
-    sea = Counting(current=(0.2, 0.05), wind=(8.0, -3.0))
+    sea = Counting(current=(0.2, 0.05), wind=(8.0, -3.0), slope=(0.0, 0.0))
     p = parameters()
     crowd = Model(Iceberg.join([single(0.0, 0.3), single(3300.0, -0.1), single(90e3, 0.2)]), sea, p)
-    alone = Model(single(90e3, 0.2), Steady(current=(0.2, 0.05), wind=(8.0, -3.0)), p)
+    alone = Model(single(90e3, 0.2), Forcing.uniform(current=(0.2, 0.05), wind=(8.0, -3.0), slope=(0.0, 0.0)), p)
     crowd.advance(steps=1)  # begins with a look around
     Counting.asked = 0
     crowd.advance(steps=5)
@@ -70,7 +70,7 @@ def test_two_bergs_that_meet_do_not_cut_the_step_of_others() -> None:
 
 
 def test_bergs_that_pass_each_other_go_as_if_nobody_were_near() -> None:
-    sea = Steady(current=(0.2, 0.05), wind=(8.0, -3.0))
+    sea = Forcing.uniform(current=(0.2, 0.05), wind=(8.0, -3.0), slope=(0.0, 0.0))
     bergs = Iceberg.join([single(0.0, 0.3), single(4000.0, 0.1, 3100.0)])
     near, far = (Model(bergs, sea, parameters(stepping={"interactions": yes})) for yes in (True, False))
     for model in (near, far):
@@ -84,7 +84,7 @@ def test_a_newborn_child_of_footloose_calving_does_not_push_its_parent() -> None
     """Bug: it lies on the rim of its parent until it has drifted off, and the quasi-static scheme took that for contact."""
     bergs = Iceberg.join([single(0.0, 0.1), single(3050.0, -0.1)])
     newborn, far, other = (
-        Model(bergs, Steady(current=(0.1, 0.0)), parameters(stepping={"interactions": yes}))
+        Model(bergs, Forcing.uniform(current=(0.1, 0.0), slope=(0.0, 0.0)), parameters(stepping={"interactions": yes}))
         for yes in (True, False, True)
     )
     newborn.elements.fl_k[1] = NEWBORN_CHILD
@@ -99,7 +99,11 @@ def test_a_newborn_child_of_footloose_calving_does_not_push_its_parent() -> None
 
 def test_a_trial_step_that_is_taken_back_leaves_no_velocities_behind() -> None:
     """Bug: the velocities that bergs show each other stayed those of the trial, and the next search looked by them."""
-    model = Model(Iceberg.join([single(0.0, 0.3), single(3300.0, -0.1)]), Steady(current=(0.2, 0.05)), parameters())
+    model = Model(
+        Iceberg.join([single(0.0, 0.3), single(3300.0, -0.1)]),
+        Forcing.uniform(current=(0.2, 0.05), slope=(0.0, 0.0)),
+        parameters(),
+    )
     model.advance(steps=1)
     step = TimeStep(model)
     was = {name: getattr(model.elements, name).copy() for name in ("lon", "lat", "u_pair", "v_pair", "rotation")}
@@ -114,7 +118,7 @@ def test_a_trial_step_that_is_taken_back_leaves_no_velocities_behind() -> None:
 @pytest.mark.parametrize("other", [bonded(9400.0, -0.1), single(6400.0, -0.5, 7400.0)], ids=["head on", "turning"])
 def test_the_ledger_of_bergs_that_meet_closes(other: Iceberg) -> None:
     """All that changes the momentum of both is what the media gave; contact is equal and opposite."""
-    sea = Steady(current=(0.2, 0.05), wind=(8.0, -3.0))
+    sea = Forcing.uniform(current=(0.2, 0.05), wind=(8.0, -3.0), slope=(0.0, 0.0))
     model = Model(Iceberg.join([bonded(0.0, 0.3), other]), sea, parameters())
     el = model.elements
     for _ in range(6):
@@ -135,7 +139,7 @@ def test_the_load_of_a_blow_and_the_moment_of_its_break_do_not_depend_on_the_lon
             p = parameters(
                 stepping={"time_step": step}, fracture={"normal_strength": strength, "shear_strength": 1e12}
             )  # fmt: skip
-            model = Model(Iceberg.join([bonded(0.0, 0.0, 21e3), single(7000.0, -0.3)]), Steady(), p)
+            model = Model(Iceberg.join([bonded(0.0, 0.0, 21e3), single(7000.0, -0.3)]), Forcing.uniform(), p)
             peak = 0.0
             for _ in range(round(7200.0 / step)):
                 model.advance(steps=1)
@@ -148,8 +152,14 @@ def test_the_load_of_a_blow_and_the_moment_of_its_break_do_not_depend_on_the_lon
 
 
 @pytest.mark.quick(1)
-@pytest.mark.parametrize("sea", [Steady(current=(0.2, 0.05), wind=(8.0, -3.0)), Steady(current=(0.05, -0.2))])
-def test_a_meeting_does_not_depend_on_the_order_of_the_bergs(sea: Steady) -> None:
+@pytest.mark.parametrize(
+    "sea",
+    [
+        Forcing.uniform(current=(0.2, 0.05), wind=(8.0, -3.0), slope=(0.0, 0.0)),
+        Forcing.uniform(current=(0.05, -0.2), slope=(0.0, 0.0)),
+    ],
+)
+def test_a_meeting_does_not_depend_on_the_order_of_the_bergs(sea: Forcing) -> None:
     # What the sweeps over faces make of friction, which one of two is first, and edges of millimetres are not to show.
     bergs = [bonded(0.0, 0.3), single(6300.0, -0.1, 2000.0), single(9500.0, -0.2, 2500.0), single(6300.0, -0.1, 5100.0)]
     ends = []
@@ -168,7 +178,7 @@ def test_the_load_of_a_blow_does_not_depend_on_which_berg_comes_first() -> None:
     bergs, peaks = [bonded(0.0, 0.0, 21e3), single(6500.0, -0.3, 5300.0)], []
     for order in ((0, 1), (1, 0)):
         p = parameters(stepping={"time_step": 900.0}, fracture={"normal_strength": 1e12, "shear_strength": 1e12})
-        model = Model(Iceberg.join([bergs[k] for k in order]), Steady(), p)
+        model = Model(Iceberg.join([bergs[k] for k in order]), Forcing.uniform(), p)
         peak = np.zeros(model.bonds.peak_stress.shape)
         for _ in range(8):
             model.advance(steps=1)
@@ -180,7 +190,7 @@ def test_the_load_of_a_blow_does_not_depend_on_which_berg_comes_first() -> None:
 
 def test_pairs_far_apart_meet_as_if_each_were_alone() -> None:
     """Bodies, elements and faces of each group that touches are its own."""
-    sea, ends = Steady(current=(0.2, 0.05)), []
+    sea, ends = Forcing.uniform((0.2, 0.05), slope=(0.0, 0.0)), []
     pairs = [[single(x, 0.3), single(x + 3300.0, -0.1, 800.0 * (k + 1))] for k, x in enumerate((0.0, 60e3, 120e3))]
     for bergs in ([berg for pair in pairs for berg in pair], *pairs):
         model = Model(Iceberg.join(bergs), sea, parameters(stepping={"time_step": 900.0}))
@@ -234,7 +244,7 @@ def test_slender_bergs_that_press_against_each_other_are_not_thrown_apart() -> N
         fracture={"enabled": False},
     )  # fmt: skip
     # Broadside on: the drag of 0.3 m/s on the mean of their sides.
-    model = Model(Iceberg.join(bars), Steady(current=(0.225, 0.0)), p)
+    model = Model(Iceberg.join(bars), Forcing.uniform(current=(0.225, 0.0), slope=(0.0, 0.0)), p)
     el, bonds = model.elements, model.bonds
     for _ in range(8):
         model.advance(steps=1)
@@ -248,7 +258,9 @@ def test_slender_bergs_that_press_against_each_other_are_not_thrown_apart() -> N
 def advanced(berg: Iceberg, step: float, **groups: Any) -> Model:
     """A model after three hours in steps of ``step`` s."""
     model = Model(
-        berg, Steady(current=(0.2, 0.05)), parameters({"time_step": step, **groups.pop("stepping", {})}, **groups)
+        berg,
+        Forcing.uniform(current=(0.2, 0.05), slope=(0.0, 0.0)),
+        parameters({"time_step": step, **groups.pop("stepping", {})}, **groups),
     )
     model.advance(steps=round(10_800.0 / step))
     return model
@@ -280,7 +292,7 @@ def test_a_small_berg_does_not_jump_through_a_larger_one() -> None:
     shape = {"latlon": False, "placement": (-467.0, 0.0), "velocity": (-0.1, 0.0)}
     small = Iceberg.rectangle(49.0, 49.0, thickness=40.0, radius=24.5, **shape)
     large = Iceberg.rectangle(285.0, 285.0, thickness=175.0, radius=142.5, latlon=False, velocity=(0.3, 0.0))
-    model = Model(Iceberg.join([small, large]), Steady(current=(0.3, 0.0)), parameters())
+    model = Model(Iceberg.join([small, large]), Forcing.uniform(current=(0.3, 0.0), slope=(0.0, 0.0)), parameters())
     for _ in range(4):
         model.advance(steps=1)
         assert np.diff(model.elements.lon) > 467.0
@@ -296,7 +308,7 @@ def test_a_meeting_on_the_sphere_is_the_same_across_the_seam() -> None:
             )
             for d, u in ((-0.004, 0.3), (0.004, 0.0))
         ]
-        model = Model(Iceberg.join(bergs), Steady())
+        model = Model(Iceberg.join(bergs), Forcing.uniform())
         model.advance(steps=4)
         assert len(model.contacts.rows) == 1
         el = model.elements

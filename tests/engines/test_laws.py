@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from engines.test_elastic_cells import pulled
-from riftberg import Iceberg, Laws, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Laws, Model, Parameters
 from riftberg.diagnostics.cut import external_forces
 from riftberg.engines.common.forces.media import FORCES
 from riftberg.ensembles.uncertain import with_errors
@@ -29,7 +29,7 @@ def towed(elements, time):
 
 def test_a_force_of_ones_own_is_in_outputs_ledger_and_why(tmp_path: Path) -> None:
     plane = Iceberg.rectangle(6e3, 3e3, thickness=200.0, latlon=False, offset=(0.0, 0.0))
-    model = Model(plane, Steady(), METRES, laws=Laws(force=towed))
+    model = Model(plane, Forcing.uniform(), METRES, laws=Laws(force=towed))
     run = model.run(steps=6, every_hours=0.0, forces=True)
     own = run["force_own_x"].values[:, 1:]
     assert (own > 1.9e6).all()
@@ -42,7 +42,9 @@ def test_a_force_of_ones_own_is_in_outputs_ledger_and_why(tmp_path: Path) -> Non
     assert "towed" in model.forcing.describe()
     assert run.attrs["laws"] == "force by towed"
     assert "own force +" in " ".join(balance.lines())
-    assert (run["x"].values[:, -1] > Model(plane, Steady(), METRES).run(steps=6)["x"].values[:, -1] + 10.0).all()
+    assert (
+        run["x"].values[:, -1] > Model(plane, Forcing.uniform(), METRES).run(steps=6)["x"].values[:, -1] + 10.0
+    ).all()
 
 
 @pytest.mark.quick(2)
@@ -54,7 +56,7 @@ def test_a_resumed_run_with_a_force_of_ones_own_has_the_same_digits(scheme, tmp_
     p = Parameters().changed(
         stepping={"scheme": scheme, "time_step": 600.0, **substeps}, bonds=bonds, fracture={"enabled": False}
     )
-    laws, sea = Laws(force=towed), Steady(current=(0.2, 0.1))
+    laws, sea = Laws(force=towed), Forcing.uniform(current=(0.2, 0.1), slope=(0.0, 0.0))
     whole, first = (Model(berg(), sea, p, laws=laws) for _ in range(2))
     whole.advance(steps=5)
     first.advance(steps=2)
@@ -80,7 +82,7 @@ def test_several_forces_act_as_their_sum_and_stand_under_their_names(scheme, tmp
 
     bonds = {"law": "none"} if scheme == "verlet" else {}
     p = Parameters().changed(stepping={"scheme": scheme}, bonds=bonds, fracture={"enabled": False})
-    sea = Steady(current=(0.2, 0.1))
+    sea = Forcing.uniform(current=(0.2, 0.1), slope=(0.0, 0.0))
     runs = [
         (model := Model(berg(), sea, p, laws=Laws(force=force)), model.run("3 h", every_hours=1, forces=True))
         for force in (both, {"tug": tug, "mooring": mooring}, tug)
@@ -118,7 +120,7 @@ def test_forces_that_cancel_are_not_lost() -> None:
     def west(elements, time):
         return -1e6, 0.0
 
-    model = with_errors(Model(berg(), Steady(), laws=Laws(force=[east, west])), {"current_error.scale": 1.1})
+    model = with_errors(Model(berg(), Forcing.uniform(), laws=Laws(force=[east, west])), {"current_error.scale": 1.1})
     model.step()
     np.testing.assert_allclose(model.own_forces()[:, :, 0], [[1e6, -1e6]] * model.elements.size, rtol=1e-6)
 
@@ -128,19 +130,22 @@ def test_forces_without_names_of_their_own_are_refused() -> None:
         return 0.0, 0.0
 
     with pytest.raises(InputError, match="two forces of one name"):
-        Model(berg(), Steady(), laws=Laws(force=[tug, tug]))
+        Model(berg(), Forcing.uniform(), laws=Laws(force=[tug, tug]))
     for name in ("water", "the tug"):
         with pytest.raises(InputError, match="cannot name a force"):
-            Model(berg(), Steady(), laws=Laws(force={name: tug, "other": tug}))
+            Model(berg(), Forcing.uniform(), laws=Laws(force={name: tug, "other": tug}))
     with pytest.raises(InputError, match=r"Laws, mooring: 3\.0 is no function"):
-        Model(berg(), Steady(), laws=Laws(force={"tug": tug, "mooring": 3.0}))
+        Model(berg(), Forcing.uniform(), laws=Laws(force={"tug": tug, "mooring": 3.0}))
 
 
 def test_a_melt_law_of_ones_own_is_in_the_ledger_and_the_rest_stays() -> None:
     """A tenth of a metre an hour from below, the built-in laws at the sides."""
-    built_in = Model(berg(), Steady(current=(0.1, 0.0)), WARM)
+    built_in = Model(berg(), Forcing.uniform(current=(0.1, 0.0), slope=(0.0, 0.0)), WARM)
     own = Model(
-        berg(), Steady(current=(0.1, 0.0)), WARM, laws=Laws(melt=lambda elements, time: (0.1 / 3600.0, None, None))
+        berg(),
+        Forcing.uniform(current=(0.1, 0.0), slope=(0.0, 0.0)),
+        WARM,
+        laws=Laws(melt=lambda elements, time: (0.1 / 3600.0, None, None)),
     )
     for model in (built_in, own):
         model.advance(steps=4)
@@ -203,15 +208,15 @@ def test_a_criterion_that_changes_the_equilibrium_is_refused(name: str) -> None:
 )
 def test_laws_that_cannot_act_are_refused_before_the_run(laws, words) -> None:
     with pytest.raises(InputError, match=words):
-        Model(berg(), Steady(), laws=laws)
+        Model(berg(), Forcing.uniform(), laws=laws)
 
 
 def test_a_criterion_is_refused_where_the_scheme_has_its_own() -> None:
     mts = Parameters().changed(stepping={"scheme": "mts"})
     with pytest.raises(InputError, match="the scheme mts has its own"):
-        Model(berg(), Steady(), mts, laws=Laws(fracture=towed))
+        Model(berg(), Forcing.uniform(), mts, laws=Laws(fracture=towed))
     with pytest.raises(InputError, match="no bond can break"):
-        Model(berg(), Steady(), Parameters().changed(fracture={"enabled": False}), laws=Laws(fracture=towed))
+        Model(berg(), Forcing.uniform(), Parameters().changed(fracture={"enabled": False}), laws=Laws(fracture=towed))
 
 
 @pytest.mark.parametrize(
@@ -232,11 +237,11 @@ def test_what_a_law_returns_is_checked(given, words) -> None:
         return given
 
     with pytest.raises(RunError, match=words):
-        Model(berg(), Steady(), laws=Laws(force=law)).advance(steps=1)
+        Model(berg(), Forcing.uniform(), laws=Laws(force=law)).advance(steps=1)
 
 
 def test_ice_does_not_grow_by_a_melt_law() -> None:
-    model = Model(berg(), Steady(), WARM, laws=Laws(melt=lambda elements, time: (-1e-6, None, None)))
+    model = Model(berg(), Forcing.uniform(), WARM, laws=Laws(melt=lambda elements, time: (-1e-6, None, None)))
     with pytest.raises(RunError, match="base: -1e-06 for element 1"):
         model.advance(steps=1)
 
@@ -252,21 +257,21 @@ def test_a_law_that_changes_elements_is_refused_and_changes_nothing() -> None:
         elements.body.thickness *= 0.5
         return None, None, None
 
-    model = Model(berg(), Steady(current=(0.1, 0.0)), laws=Laws(force=moving))
+    model = Model(berg(), Forcing.uniform(current=(0.1, 0.0), slope=(0.0, 0.0)), laws=Laws(force=moving))
     before = model.elements.lon.copy()
     with pytest.raises(RunError, match=r"Laws, force: moving changes the elements.*Model.after_step"):
         model.advance(steps=1)
     np.testing.assert_array_equal(model.elements.lon, before)
     model.elements.lon[:] = before  # and may be written again
     warm = Parameters().changed(melt={"enabled": True})
-    model = Model(berg(), Steady(temperature=2.0, salinity=34.0), warm, laws=Laws(melt=thinning))
+    model = Model(berg(), Forcing.uniform(temperature=2.0, salinity=34.0), warm, laws=Laws(melt=thinning))
     with pytest.raises(RunError, match="Laws, melt: thinning changes the elements"):
         model.advance(steps=1)
 
 
 def test_a_run_with_laws_is_not_resumed_without_them(tmp_path: Path) -> None:
     """Bug: it went on without the force, to another place."""
-    laws, sea = Laws(force=towed, fracture=lambda moment, strengths: np.zeros(len(moment.stress))), Steady()
+    laws, sea = Laws(force=towed, fracture=lambda moment, strengths: np.zeros(len(moment.stress))), Forcing.uniform()
     model = Model(berg(), sea, laws=laws)
     model.advance(steps=1)
     file = model.save(tmp_path / "it.restart.nc")
@@ -296,7 +301,7 @@ def lone(side: float = 60.0, thickness: float = 40.0) -> Iceberg:
 def test_a_drag_that_is_the_built_in_one_changes_nothing(scheme: str) -> None:
     bonds = {"law": "none"} if scheme in ("verlet", "runge_kutta") else {}
     p = Parameters(stepping={"scheme": scheme, "time_step": 600.0}, bonds=bonds)
-    sea = Steady(current=(0.2, 0.1), wind=(5.0, -3.0))
+    sea = Forcing.uniform(current=(0.2, 0.1), wind=(5.0, -3.0), slope=(0.0, 0.0))
     runs = [Model(lone(), sea, p, laws=laws) for laws in (None, Laws(drag={"water": built_in_drag}))]
     for model in runs:
         model.advance(steps=6)
@@ -310,7 +315,9 @@ def test_a_drag_that_is_the_built_in_one_changes_nothing(scheme: str) -> None:
 @pytest.mark.parametrize("scheme", ["quasi_static", "mts"])
 def test_a_stiff_drag_brings_the_berg_to_its_medium_and_never_past_it(medium: str, scheme: str) -> None:
     """Ten times the rate that a step of half an hour resolves, and a hundred times."""
-    sea = Steady(current=(0.2, 0.0), wind=(0.2, 0.0), sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.5)
+    sea = Forcing.uniform(
+        current=(0.2, 0.0), wind=(0.2, 0.0), sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.5, slope=(0.0, 0.0)
+    )
     p = METRES.changed(
         stepping={"scheme": scheme, "time_step": 1800.0}, earth={"reference_latitude": 0.0},
         drag={"water_side": 0.0, "water_base": 0.0, "air_side": 0.0, "air_top": 0.0, "ice_side": 0.0},
@@ -338,7 +345,7 @@ def test_a_force_with_its_rate_needs_no_short_step() -> None:
         k = elements.body.mass * 10.0 / 1800.0
         return k * (0.04 - elements.motion.u), -k * elements.motion.v, k
 
-    model = Model(lone(), Steady(), Parameters(stepping={"time_step": 1800.0}), laws=Laws(force=mooring))
+    model = Model(lone(), Forcing.uniform(), Parameters(stepping={"time_step": 1800.0}), laws=Laws(force=mooring))
     model.advance(steps=8)
     assert float(model.elements.u[0]) == pytest.approx(0.04, abs=2e-3)
     assert float(model.elements.v[0]) == pytest.approx(0.0, abs=2e-3)
@@ -361,7 +368,7 @@ def test_a_force_with_its_rate_needs_no_short_step() -> None:
 )
 def test_what_a_drag_returns_is_checked(drag, words) -> None:
     with pytest.raises(RunError, match=words):
-        Model(lone(), Steady(), laws=Laws(drag=drag)).advance(steps=1)
+        Model(lone(), Forcing.uniform(), laws=Laws(drag=drag)).advance(steps=1)
 
 
 def test_a_rate_below_zero_is_refused() -> None:
@@ -369,17 +376,17 @@ def test_a_rate_below_zero_is_refused() -> None:
         return 0.0, 0.0, -1.0
 
     with pytest.raises(RunError, match="Laws, force: growing, rate: -1 kg s-1 for element 1"):
-        Model(lone(), Steady(), laws=Laws(force=growing)).advance(steps=1)
+        Model(lone(), Forcing.uniform(), laws=Laws(force=growing)).advance(steps=1)
 
 
 @pytest.mark.parametrize("drag", [built_in_drag, {"ice": built_in_drag}, {"water": 5.0}])
 def test_a_drag_without_its_medium_is_refused_before_the_run(drag) -> None:
     with pytest.raises(InputError, match="Laws, "):
-        Model(lone(), Steady(), laws=Laws(drag=drag))
+        Model(lone(), Forcing.uniform(), laws=Laws(drag=drag))
 
 
 def test_a_run_with_a_drag_of_ones_own_goes_on_bit_for_bit(tmp_path: Path) -> None:
-    laws, sea = Laws(force=towed, drag={"water": built_in_drag}), Steady(current=(0.2, 0.1))
+    laws, sea = Laws(force=towed, drag={"water": built_in_drag}), Forcing.uniform(current=(0.2, 0.1), slope=(0.0, 0.0))
     whole, first = (Model(lone(), sea, laws=laws) for _ in range(2))
     whole.advance(steps=5)
     first.advance(steps=2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engines.lattices import lattice, parameters
-from riftberg import Iceberg, Laws, Model, Steady
+from riftberg import Forcing, Iceberg, Laws, Model
 from riftberg.engines.common.forces import media
 from riftberg.engines.common.forces.media import (
     FORCES,
@@ -58,7 +58,7 @@ def model(scheme, *, depth=150.0, **changes):
     for group, values in changes.items():
         p = p.changed(**{group: values})
     berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, latlon=False, offset=(0.0, 0.0), velocity=(0.5, 0.2))
-    return Model(berg, Steady(**SEA, depth=depth), p, laws=Laws(force=uneven))
+    return Model(berg, Forcing.uniform(**SEA, depth=depth), p, laws=Laws(force=uneven))
 
 
 def momentum(m):
@@ -125,7 +125,7 @@ def test_forces_of_the_first_step_are_what_changed_the_momentum_too(scheme):
 
 def test_a_medium_that_is_not_there_applies_no_force():
     m = model("mts", depth=1e4)
-    m.forcing = Steady(current=(0.3, 0.0), depth=1e4)
+    m.forcing = Forcing.uniform(current=(0.3, 0.0), depth=1e4, slope=(0.0, 0.0))
     m.step()
     acting = {name for k, name in enumerate(FORCES) if np.abs(m.applied_forces()[:, k]).max() > 0.0}
     assert acting == {"water", "air", "coriolis"}
@@ -145,7 +145,7 @@ def test_asking_for_the_velocity_changes_no_applied_force():
         m = model(scheme)
         m.step()
         before = m.applied_forces()
-        m.forcing = Steady(current=(-1.0, 0.0), depth=150.0)
+        m.forcing = Forcing.uniform(current=(-1.0, 0.0), depth=150.0, slope=(0.0, 0.0))
         m.velocity()
         np.testing.assert_array_equal(m.applied_forces(), before)
 
@@ -171,7 +171,7 @@ def test_quadratic_floor_slows_by_its_closed_form(scheme):
     steps = {"time_step": 60.0, "substeps": 4}
     alone = {"drag": {"ocean_scale": 0.0}, "earth": {"reference_latitude": 0.0}, "bonds": {"law": "none"}}
     m = model(scheme, depth=200.0 * 850.0 / 1025.0 - 8.0, grounding=floor, stepping=steps, **alone)
-    m.forcing = Steady(depth=m.forcing.water)
+    m.forcing = Forcing.uniform(depth=m.forcing.water)
     m.elements.v[:] = 0.0
     m.step()
     el, work = m.elements, 0.0

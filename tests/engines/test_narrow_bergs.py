@@ -7,9 +7,9 @@ import logging
 import pytest
 
 from engines.test_cells import bent
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.engines.common.slenderness import ENOUGH, SAG, narrow_warning
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 
@@ -44,7 +44,7 @@ def test_a_narrow_berg_is_told_once_with_elements_across(packing: str, caplog: p
         assert SAG[across] in text
     assert "Elements of 333 m" in narrow_warning(berg(2).elements, Parameters(earth=FLAT))
     with caplog.at_level(logging.WARNING):
-        Model(berg(2, packing=packing), Steady(), parameters).advance(steps=1)
+        Model(berg(2, packing=packing), Forcing.uniform(), parameters).advance(steps=1)
     assert sum("elements across" in record.message for record in caplog.records) == 1
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import (
     EARTH_ROTATION,
     GRAVITY,
@@ -52,7 +52,7 @@ def drift(wind: float, radius: float, *, days: float = 25.0, scheme: str = "quas
         earth={"f_plane": True, "reference_latitude": LATITUDE}, fracture={"enabled": False},
         stepping={"scheme": scheme, "time_step": 1800.0},
     )  # fmt: skip
-    model = Model(berg, Steady(wind=(wind, 0.0)), p)
+    model = Model(berg, Forcing.uniform(wind=(wind, 0.0)), p)
     # Inertial motion is damped by the drag, slowly in light winds: the mean over five of its periods leaves it out.
     period = 2.0 * np.pi / (2.0 * EARTH_ROTATION * np.sin(np.radians(-LATITUDE)))
     last = round(5.0 * period / 1800.0)
@@ -97,7 +97,7 @@ def berg_of(length=LENGTH, width=WIDTH, **options):
 
 def measured(berg, p=None):
     """Return the elements of a berg with its outline measured."""
-    model = Model(berg, Steady(), p or Parameters())
+    model = Model(berg, Forcing.uniform(), p or Parameters())
     model.step()
     return model.elements
 
@@ -130,7 +130,7 @@ def test_shares_sum_to_one_for_each_berg_and_inner_elements_have_none():
 
 
 def test_each_piece_after_a_break_has_its_own():
-    model = Model(berg_of(), Steady(), Parameters())
+    model = Model(berg_of(), Forcing.uniform(), Parameters())
     model.step()
     el, bonds = model.elements, model.bonds
     middle = 0.5 * (el.lon.min() + el.lon.max())
@@ -186,7 +186,11 @@ def test_what_acts_on_sides_is_the_bergs_on_every_lattice(name):
     for radius, packing, angle in ((7500.0, "square", 0.0), (1500.0, "square", 0.0), (1000.0, "hexagonal", 30.0)):
         berg = berg_of(radius=radius, packing=packing, lattice_angle=angle)
         model = Model(
-            berg, Steady(wind=(15.0, 5.0), current=(0.2, 0.1), sea_ice=(0.3, 0.1, 1.0), ice_fraction=0.8), Parameters()
+            berg,
+            Forcing.uniform(
+                wind=(15.0, 5.0), current=(0.2, 0.1), sea_ice=(0.3, 0.1, 1.0), ice_fraction=0.8, slope=(0.0, 0.0)
+            ),
+            Parameters(),
         )
         model.step()
         el, p = model.elements, model.constants

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.media import FORCES
 from riftberg.plane import ConformalPlane
 
@@ -50,7 +50,7 @@ def adrift(berg: Iceberg, velocity: tuple[float, float], spin: float, **groups: 
         "stepping": {"time_step": 1.0}, "earth": earth, "fracture": {"enabled": False}, "drag": OTHERS_OFF,
         "grounding": {"law": "none"},
     }  # fmt: skip
-    model = Model(berg, Steady(), Parameters(**{**p, **groups}))
+    model = Model(berg, Forcing.uniform(), Parameters(**{**p, **groups}))
     el = model.elements
     x, y = places(model)
     el.u[:], el.v[:], el.spin[:] = velocity[0] - spin * y, velocity[1] + spin * x, spin
@@ -132,7 +132,7 @@ def test_shapes_that_no_rectangle_stands_for() -> None:
 
 
 def test_water_that_turns_with_the_berg_drags_on_nothing() -> None:
-    class Whirl(Steady):
+    class Whirl(Forcing.uniform):
         def sample(self, elements: Any, time: float) -> None:
             super().sample(elements, time)
             elements.vorticity[:] = 4e-5
@@ -181,7 +181,7 @@ def test_a_small_bonded_berg_takes_long_steps() -> None:
         berg = Iceberg.rectangle(30.0, 15.0, thickness=10.0, radius=7.5, latlon=False)
         assert berg.bonds.first.size
         model = Model(
-            berg, Steady(current=(0.5, 0.0)),
+            berg, Forcing.uniform(current=(0.5, 0.0), slope=(0.0, 0.0)),
             Parameters(stepping={"time_step": dt}, earth={"latlon": False, "reference_latitude": 0.0, "period": 0.0}),
         )  # fmt: skip
         for _ in range(4):

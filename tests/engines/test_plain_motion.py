@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.constants import EARTH_ROTATION, GRAVITY
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 
@@ -25,7 +25,7 @@ SCHEMES = {
 }  # fmt: skip
 
 
-def model_of(scheme: str, bergs: list[Iceberg], sea: Steady, **groups: Any) -> Model:
+def model_of(scheme: str, bergs: list[Iceberg], sea: Forcing, **groups: Any) -> Model:
     """Return a model on a plane that does not turn, without fracture."""
     given = {"earth": PLANE, "fracture": {"enabled": False}}
     for name, values in (*SCHEMES[scheme].items(), *groups.items()):
@@ -46,7 +46,7 @@ def test_a_constant_force_leads_along_a_parabola(scheme: str) -> None:
     Of `verlet`, which kicks before it moves, one step counts twice.
     """
     slope, step, steps = np.array([-2e-6, 3e-6]), 10.0, 6
-    model = model_of(scheme, [berg(1, 1)], Steady(slope=tuple(slope)))
+    model = model_of(scheme, [berg(1, 1)], Forcing.uniform(slope=tuple(slope)))
     start = np.array([model.elements.lon[0], model.elements.lat[0]])
     model.advance(steps=steps)
     way = np.array([model.elements.lon[0], model.elements.lat[0]]) - start
@@ -75,7 +75,7 @@ def test_what_happens_northwards_happens_eastwards(scheme: str, on_substeps: boo
                 ([(9200.0, 0.0)], 150.0, (-0.2, 0.0)),
             )
         ]  # fmt: skip
-        sea = Steady(current=at(0.2, -0.1), wind=at(5.0, 8.0), depth=165.0)
+        sea = Forcing.uniform(current=at(0.2, -0.1), wind=at(5.0, 8.0), depth=165.0, slope=(0.0, 0.0))
         contact = {"spring": 1e-5, "on_substeps": on_substeps, "tolerance": 1e-12}
         model = model_of(scheme, bergs, sea, contact=contact, grounding={"coefficient": 1e3})
         loads = np.array([[2e7, -1e7]] * 2 + [[0.0, 0.0]] * 2).T[order]
@@ -91,7 +91,10 @@ def test_what_happens_northwards_happens_eastwards(scheme: str, on_substeps: boo
 def test_loads_give_a_bonded_berg_their_momentum_from_the_first_step_on(first: bool) -> None:
     """Different loads on its elements, both ways: force times time, whether they act from the start of the run or later."""
     model = model_of(
-        "mts with beams", [berg(3, 2)], Steady(), stepping={"substeps": 1, "time_step": 1.0, "only_interactions": True}
+        "mts with beams",
+        [berg(3, 2)],
+        Forcing.uniform(),
+        stepping={"substeps": 1, "time_step": 1.0, "only_interactions": True},
     )
     el, force = model.elements, 1e6 * np.random.default_rng(3).normal(size=(2, 6))
     if not first:
@@ -107,7 +110,12 @@ def test_loads_give_a_bonded_berg_their_momentum_from_the_first_step_on(first: b
 def test_a_bonded_berg_across_the_seam_of_a_periodic_sea_is_strained_as_elsewhere(scheme: str) -> None:
     ends = []
     for x in (30e3, 0.0, 59e3):
-        model = model_of(scheme, [berg(3, 2, x, 5e3)], Steady(current=(0.1, 0.2)), earth={**PLANE, "period": 60e3})
+        model = model_of(
+            scheme,
+            [berg(3, 2, x, 5e3)],
+            Forcing.uniform(current=(0.1, 0.2), slope=(0.0, 0.0)),
+            earth={**PLANE, "period": 60e3},
+        )
         el, bonds = model.elements, model.bonds
         el.lon[:] %= 60e3
         el.lon_pair[:] = el.lon
@@ -125,8 +133,10 @@ def test_a_bonded_berg_across_the_seam_of_a_periodic_sea_is_strained_as_elsewher
 def test_a_search_for_contact_inside_a_berg_finds_room_for_more_pairs_than_bonds() -> None:
     """Elements near each other are more than those that are bonded; a soft berg is pressed together, and all bonds hold."""
     fracture = {"enabled": False, "broken_as_contact": False}
-    one = model_of("mts with beams", [berg(4, 4)], Steady(current=(0.1, 0.0)), fracture=fracture)
-    two = model_of("mts with beams", [berg(4, 4)], Steady(current=(0.1, 0.0)))
+    one = model_of(
+        "mts with beams", [berg(4, 4)], Forcing.uniform(current=(0.1, 0.0), slope=(0.0, 0.0)), fracture=fracture
+    )
+    two = model_of("mts with beams", [berg(4, 4)], Forcing.uniform(current=(0.1, 0.0), slope=(0.0, 0.0)))
     for model in (one, two):
         model.elements.u[:] = model.elements.u_sync[:] = 0.3 * np.sign(7e3 - model.elements.lon)
         model.advance(steps=3)
@@ -151,7 +161,7 @@ def test_beyond_89_degrees_a_berg_goes_on_along_its_inertial_circle(scheme: str,
     )
     lon, lat, east, north, time = 20.0, 88.9999, 0.03, 0.04, 7200.0
     berg = Iceberg.from_points([lon], [lat], thickness=200.0, radius=500.0, velocity=(east, north))
-    model = Model(berg, Steady(), parameters)
+    model = Model(berg, Forcing.uniform(), parameters)
     model.advance(steps=round(time / step))
 
     def place(lon: float, lat: float) -> complex:

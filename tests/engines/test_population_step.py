@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.engines.common.forces.sizes import interaction_sizes
@@ -72,7 +72,7 @@ def state_of(model: Model) -> dict[str, np.ndarray]:
 def test_lone_bergs_go_as_in_the_general_step(
     earth: dict[str, Any], options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ocean = Steady(**OCEAN, depth=1000.0)
+    ocean = Forcing.uniform(**OCEAN, depth=1000.0)
     case = {**earth, **options}
     own, plain = (model_of(population(not earth), ocean, **case) for _ in range(2))
     own.advance(steps=4)
@@ -120,7 +120,9 @@ def test_bergs_over_a_bed_of_sediment_go_as_in_the_general_step(
 
 def test_a_meeting_does_not_divide_the_step_of_bergs_elsewhere() -> None:
     """In steps of three hours, which a contact divides in six: lone bergs have the digits that they have without it."""
-    together, apart = (model_of(population(meeting=meets), Steady(**OCEAN), dt=10800.0) for meets in (True, False))
+    together, apart = (
+        model_of(population(meeting=meets), Forcing.uniform(**OCEAN), dt=10800.0) for meets in (True, False)
+    )
     for model in (together, apart):
         model.advance(steps=3)
     assert together.contacts.rows
@@ -146,7 +148,7 @@ def test_neither_blocks_nor_threads_show(monkeypatch: pytest.MonkeyPatch) -> Non
             np.testing.assert_array_equal(other[name], values, err_msg=name)
 
 
-class Turned(Steady):
+class Turned(Forcing.uniform):
     """A forcing that may not be asked by two threads at once, and must see all lone bergs together."""
 
     busy = False
@@ -160,7 +162,7 @@ class Turned(Steady):
         Turned.busy = False
 
 
-class Shoal(Steady):
+class Shoal(Forcing.uniform):
     """Deep water that a bank in the east rises from by 1 in 100, above keels of 83 m."""
 
     def depth(self, lon: Any, lat: Any) -> Any:
@@ -174,7 +176,7 @@ class Shoal(Steady):
 def test_a_berg_that_runs_aground_goes_as_it_would_alone() -> None:
     """The others are no part of it: its step alone is divided at the touch."""
     others = [berg(-40.0 - 20.0 * k, 10.0 * k, True) for k in range(6)]
-    runs = [Model(Iceberg.join([berg(3.0, 0.0, True), *more]), Shoal(current=(0.6, 0.0)), Parameters())
+    runs = [Model(Iceberg.join([berg(3.0, 0.0, True), *more]), Shoal(current=(0.6, 0.0), slope=(0.0, 0.0)), Parameters())
             for more in (others, others[:0])]  # fmt: skip
     for model in runs:
         model.advance(steps=6)
@@ -204,7 +206,7 @@ def test_a_berg_that_land_stops_goes_as_it_would_alone() -> None:
 
 def test_a_population_goes_on_from_a_restart(tmp_path: Any) -> None:
     options = {"dt": 10800.0, **MELT, "rolling": {"enabled": True}}
-    whole, part = (model_of(population(), Steady(**OCEAN), **options) for _ in range(2))
+    whole, part = (model_of(population(), Forcing.uniform(**OCEAN), **options) for _ in range(2))
     whole.advance(steps=4)
     part.advance(steps=2)
     part.save(tmp_path / "half.restart.nc")
@@ -232,7 +234,7 @@ def test_tips_of_rifts_are_told_whichever_bergs_meet(near: bool, monkeypatch: py
     for least in (1, 10**6):
         monkeypatch.setattr(lone_bergs, "MIN_LONE_BERGS", least)
         made.clear()
-        model = Model(Iceberg.join([*alone, giant, *others]), Steady(**OCEAN), Parameters(**MELT))
+        model = Model(Iceberg.join([*alone, giant, *others]), Forcing.uniform(**OCEAN), Parameters(**MELT))
         model.advance(steps=3)
         tips.append(model.rift_tips)
         assert len(made) == 2

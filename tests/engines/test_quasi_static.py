@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from engines.test_elastic_cells import dense_matrix, loads, stiffness_of
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.quasi_static.bodies.dynamics import (
@@ -30,8 +31,6 @@ from riftberg.engines.quasi_static.lattice.cells import add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, bond_deformations, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.errors import RunError
-from riftberg.ocean.analytic import Steady
-from riftberg.ocean.datasets import Forcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from scripts import loaded
@@ -353,7 +352,7 @@ def test_a_step_that_was_taken_back_is_taken_again_as_if_it_had_not_failed(where
     np.testing.assert_array_equal(smooth.bonds.status, rough.bonds.status)
 
 
-class Stretching(Steady):
+class Stretching(Forcing.uniform):
     """A current that pulls a berg apart along x."""
 
     def sample(self, elements, time) -> None:
@@ -412,7 +411,7 @@ def test_fragments_see_each_other_without_the_displacements_of_their_loads() -> 
 def test_a_model_that_is_needed_no_more_goes_at_once() -> None:
     """Bug: it and its lattice held each other until Python looked for cycles, 1 to 2 MiB of each member of an ensemble."""
     berg = Iceberg.rectangle("12 km", "6 km", thickness=200.0, placement=(-37.0, -56.0))
-    model = Model(berg, Steady(current=(0.2, 0.0)))
+    model = Model(berg, Forcing.uniform(current=(0.2, 0.0), slope=(0.0, 0.0)))
     model.step()
     gone = weakref.ref(model)
     was_on = gc.isenabled()

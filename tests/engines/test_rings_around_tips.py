@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.quasi_static.fracture import crack_paths
 
-WARM = Steady(temperature=30.0, salinity=34.0, wind=(10.0, 0.0))
+WARM = Forcing.uniform(temperature=30.0, salinity=34.0, wind=(10.0, 0.0))
 STRONG: dict[str, Any] = {"criterion": "toughness", "toughness": 1e9, "normal_strength": 1e9, "shear_strength": 1e9}
 
 

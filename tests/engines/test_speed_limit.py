@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Compatibility, Parameters
 from riftberg.runs.model import Model
 
@@ -24,11 +24,11 @@ SCHEMES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-class Spoilt(Steady):
+class Spoilt(Forcing.uniform):
     """Still water, but one value is what it cannot be: at all elements or some, from some time on."""
 
     def __init__(self, since: float = 0.0, rows: slice = slice(None), **values: float) -> None:
-        super().__init__(current=(0.1, 0.0))
+        super().__init__(current=(0.1, 0.0), slope=(0.0, 0.0))
         self.since, self.rows, self.values = since, rows, values
 
     def sample(self, elements: Any, time: float) -> None:
@@ -38,7 +38,7 @@ class Spoilt(Steady):
                 getattr(elements, name)[self.rows] = value
 
 
-def model_of(scheme: str, forcing: Steady, **stepping: Any) -> Model:
+def model_of(scheme: str, forcing: Forcing, **stepping: Any) -> Model:
     wishes = SCHEMES[scheme]
     dt = 10.0 if scheme in ("verlet", "runge_kutta") else 600.0
     p = Parameters(**{**wishes, "stepping": {"time_step": dt, **wishes["stepping"], **stepping}})
@@ -109,7 +109,7 @@ def test_neighbours_are_named_where_they_push_and_never_else() -> None:
     for scheme in ("runge_kutta, no bonds", "quasi_static"):
         text = advanced(model_of(scheme, Spoilt(ua=900.0), speed_limit=1.0))
         assert "largest force on it is the drag of the wind" in text, scheme
-    model = model_of("verlet", Steady())
+    model = model_of("verlet", Forcing.uniform())
     model.elements.lon[1] = model.elements.lon[0] + 0.3 * (model.elements.lon[1] - model.elements.lon[0])
     assert "largest force on it is the push of its neighbours" in advanced(model)
 
@@ -121,9 +121,9 @@ def test_elements_that_begin_too_fast_are_refused_before_the_first_step() -> Non
         )
         berg.elements.u[1:], berg.elements.v[1:] = velocity
         with pytest.raises(InputError, match=rf"element 2 .*{reason}.*stepping.speed_limit"):
-            Model(berg, Steady())
+            Model(berg, Forcing.uniform())
     with pytest.raises(InputError, match=r"fixed_velocity of 50 m/s"):
-        model_of("verlet", Steady(), fixed_velocity=(30.0, 40.0))
+        model_of("verlet", Forcing.uniform(), fixed_velocity=(30.0, 40.0))
 
 
 def test_debris_of_the_references_contact_may_be_faster_but_not_what_is_driven() -> None:
@@ -135,12 +135,12 @@ def test_debris_of_the_references_contact_may_be_faster_but_not_what_is_driven()
         stepping={"scheme": "mts", "time_step": 60.0}, bonds={"law": "dem"}, compatibility=Compatibility.kid()
     )
     berg.elements.u[0] = 40.0
-    model = Model(berg, Steady(), p.changed(bonds={"law": "none"}))
+    model = Model(berg, Forcing.uniform(), p.changed(bonds={"law": "none"}))
     model.advance(steps=1)
     assert model.elements.u[0] > 10.0
     berg.elements.u[:] = 40.0
     with pytest.raises(InputError, match="begins with a speed of 40 m/s"):
-        Model(berg, Steady(), p)
+        Model(berg, Forcing.uniform(), p)
     berg.elements.u[:] = 0.0
     model = Model(berg, Spoilt(uo=60.0), p)
     with pytest.raises(RunError, match="drag of the water"):

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.engines.common.forces.media import SPIN_QUADRATIC, WATER, allocate_surroundings, find_surroundings
 from riftberg.engines.common.forces.sizes import interaction_sizes
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from twins import drag as twin
@@ -19,7 +19,7 @@ FLAT: dict[str, Any] = {"latlon": False, "period": 0.0}
 DAY = 86400.0
 
 
-class Whirl(Steady):
+class Whirl(Forcing.uniform):
     """Still water that turns."""
 
     vorticity = 0.0
@@ -99,7 +99,7 @@ def spin_row(model: Model) -> np.ndarray:
 def test_bonded_elements_turn_with_their_berg_whose_sides_have_their_levers_already(packing: str) -> None:
     berg = Iceberg.rectangle(4e3, 2e3, thickness=200.0, radius=500.0, packing=packing, latlon=False)
     p = Parameters(earth=FLAT, bonds={"packing": packing})
-    model = Model(berg, Steady(), p)
+    model = Model(berg, Forcing.uniform(), p)
     el = model.elements
     radius = interaction_sizes(el, p.kernel_values()).bond_radius
     inertia = el.mass * (el.length**2 + el.width**2) / 12.0
@@ -144,7 +144,7 @@ def test_a_bar_of_two_squares_turns_as_the_rectangle_that_they_make() -> None:
     """A couple of 1 N m kg-1 on each: M (L^2 + W^2) / 12 with twice the length, by parallel axes."""
     berg = Iceberg.rectangle(2e3, 1e3, thickness=200.0, radius=500.0, latlon=False)
     p = Parameters(earth=FLAT, stepping={"time_step": 60.0, "only_interactions": True}, fracture={"enabled": False})
-    model = Model(berg, Steady(), p)
+    model = Model(berg, Forcing.uniform(), p)
     el = model.elements
     el.load_y[:] = np.sign(el.lon) * 1e6
     model.advance(steps=1)

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.explicit.stability import (
@@ -18,7 +19,6 @@ from riftberg.engines.explicit.stability import (
     size_bins,
 )
 from riftberg.errors import InputError, RunError
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022_KID, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 
@@ -51,7 +51,7 @@ def _limit(berg, p):
 
 def _growth(berg, p, substep):
     """Factor by which small random motions of the lattice grow over 500 sub-steps."""
-    model = Model(berg, Steady(), p.changed(stepping={"time_step": 500 * substep, "substeps": 500},
+    model = Model(berg, Forcing.uniform(), p.changed(stepping={"time_step": 500 * substep, "substeps": 500},
                                             compatibility={"zero_start": True}))  # fmt: skip
     r = np.random.default_rng(3)
     for name in ("u", "v"):
@@ -156,14 +156,14 @@ def test_published_run_is_within_the_limit() -> None:
 
 def test_number_of_substeps_keeps_the_safety_factor() -> None:
     p = _parameters(stepping={"safety": 0.7})
-    model = Model(_berg(), Steady(), p)
+    model = Model(_berg(), Forcing.uniform(), p)
     limit = _limit(_berg(), p)
     assert 1800.0 / model.substeps <= 0.7 * limit < 1800.0 / (model.substeps - 1)
 
 
 def test_substep_beyond_the_limit_is_refused() -> None:
     with pytest.raises(InputError, match=r"longer than the stable .*Set it to 8\d or more"):
-        Model(_berg(), Steady(), _parameters(stepping={"substeps": 50}))
+        Model(_berg(), Forcing.uniform(), _parameters(stepping={"substeps": 50}))
 
 
 def test_no_bonds_no_limit() -> None:
@@ -171,17 +171,19 @@ def test_no_bonds_no_limit() -> None:
     berg = _berg()
     berg.bonds.status[:] = 2
     assert math.isinf(_limit(berg, p))
-    assert Model(berg, Steady(), p).substeps == 1
+    assert Model(berg, Forcing.uniform(), p).substeps == 1
 
 
 def test_resumed_run_keeps_its_number_of_substeps(tmp_path) -> None:
     """A number found anew after bonds have broken would differ, and the run would not go on bit for bit."""
     p = _parameters(stepping={"only_interactions": False})
-    model = Model(_berg(), Steady(current=(0.3, 0.1)), p)
+    model = Model(_berg(), Forcing.uniform(current=(0.3, 0.1), slope=(0.0, 0.0)), p)
     model.step()
     model.bonds.status[:-1] = 2
-    resumed = Model.resume(model.save(tmp_path / "half.restart.nc"), Steady(current=(0.3, 0.1)))
-    assert Model(_berg(), Steady(), p).substeps == resumed.substeps == model.substeps
+    resumed = Model.resume(
+        model.save(tmp_path / "half.restart.nc"), Forcing.uniform(current=(0.3, 0.1), slope=(0.0, 0.0))
+    )
+    assert Model(_berg(), Forcing.uniform(), p).substeps == resumed.substeps == model.substeps
     for run in (model, resumed):
         run.step()
     assert np.array_equal(model.elements.lon, resumed.elements.lon)
@@ -211,7 +213,7 @@ def _loose(scheme, packing, step, spring=None, **groups):
         bonds={"law": "spring", "spring": spring, "packing": packing},
         stepping={"scheme": scheme, "time_step": step, "only_interactions": True}, **groups,
     )  # fmt: skip
-    model = Model(_berg(packing), Steady(), p)
+    model = Model(_berg(packing), Forcing.uniform(), p)
     model.elements.u[:] = 1e-3 * np.random.default_rng(3).standard_normal(model.elements.size)
     return model
 
@@ -243,7 +245,7 @@ def test_contact_that_the_long_step_cannot_bear_is_refused(scheme) -> None:
     ])  # fmt: skip
 
     def bergs_with(spring, dt=1800.0, substeps=False):
-        return Model(bergs, Steady(), Parameters(
+        return Model(bergs, Forcing.uniform(), Parameters(
             earth={"latlon": False, "period": 0.0}, bonds={"law": "none"},
             stepping={"scheme": scheme, "time_step": dt, "only_interactions": True},
             contact={"spring": spring, "on_substeps": substeps},

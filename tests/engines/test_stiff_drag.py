@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.compiled.kernels import plain
 from riftberg.engines.common.forces.media import FORCES, LINEAR, QUADRATIC, U, V
 from riftberg.engines.quasi_static.bodies.dynamics import EXPLICIT_PART, accumulate_excess, add_excess_drag, excess_rate
@@ -27,7 +27,9 @@ def made(
 ) -> Model:
     """Return a berg of one element in current and wind, at rest."""
     c, s = np.cos(turned), np.sin(turned)
-    ocean = Steady(current=(c * water[0], s * water[0]), wind=(c * AIR[0], s * AIR[0]), depth=depth)
+    ocean = Forcing.uniform(
+        current=(c * water[0], s * water[0]), wind=(c * AIR[0], s * AIR[0]), depth=depth, slope=(0.0, 0.0)
+    )
     berg = Iceberg.rectangle(
         length,
         length,

@@ -22,7 +22,7 @@ SMALL_BERG = """\
 start: 2020-12-09 13:00
 days: 0.25
 berg: {rectangle: {length: 9 km, width: 6 km}, placement: [-39.25, -55.03], thickness: 200 m}
-forcing: {kind: constant, current: [0.1, 0.05], wind: [8.0, 3.0]}
+forcing: {uniform: {current: [0.1, 0.05], wind: [8.0, 3.0], slope: [0, 0]}}
 """
 
 

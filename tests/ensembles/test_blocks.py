@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, open_sweep
 from riftberg.ensembles import sweep as module
 from riftberg.ensembles.forecast import forecast, forecast_plan
 from riftberg.ensembles.sweep import CONTROL, Store
@@ -29,7 +29,9 @@ from .made import outcome
 def drifting() -> Model:
     """Return two elements in a current."""
     berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
-    return Model(berg, Steady(current=(0.2, 0.0), depth=2000.0), Parameters(), start="2020-12-09")
+    return Model(
+        berg, Forcing.uniform(current=(0.2, 0.0), depth=2000.0, slope=(0.0, 0.0)), Parameters(), start="2020-12-09"
+    )
 
 
 def filled(folder: Path, members: int, days: int = 4) -> Store:

@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 from distributed import Client, LocalCluster
 
-from riftberg import Iceberg, Model, Parameters, Steady, sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, sweep
 from riftberg.ensembles.cluster import LOST_TIMES, _pack_call, run_pool
 from riftberg.errors import InputError
 from riftberg.system.netcdf_lock import open_lazily, write_dataset
@@ -28,7 +28,7 @@ ALONE = {"threads_per_worker": 1, "processes": False, "dashboard_address": "127.
 def drifting(speed: float) -> Model:
     """Return a model that costs nothing: one element in a current."""
     berg = Iceberg.rectangle("3 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
-    return Model(berg, Steady(current=(speed, 0.0)), Parameters(), start="2020-12-09")
+    return Model(berg, Forcing.uniform(current=(speed, 0.0), slope=(0.0, 0.0)), Parameters(), start="2020-12-09")
 
 
 def written_and_summed(folder: Path) -> float:
@@ -246,7 +246,7 @@ def test_a_script_with_a_main_guard_needs_nothing_else(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_sweep_and_a_forecast_in_a_script_without_a_main_guard(tmp_path: Path) -> None:
     (tmp_path / "e.yaml").write_text(
-        "name: e\nstart: 2020-12-09\ndays: 0.05\nforcing: {kind: constant, current: [0.1, 0.0]}\n"
+        "name: e\nstart: 2020-12-09\ndays: 0.05\nforcing: {uniform: {current: [0.1, 0.0], slope: [0, 0]}}\n"
         "berg: {thickness: 200, rectangle: {length: 9 km, width: 6 km}, placement: [-37, -56]}\n"
     )
     done = ran(MEMBERS, tmp_path, "file")

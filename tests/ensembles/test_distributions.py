@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import Forcing, Iceberg, Model, Parameters, Steady, open_sweep, sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, open_sweep, sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, run_member
 from riftberg.ensembles.sweep import write_record
@@ -24,7 +24,7 @@ STRENGTH = "fracture.normal_strength"
 def drifting(speed: float = 0.2) -> Model:
     """Return a model of two elements in a current."""
     berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
-    return Model(berg, Steady(current=(speed, 0.0)), Parameters(), start="2020-12-09")
+    return Model(berg, Forcing.uniform(current=(speed, 0.0), slope=(0.0, 0.0)), Parameters(), start="2020-12-09")
 
 
 @pytest.mark.parametrize(

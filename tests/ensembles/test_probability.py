@@ -13,7 +13,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import riftberg
-from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, open_sweep
 from riftberg.cli.main import app
 from riftberg.config.units import place_text
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
@@ -32,7 +32,9 @@ from .made import forecast_of, outcome, small_berg
 def drifting() -> Model:
     """Return a model of two elements in a current."""
     berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
-    return Model(berg, Steady(current=(0.2, 0.0), depth=2000.0), Parameters(), start="2020-12-09")
+    return Model(
+        berg, Forcing.uniform(current=(0.2, 0.0), depth=2000.0, slope=(0.0, 0.0)), Parameters(), start="2020-12-09"
+    )
 
 
 def still(number: int, **options: Any) -> Outcome:
@@ -194,7 +196,7 @@ def test_plans_for_sensitivity_are_no_forecasts(tmp_path: Path) -> None:
         with pytest.raises(
             InputError, match=f"plan: '{plan}' draws for a sensitivity.*Use sobol, random, latin-hypercube"
         ):
-            riftberg.forecast("collision", members=3, plan=plan, output=tmp_path / plan)
+            riftberg.forecast("a68a", members=3, plan=plan, output=tmp_path / plan)
 
 
 def test_presence_holds_each_member_once() -> None:
@@ -367,7 +369,7 @@ def test_the_line_of_errors_names_what_is_varied() -> None:
         return errors_line(read_varied(forecast_errors(experiment, vary)))
 
     assert "lattice" in line("a68a")
-    assert "lattice" not in line("collision")
+    assert "lattice" not in line("a68a-oras5")
     assert "floor" not in line("a68a")
     own = line("a68a", "current_error.speed=0.2 m/s", "drag.ocean_scale~lognormal(17.8, 20 %)")
     assert own.startswith("Errors: wind 2 m/s, 300 km, 1 day; thickness 15 %; start 3 km; ")

@@ -10,7 +10,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from ocean.test_errors import probes
-from riftberg import Steady
+from riftberg import Forcing
 from riftberg.cli.main import app
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.uncertain import estimate_errors, stated_error, with_errors
@@ -27,7 +27,9 @@ def product(path: Path, seed: int, speed: float = 0.1, days: int = 24, step: flo
     lon, lat = np.arange(-42.0, -36.0 + step / 2, step), np.arange(-58.0, -54.0 + step / 2, step)
     x, y = np.meshgrid(lon, lat)
     berg = probes()
-    forcing = UncertainForcing(Steady(current=(0.2, 0.1)), Errors(FieldError(speed, 40e3, 2 * DAY), seed=seed), berg)
+    forcing = UncertainForcing(
+        Forcing.uniform(current=(0.2, 0.1), slope=(0.0, 0.0)), Errors(FieldError(speed, 40e3, 2 * DAY), seed=seed), berg
+    )
     flow = [forcing.currents(x, y, k * DAY) for k in range(days)]
     data = {
         name: (("time", "lat", "lon"), np.array([f[k] for f in flow]),
@@ -117,7 +119,7 @@ def test_the_size_by_place_is_that_of_the_product(tmp_path: Path) -> None:
     got = []
     for seed in range(300):
         errors = Errors(FieldError(1.0, 30e3, 2 * DAY), seed=seed, current_size=field)
-        forcing = UncertainForcing(Steady(), errors, elements)
+        forcing = UncertainForcing(Forcing.uniform(), errors, elements)
         places = -37.0 + np.array([-200e3, 200e3]) / metres, np.array([-56.0, -56.0])
         got.append(forcing.currents(*places, 0.0))
     spread = np.std(got, axis=(0, 1))

@@ -13,7 +13,7 @@ from scipy.stats import qmc, sobol_indices
 from typer.testing import CliRunner
 
 import riftberg
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.cli.inputs import summary_lines
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import Fix, Observations
@@ -204,7 +204,9 @@ def test_random_fields_and_pairs_of_numbers_are_inputs_of_their_own() -> None:
 def drifting(speed: float = 0.1, strength: float = 1.0) -> Model:
     """Return two elements in a current; the strength does nothing."""
     berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
-    return Model(berg, Steady(current=(speed, 0.0), depth=2000.0), Parameters(), start="2020-12-09")
+    return Model(
+        berg, Forcing.uniform(current=(speed, 0.0), depth=2000.0, slope=(0.0, 0.0)), Parameters(), start="2020-12-09"
+    )
 
 
 @pytest.mark.quick(1)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Steady, forecast
+from riftberg import Forcing, Iceberg, Model, forecast
 from riftberg.ensembles.uncertain import SPEED_OF_AGE, read_starts
 from riftberg.ensembles.vary import Draws, list_members, read_varied, vary_with_file
 from riftberg.errors import InputError
@@ -129,7 +129,7 @@ def test_lattices_of_observed_outlines_have_ice_at_every_bond(
     outlines = shared / "data" / "observed" / "a68a_daily_outlines.geojson"
     file = tmp_path / "it.yaml"
     file.write_text(
-        f"start: {date}\ndays: 1\nforcing: {{kind: constant, current: [0.1, 0]}}\n"
+        f"start: {date}\ndays: 1\nforcing: {{uniform: {{current: [0.1, 0], slope: [0, 0]}}}}\n"
         f"berg: {{outline: {{file: {outlines}, date: {date}}}, {lattice}thickness: 232 m}}\n"
     )
     model = build(str(file))[0]
@@ -139,7 +139,7 @@ def test_lattices_of_observed_outlines_have_ice_at_every_bond(
 def required(start: str) -> Model:
     """Return a model of one element; without a start there is no control."""
     berg = Iceberg.rectangle("3 km", "3 km", thickness=200.0, placement=(-39.0, -55.0))
-    return Model(berg, Steady(current=(0.3, 0.0)), start=datetime.fromisoformat(start))
+    return Model(berg, Forcing.uniform(current=(0.3, 0.0), slope=(0.0, 0.0)), start=datetime.fromisoformat(start))
 
 
 def usual(start: str = "2020-12-10 00:00") -> Model:

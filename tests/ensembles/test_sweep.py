@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 
 import riftberg
 from fakes import FakeModel
-from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_cells, open_sweep, sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, draw_sweep, open_cells, open_sweep, sweep
 from riftberg.cli.ensembles import summary_lines
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, MemberTracks, Outcome, _stress_ratio, build_member, run_member
@@ -41,7 +41,7 @@ def drifting(speed: float, fail: bool = False) -> Model:
     if fail:
         raise RunError("this member cannot be")
     berg = Iceberg.rectangle("3 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
-    return Model(berg, Steady(current=(speed, 0.0)), Parameters(), start="2020-12-09")
+    return Model(berg, Forcing.uniform(current=(speed, 0.0), slope=(0.0, 0.0)), Parameters(), start="2020-12-09")
 
 
 def halting(speed: float, folder: str) -> Model:
@@ -263,7 +263,7 @@ berg:
   rectangle: {length: 9 km, width: 6 km}
   packing: hexagonal
   placement: [-39.0, -55.5]
-forcing: {kind: constant, current: [0.2, 0.0]}
+forcing: {uniform: {current: [0.2, 0.0], slope: [0, 0]}}
 """
 
 
@@ -291,7 +291,7 @@ def experiment(tmp_path: Path) -> Path:
     file = tmp_path / "mine.yaml"
     file.write_text(
         "start: 2020-12-15\ndays: 0.05\nberg: {rectangle: {length: 6 km, width: 3 km}, placement: [-37, -56], thickness: 200}\n"
-        "forcing: {kind: constant, current: [0.2, 0.0]}\n"
+        "forcing: {uniform: {current: [0.2, 0.0], slope: [0, 0]}}\n"
     )
     return file
 
@@ -428,7 +428,12 @@ def melting(west: float, folder: str = "") -> Model:
         west + np.array([0.1, 0.9, 1.3]), [-56.1, -55.6, -56.2], thickness=120.0, radius=300.0, pieces=[0, 1, 2]
     )
     parameters = Parameters(melt={"enabled": True, "temperature": 3.0, "salinity": 34.0})
-    model = Model(small, Steady(current=(0.2, 0.1), wind=(8.0, 0.0)), parameters, start="2020-12-31 18:00")
+    model = Model(
+        small,
+        Forcing.uniform(current=(0.2, 0.1), wind=(8.0, 0.0), slope=(0.0, 0.0)),
+        parameters,
+        start="2020-12-31 18:00",
+    )
     if folder and west == WESTS[1]:
         model.after_step.append(_killer(Path(folder)))
     return model
@@ -594,7 +599,7 @@ def test_stress_of_a_member_is_held_against_the_strength_that_damage_has_left() 
 
 def begun(start: str) -> Model:
     berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
-    return Model(berg, Steady(current=(0.3, 0.0)), start=datetime.fromisoformat(start))
+    return Model(berg, Forcing.uniform(current=(0.3, 0.0), slope=(0.0, 0.0)), start=datetime.fromisoformat(start))
 
 
 @pytest.mark.slow

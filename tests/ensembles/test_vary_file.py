@@ -81,7 +81,7 @@ def test_the_berg_of_a_built_in_experiment_is_changed() -> None:
     assert stretch[0] > 1.5
     assert stretch[1] < 0.7
     assert len(other.outlines) == len(plain.outlines)
-    spinning = build("collision", Options(changes=parse_settings(["berg.spin=1e-5"])))[0].elements
+    spinning = build("a68a", Options(changes=parse_settings(["berg.spin=1e-5"])))[0].elements
     assert set(spinning.spin) == {1e-5}
     varied = read_varied("berg.thickness=150m,250m")
     assert varied[0].values == (150.0, 250.0)

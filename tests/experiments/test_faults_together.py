@@ -22,7 +22,6 @@ from riftberg.experiments import build
 from riftberg.experiments.changes import parse_settings
 from riftberg.experiments.schema import Berg, Experiment, ExperimentForcing, Mask, OutlineFile, Rift, Shelf, Strength
 from riftberg.experiments.yaml_file import build_berg, read_file
-from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.formulas import FORMULAS
 from riftberg.parameters import GROUPS, group_classes
@@ -34,8 +33,8 @@ berg:
   rectangle: {length: 12 km, width: 6 km}
   placement: [-39.0, -55.5]
 forcing:
-  kind: constant
-  current: [0.2, 0.0]
+  kind: formula
+  uniform: {current: [0.2, 0.0]}
 """
 
 FIVE = """\
@@ -116,7 +115,7 @@ KEYS_ONCE = {
 def test_what_would_be_right_for_many_faults_is_said_once_at_the_end(case: str, tmp_path: Path) -> None:
     """Ten bergs that were numbers had the nineteen keys of a berg ten times."""
     bergs, keys = KEYS_ONCE[case]
-    told = refusal(written(tmp_path, f"{bergs}\ndays: 1\nstart: 2020-12-09\nforcing: {{kind: constant}}\n"))
+    told = refusal(written(tmp_path, f"{bergs}\ndays: 1\nstart: 2020-12-09\nforcing: {{uniform: {{}}}}\n"))
     assert told.count(keys) == 1
     assert len(told) < 1500
     faults = [line for line in told.splitlines() if line.startswith("  own.yaml") or "own.yaml, line" in line]
@@ -124,7 +123,7 @@ def test_what_would_be_right_for_many_faults_is_said_once_at_the_end(case: str, 
 
 
 def test_a_hint_to_one_name_stays_with_its_fault(tmp_path: Path) -> None:
-    text = "berg: {thicknes: 1, radus: 2, ccc: 3, placement: [-39, -55]}\ndays: 1\nstart: 2020-12-09\nforcing: {kind: constant}\n"
+    text = "berg: {thicknes: 1, radus: 2, ccc: 3, placement: [-39, -55]}\ndays: 1\nstart: 2020-12-09\nforcing: {uniform: {}}\n"
     told = refusal(written(tmp_path, text)).splitlines()
     for name in ("thickness", "radius"):
         assert sum(f"Did you mean '{name}'?" in line for line in told) == 1
@@ -165,7 +164,7 @@ WRONG: list[Any] = [
     [[1, 2], [3]], {"a": 1}, datetime(2020, 1, 1), object(), b"bytes", [float("nan")] * 2, 10**30,
 ]  # fmt: skip
 SECTIONS: list[type[BaseModel]] = [
-    Experiment, Berg, OutlineFile, Mask, Shelf, Rift, Strength, Rectangle, FieldOfBergs, LatticeRows, ConstantForcing,
+    Experiment, Berg, OutlineFile, Mask, Shelf, Rift, Strength, Rectangle, FieldOfBergs, LatticeRows,
     FileForcing, NamedFiles, ExperimentForcing, *FORMULAS.values(),
     *(section for group in GROUPS for section in group_classes(group)),
 ]  # fmt: skip

@@ -25,9 +25,9 @@ berg:
   thickness: 250 m
   rotation: 20
 forcing:
-  kind: constant
-  current: [20 cm/s, 0.0]
-  wind: [5, -2]
+  kind: formula
+  uniform:
+    {current: [20 cm/s, 0.0], wind: [5, -2], slope: [0, 0]}
 parameters:
   fracture: {normal_strength: 20 kPa}
   bonds:
@@ -49,7 +49,7 @@ def test_a_file_is_read_with_its_units(slab: Path) -> None:
     assert experiment.output_every_hours == 0.5
     assert experiment.berg.rectangle is not None
     assert experiment.berg.rectangle.length == 60e3
-    assert experiment.forcing.current == (0.2, 0.0)
+    assert experiment.forcing.uniform[0].current == (0.2, 0.0)
     assert (parameters.fracture.normal_strength, parameters.bonds.youngs_modulus) == (20e3, 5e6)
     assert parameters.drag.ocean_scale == 1.0  # what was tuned to A68a belongs to its preset
     slab.write_text(SLAB.replace("parameters:", "parameters:\n  preset: a68a-2022"))
@@ -115,8 +115,9 @@ def test_an_outline_is_found_beside_the_file(slab: Path) -> None:
 MISTAKES = [
     ("20 kPa", "20 m", 14, "parameters.fracture.normal_strength", "measured in Pa"),
     ("normal_strength", "normal_strenght", 14, "parameters.fracture.normal_strenght", "Did you mean 'normal_strength'"),
-    ("kind: constant", "kind: constnt", 10, "forcing.kind", "Did you mean 'constant'"),
-    ("  kind: constant\n", "", 9, "forcing.kind", "missing"),
+    ("kind: formula", "kind: formla", 10, "forcing.kind", "Did you mean 'formula'"),
+    ("kind: formula", "kind: constant", 9, "forcing", "kind: constant is gone. Write forcing: {uniform: "),
+    ("  kind: formula\n  uniform:", "  a:", 9, "forcing.kind", "missing"),
     ("days: 2", "days: -2", 2, "days", "-2 is not possible"),
     ("rectangle", "rectangl", 5, "berg.rectangl", "Did you mean 'rectangle'"),
     ("60 km", "60 kg", 5, "berg.rectangle.length", "measured in m"),
@@ -127,7 +128,7 @@ MISTAKES = [
     ("fracture:", "fractur:", 14, "parameters.fractur", "Did you mean 'fracture'"),
     ("2020-12-09 13:00", "yesterday", 1, "start", "a date"),
     ("rotation: 20", "rotation: 20\n  rotation: 30", 9, "berg.rotation", "stands twice, first in line 8"),
-    ("wind: [5, -2]", "wind: [5, -2", 13, "", "not valid YAML"),
+    ("wind: [5, -2]", "wind: [5, -2", 12, "", "not valid YAML"),
     ("parameters:", "parameters:\n  preset: a68a-2021", 14, "parameters.preset", "Did you mean 'a68a-2022'"),
     ("5e6", "-1", 16, "parameters.bonds.youngs_modulus", "Allowed: a number >= 0 and <= 1e+12, in Pa"),
 ]

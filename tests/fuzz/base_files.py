@@ -33,12 +33,13 @@ berg:
   velocity: [0.1, 0.0]
   spin: 0
 forcing:
-  kind: constant
-  current: [0.2, 0.0]
-  wind: [5, 1]
-  slope: [0, 0]
-  sea_ice: [0, 0, 0]
-  depth: 1000
+  kind: formula
+  uniform:
+    current: [0.2, 0.0]
+    wind: [5, 1]
+    slope: [0, 0]
+    sea_ice: [0, 0, 0]
+    depth: 1000
 parameters:
   fracture: {normal_strength: 20 kPa}
 """

@@ -97,7 +97,7 @@ KEYS: dict[str, tuple[str, tuple[str, ...]]] = {
     "slope": ("slope: [0, 0]", ("[.nan, 0]", "[1e10, 0]", "[1]", "flat")),
     "sea_ice": ("sea_ice: [0, 0, 0]", ("[0, 0]", "[0, 0, -1]", "[0, 0, .nan]", "thick", "[1e20, 0, 1]")),
     "depth": ("depth: 1000", ("0", "-1", "1e30", *NUMBERS)),
-    "kind": ("kind: constant", ("[constant]", "~", "true", "constnt", "{a: b}", "3", "''")),
+    "kind": ("kind: formula", ("[formula]", "~", "true", "formla", "{a: b}", "3", "''")),
     "berg": ("berg:", ("berg: 3\nx:", "berg: [1]\nx:", "berg: ~\nx:", "bergs: 3\nx:")),
     "name": ("days: 0.0625", tuple(f"days: 1\nname: {n}" for n in ("[a]", "3", "true", "../x", "'a/b'", "''", "~", "{a: b}", "2020-12-09"))),
     "parameters": (
@@ -214,7 +214,7 @@ def yaml_texts() -> Iterator[Kind]:
             EXPERIMENT.replace("  radius", f"  {extra}\n  radius"),
             ("bad.yaml", "rift", "strength", "none"),
         )
-    forcing = EXPERIMENT[: EXPERIMENT.index("  kind: constant")]
+    forcing = EXPERIMENT[: EXPERIMENT.index("  kind: formula")]
     good = {
         "files": "[ocean.nc]",
         "longitude": "[-40, -38]",
@@ -656,7 +656,7 @@ def restart_variables_of_own() -> Iterator[Kind]:
             return RESUME
 
         yield Kind("restart of another run", new, other, ("bad.restart.nc",))
-    for command in (["run", "a68a"], ["run", "collision"], ["run", "cantilever"]):
+    for command in (["run", "a68a"], ["run", "a68a-melt"]):
 
         def built_in(folder: Path, command: list[str] = command) -> list[str]:
             copied(folder, "good.restart.nc")

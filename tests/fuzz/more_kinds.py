@@ -118,7 +118,7 @@ def parameter_values() -> Iterator[Kind]:
 
 # --- fields of forcing ---------------------------------------------------------------------------------------------------
 
-FORCED = EXPERIMENT[: EXPERIMENT.index("  kind: constant")] + (
+FORCED = EXPERIMENT[: EXPERIMENT.index("  kind: formula")] + (
     "  kind: files\n  files: [bad.nc]\n  longitude: [-40, -38]\n  latitude: [-56.5, -54.5]\n  sea_level: none\n  wind: none\n"
 )
 SEEN_BY_ALL = ("bad.nc", "uo", "vo", "lat", "lon", "time", "cf")

@@ -61,7 +61,7 @@ def magnitudes() -> Iterator[Kind]:
     for name, text, told in (
         ("thickness of 0.3 m", replaced(("thickness: 200", "thickness: 0.3")), "thick"), ("thickness of 3000 m", replaced(("thickness: 200", "thickness: 3000"), ("depth: 1000", "depth: 5000")), "thick"), ("strength of 18 Pa", replaced(("20 kPa", "18")), "strength"), ("strength of 18 GPa", replaced(("20 kPa", "18e9")), "strength"),
         ("modulus of 5 Pa", replaced((strength, "bonds: {youngs_modulus: 5}")), "modulus|youngs"), ("density of 85", replaced((strength, "ice: {density: 85}")), "density"), ("a current of 8 m/s", replaced(("current: [0.2, 0.0]", "current: [8.0, 0.0]")), "current"), ("a slope of 1 in 1000", replaced(("slope: [0, 0]", "slope: [0.001, 0]")), "slope"), ("sea ice of 60 m", replaced(("sea_ice: [0, 0, 0]", "sea_ice: [0, 0, 60]")), "ice"),
-        ("half a day beside a tide", EXPERIMENT[: EXPERIMENT.index("  kind: constant")].replace("days: 0.0625", "days: 1").replace("output_every_hours: 0.5", "output_every_hours: 12") + "  kind: formula\n  tide: [{major: 0.2}]\nparameters:\n  stepping: {time_step: 0.5 d}\n", "step|tide"),
+        ("half a day beside a tide", EXPERIMENT[: EXPERIMENT.index("  kind: formula")].replace("days: 0.0625", "days: 1").replace("output_every_hours: 0.5", "output_every_hours: 12") + "  kind: formula\n  tide: [{major: 0.2}]\nparameters:\n  stepping: {time_step: 0.5 d}\n", "step|tide"),
     ):  # fmt: skip
         yield _text(
             f,
@@ -102,7 +102,7 @@ def starts() -> Iterator[Kind]:
 def sections() -> Iterator[Kind]:
     """Give a section where the documentation says "a section or a list of sections", and a file name for an outline."""
     f = "one section for a list, and a name for a section"
-    head = EXPERIMENT[: EXPERIMENT.index("  kind: constant")]
+    head = EXPERIMENT[: EXPERIMENT.index("  kind: formula")]
 
     def went(folder: Path, text: str) -> str:
         return "" if (folder / "out" / "run.nc").exists() else "no run.nc"
@@ -147,7 +147,7 @@ def collected() -> Iterator[Kind]:
 def patterns() -> Iterator[Kind]:
     """Give files and patterns that match nothing: the message names the folder where it looked."""
     f = "patterns of files that match nothing"
-    head = EXPERIMENT[: EXPERIMENT.index("  kind: constant")]
+    head = EXPERIMENT[: EXPERIMENT.index("  kind: formula")]
     for listed, told in (
         ("[none_*.nc]", "none_"), ("[data/none.nc]", "data"), ("['~/none.nc']", "none.nc"), ("['$HOME/none.nc']", "none.nc"), ("[../none.nc]", "none.nc"), ("[none.NC]", "none.NC"), ("['none[1].nc']", "none"), ("['none?.nc', 'other.nc']", "none|other"), ("['**/none.nc']", "none"), ("[{file: none.nc, product: glorys}]", "none.nc"),
     ):  # fmt: skip

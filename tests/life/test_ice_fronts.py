@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import InputError
 from riftberg.life.ice_fronts import ALONE, REACH, SHAPES, hand_on_feet
 from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
@@ -18,7 +18,7 @@ from riftberg.plane import ConformalPlane
 from riftberg.state import new_elements
 
 LENGTH, WIDTH, RADIUS, PLACE = 60e3, 30e3, 30e3, (-40.0, -56.0)
-SEA = Steady(wind=(10.0, 0.0), temperature=6.0, salinity=34.0)
+SEA = Forcing.uniform(wind=(10.0, 0.0), temperature=6.0, salinity=34.0)
 CHANGES: dict[str, Any] = {
     "melt": {"enabled": True, "base": "turbulent", "tide": 0.0}, "fracture": {"enabled": False},
     "stepping": {"time_step": 86400.0},
@@ -204,7 +204,7 @@ def test_a_resumed_run_goes_on_bit_for_bit(piece: str, tmp_path: Path):
     """It moves and draws the outline anew after the restart."""
     berg = Iceberg.rectangle(9e3, 6e3, thickness=200.0, placement=PLACE, radius=750.0, lattice_angle=20.0)
     p = Parameters().changed(**{**CHANGES, "stepping": {"time_step": 21600.0}, "melt": {"enabled": True}})
-    sea = Steady(current=(0.2, 0.1), wind=(40.0, 20.0), temperature=30.0, salinity=34.0)
+    sea = Forcing.uniform(current=(0.2, 0.1), wind=(40.0, 20.0), temperature=30.0, salinity=34.0, slope=(0.0, 0.0))
     whole = Model(berg, sea, p)
     whole.advance(steps=4)
     if piece == "broken":

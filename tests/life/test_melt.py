@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError, InputError, RunError
 from riftberg.life.ice_fronts import REACH
 from riftberg.life.melt import base_spans, life_values
 from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, open_run
@@ -36,8 +36,9 @@ def block(columns: int, rows: int, thickness: float = 200.0) -> Iceberg:
     return Iceberg.from_points(SIDE * i, SIDE * j, thickness=thickness, latlon=False)
 
 
-def sea(**changes: Any) -> Steady:
-    return Steady(**{"current": (0.3, -0.1), "wind": (8.0, 4.0), "depth": 500.0, "temperature": 3.0, "salinity": 34.0,
+def sea(**changes: Any) -> Forcing:
+    return Forcing.uniform(**{"current": (0.3, -0.1), "slope": (0.0, 0.0), "wind": (8.0, 4.0), "depth": 500.0,
+                   "temperature": 3.0, "salinity": 34.0,
                      **changes})  # fmt: skip
 
 
@@ -351,7 +352,7 @@ def test_children_of_one_step_melt_each_by_its_own_length() -> None:
     berg = Iceberg.join([
         Iceberg.rectangle(3e3, 3e3, thickness=200.0, placement=(-37.0 + k, -56.0)) for k in range(3)
     ])  # fmt: skip
-    model = Model(berg, Steady(temperature=2.0, salinity=34.0), Parameters(melt={"enabled": True}))
+    model = Model(berg, Forcing.uniform(temperature=2.0, salinity=34.0), Parameters(melt={"enabled": True}))
     model.step()
     body, values = model.elements.body, life_values(model.parameters)
     one_by_one = base_spans(model.elements, values)
@@ -365,7 +366,7 @@ def test_a_child_of_a_grounded_berg_is_afloat() -> None:
         melt={"enabled": True}, grounding={"law": "seabed"},
         footloose={"enabled": True, "style": "bergs"},
     )  # fmt: skip
-    sea = Steady(current=(0.4, 0.0), depth=165.5, temperature=3.0, salinity=34.0)
+    sea = Forcing.uniform(current=(0.4, 0.0), depth=165.5, temperature=3.0, salinity=34.0, slope=(0.0, 0.0))
     model = Model(Iceberg.rectangle(3e3, 3e3, thickness=200.0, placement=(-37.0, -56.0)), sea, p)
     model.step()
     model.elements.fl_k[:] = 3e5
@@ -378,7 +379,7 @@ def test_a_child_of_a_grounded_berg_is_afloat() -> None:
 
 def test_what_another_forcing_said_of_the_water_ends_with_it(tmp_path) -> None:
     """Water at the keel and waves stayed from the forcing before, and melted a resumed berg three times as fast."""
-    sea = Steady(temperature=-1.0, salinity=34.0)
+    sea = Forcing.uniform(temperature=-1.0, salinity=34.0)
     model = Model(
         Iceberg.rectangle(3e3, 3e3, thickness=200.0, placement=(-37.0, -56.0)), sea, Parameters(melt={"enabled": True})
     )

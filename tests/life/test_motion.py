@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import CASES
 from engines.test_media import SCHEMES
 from engines.test_media import model as adrift
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.run import ledger_lines
 from riftberg.diagnostics.summary import summarize
 from riftberg.engines.common.forces.media import FORCES
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
 from riftberg.life.motion import CLOSES, GIVERS, MotionBalance, energy_in_bonds, stock
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
@@ -57,7 +57,7 @@ def test_forces_give_all_momentum_that_there_is_to_round_off(scheme) -> None:
 @pytest.mark.slow
 def test_what_the_floor_takes_in_a_landing_that_breaks_a_berg_is_told_to_round_off() -> None:
     """The quasi-static scheme told the drag of the floor at the ends of its steps, up to 6 % of all momentum off."""
-    model, _ = build("grounding-fracture", Options())
+    model = CASES["grounding-fracture"]()
     assert model.parameters.stepping.scheme == "quasi_static"
     model.advance(days=0.5)
     assert (model.bonds.status != 0).any()
@@ -178,7 +178,9 @@ def test_supports_take_nothing_of_bergs_that_they_do_not_hold(monkeypatch: pytes
         static=np.arange(18) < 6, velocity=(np.repeat([0.0, 0.3, -0.3], 6), 0.0),
     )  # fmt: skip
     p = Parameters(earth={"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0})
-    model = Model(berg, Steady(current=(0.2, 0.1)), p.changed(stepping={"time_step": 1800.0}))
+    model = Model(
+        berg, Forcing.uniform(current=(0.2, 0.1), slope=(0.0, 0.0)), p.changed(stepping={"time_step": 1800.0})
+    )
     model.advance(steps=4)
     b = balance(model)
     given = np.hypot(*b.momentum_start)
@@ -203,7 +205,11 @@ def melting(**changes) -> Model:
         stepping={"scheme": "mts", "time_step": 1800.0}, melt={"enabled": True, "temperature": 5.0, "salinity": 34.0}
     )
     berg = Iceberg.rectangle(6e3, 6e3, thickness=120.0, placement=(-37.0, -56.0), velocity=(0.3, 0.1))
-    return Model(berg, Steady(current=(0.4, -0.1), wind=(8.0, 2.0)), p.changed(**changes) if changes else p)
+    return Model(
+        berg,
+        Forcing.uniform(current=(0.4, -0.1), wind=(8.0, 2.0), slope=(0.0, 0.0)),
+        p.changed(**changes) if changes else p,
+    )
 
 
 def test_melt_takes_momentum_and_energy_along_and_others_are_named() -> None:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.life.footloose import DIRECTIONS, FreePlaces, _Calving, corner_reach
 from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.state import new_elements
@@ -29,8 +29,10 @@ SCHEMES: dict[str, dict[str, Any]] = {
 each_scheme = pytest.mark.parametrize("scheme", SCHEMES)
 
 
-def sea() -> Steady:
-    return Steady(current=(0.2, 0.1), wind=(5.0, 0.0), depth=500.0, temperature=3.0, salinity=34.0)
+def sea() -> Forcing:
+    return Forcing.uniform(
+        current=(0.2, 0.1), wind=(5.0, 0.0), depth=500.0, temperature=3.0, salinity=34.0, slope=(0.0, 0.0)
+    )
 
 
 def parameters(scheme: str, style: str) -> Parameters:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Steady
+from riftberg import Forcing, Iceberg
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import InputError
 from riftberg.ocean.errors import Errors, FieldError, UncertainForcing, onto_plane
@@ -35,7 +35,7 @@ def drawn(
     errors: Errors, elements: Any, times: tuple[float, ...], base: Any = None, start: Any = None
 ) -> dict[str, Any]:
     """Return what the elements sample at some times; ``start``: where they were at the start."""
-    forcing = UncertainForcing(base or Steady(), errors, elements if start is None else start)
+    forcing = UncertainForcing(base or Forcing.uniform(), errors, elements if start is None else start)
     got: dict[str, list[Any]] = {
         name: [] for name in ("uo", "vo", "ua", "va", "slope_x", "slope_y", "vorticity", "depth")
     }
@@ -58,7 +58,7 @@ def many(count: int, times: tuple[float, ...]) -> dict[str, Any]:
             floor_spread=30.0,
             seed=seed,
         )
-        got.append(drawn(errors, elements, times, Steady(depth=2000.0)))
+        got.append(drawn(errors, elements, times, Forcing.uniform(depth=2000.0)))
     return {name: np.array([g[name] for g in got]) for name in got[0]}
 
 
@@ -205,7 +205,7 @@ def sizes(base: Any, elements: Any, length: float = LENGTH, count: int = 60, **m
 
 
 @pytest.mark.quick(2)
-@pytest.mark.parametrize("base", [Coast(), Shelf(), Coast() + Steady(), coast_of_product()])
+@pytest.mark.parametrize("base", [Coast(), Shelf(), Coast() + Forcing.uniform(), coast_of_product()])
 def test_the_error_fades_towards_land_and_stays_balanced(base: Any) -> None:
     """The coast is a parallel, so that it fills whole rows; the product ends 12 km west of the berg, where there is no land."""
     lat = np.array([-56.0 + 1e-6, -55.9, -53.0])  # at the shore, 11 km and 330 km off
@@ -273,7 +273,7 @@ def test_size_and_scale_are_those_asked_for_wherever_the_ice_is(
     lon, lat = around(place[0], place[1] - np.sign(place[1]) * far, LENGTH)
     got = []
     for seed in range(count):
-        forcing = UncertainForcing(Steady(), Errors(FieldError(0.1, LENGTH, 3 * DAY), seed=seed), start)
+        forcing = UncertainForcing(Forcing.uniform(), Errors(FieldError(0.1, LENGTH, 3 * DAY), seed=seed), start)
         got.append(forcing.currents(lon, lat, DAY))
     u, v = np.moveaxis(np.array(got), 1, 0)
     # Vectors at the places around, turned to east and north of the one in the middle.
@@ -320,7 +320,7 @@ def waves(places: Any, count: int) -> Any:
 
 def test_the_floor_is_moved_where_there_is_one() -> None:
     elements = probes()
-    base = Steady(depth=1000.0)
+    base = Forcing.uniform(depth=1000.0)
     got = drawn(Errors(floor_offset=-50.0, floor_scale=1.2), elements, (0.0,), base)
     assert got["depth"][0] == pytest.approx(1150.0)
     forcing = UncertainForcing(
@@ -338,7 +338,7 @@ def test_the_floor_is_moved_where_there_is_one() -> None:
 
 def test_all_else_is_that_of_the_forcing_and_a_copy_goes_on_alike() -> None:
     elements = probes()
-    base = Steady(current=(0.3, 0.1), wind=(5.0, 0.0))
+    base = Forcing.uniform(current=(0.3, 0.1), wind=(5.0, 0.0), slope=(0.0, 0.0))
     forcing = UncertainForcing(base, Errors(FieldError(0.1, LENGTH, 3 * DAY), seed=6), elements)
     assert forcing.grid is None
     assert "errors (seed 6): current 0.1 m/s, 50 km, 3 days" in forcing.describe()
@@ -362,4 +362,4 @@ def test_all_else_is_that_of_the_forcing_and_a_copy_goes_on_alike() -> None:
 
 def test_scales_far_smaller_than_the_berg_are_refused() -> None:
     with pytest.raises(InputError, match="an error with a length of 10 m under ice"):
-        UncertainForcing(Steady(), Errors(FieldError(0.1, 10.0, DAY)), probes())
+        UncertainForcing(Forcing.uniform(), Errors(FieldError(0.1, 10.0, DAY)), probes())

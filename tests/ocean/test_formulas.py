@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import DatasetForcing, Forcing, Iceberg, Model, Parameters, Steady
+from riftberg import DatasetForcing, Forcing, Iceberg, Model, Parameters
 from riftberg.errors import ForcingError, InputError
 from riftberg.ocean.formulas import Flow, metric_offsets
 from riftberg.state import Elements, new_elements
@@ -200,8 +200,8 @@ def test_the_shallowest_sea_floor_counts() -> None:
 def test_sums_add_and_do_not_depend_on_the_order() -> None:
     parts = [make() for make in FLOWS.values()]
     wind = Forcing.turning_wind(10.0, towards=0.0, turning=90.0)
-    one = parts[0] + parts[1] + parts[2] + wind + Steady(wind=(1.0, 0.0), depth=300.0)
-    other = Steady(wind=(1.0, 0.0), depth=300.0) + (wind + parts[2]) + (parts[1] + parts[0])
+    one = parts[0] + parts[1] + parts[2] + wind + Forcing.uniform(wind=(1.0, 0.0), depth=300.0)
+    other = Forcing.uniform(wind=(1.0, 0.0), depth=300.0) + (wind + parts[2]) + (parts[1] + parts[0])
     a, b, total = points(4), points(4), points(4)
     one.sample(a, 3600.0)
     other.sample(b, 3600.0)
@@ -369,7 +369,10 @@ def test_a_class_of_ones_own_needs_one_method() -> None:
             Forcing.slope((1e4, 0.0), 180.0, 0.01, 500.0, latlon=False),
             "sea floor that deepens by 10 m per km towards south, 500 m at x 10 km, y 0 km",
         ),
-        (Steady(current=(0.0, 0.0), depth=0.0), "steady and uniform: still water and air, 0 m deep"),
+        (
+            Forcing.uniform(current=(0.0, 0.0), depth=0.0, slope=(0.0, 0.0)),
+            "uniform: still water and air, 0 m deep",
+        ),
     ],
     ids=lambda value: "" if isinstance(value, str) else type(value).__name__,
 )
@@ -383,20 +386,20 @@ def test_one_part_alone_gives_the_temperature() -> None:
     front = Forcing.front(CENTRE, 90.0, 0.3, 10e3, temperature=(-1.0, 3.0))
     for one, other in (
         (front, front),
-        (front, Steady(temperature=2.0)),
-        (Steady(temperature=2.0), Steady(temperature=2.0)),
+        (front, Forcing.uniform(temperature=2.0)),
+        (Forcing.uniform(temperature=2.0), Forcing.uniform(temperature=2.0)),
     ):
         with pytest.raises(ForcingError, match=r"two parts give the temperature of the water: .*; and "):
             one + other
     with pytest.raises(ForcingError, match="give the salinity"):
-        Steady(salinity=34.0) + front + Steady(salinity=34.0)
-    assert (Steady(salinity=34.0) + front).provides == {"sst", "sss"}
+        Forcing.uniform(salinity=34.0) + front + Forcing.uniform(salinity=34.0)
+    assert (Forcing.uniform(salinity=34.0) + front).provides == {"sst", "sss"}
 
 
 def test_a_temperature_by_formula_counts_at_the_keel_too() -> None:
     """Melt of base and sides went by the water at the keel that another part had said, and not by what was set over it."""
     elements = new_elements(1)
     elements.keel_temperature[:] = elements.keel_salinity[:] = 3.0
-    Steady(temperature=8.0).add_to(elements, 0.0)
+    Forcing.uniform(temperature=8.0).add_to(elements, 0.0)
     assert np.isnan(elements.keel_temperature).all()
     assert elements.keel_salinity[0] == 3.0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.media import (
     FORCES,
     LIMIT,
@@ -56,9 +56,9 @@ def model_of(
     return Model(berg, pack() if sea is None else sea, p)
 
 
-def pack(thickness: float = 1.0, fraction: float = 1.0, ice: Any = ICE, **others: Any) -> Steady:
+def pack(thickness: float = 1.0, fraction: float = 1.0, ice: Any = ICE, **others: Any) -> Forcing:
     """Return water at rest under a pack of sea ice."""
-    return Steady(sea_ice=(*ice, thickness), ice_fraction=fraction, **others)
+    return Forcing.uniform(sea_ice=(*ice, thickness), ice_fraction=fraction, slope=(0.0, 0.0), **others)
 
 
 def drift(model: Model) -> np.ndarray:
@@ -219,7 +219,7 @@ def test_a_pack_that_is_locked_carries_bergs_along_where_it_is_dense_and_strong(
 def test_a_pack_that_is_locked_loads_no_giant_by_its_own_shear() -> None:
     """It carries the berg by its mean: ice whose drift varies along a berg would tear it at once, were each element to follow."""
 
-    class Shear(Steady):
+    class Shear(Forcing.uniform):
         def sample(self, elements: Any, time: float) -> None:
             super().sample(elements, time)
             elements.environment.ui[:] = 0.2 + 1e-5 * elements.lon
@@ -236,7 +236,7 @@ def test_a_pack_that_is_locked_loads_no_giant_by_its_own_shear() -> None:
 @pytest.mark.parametrize("fraction", [0.0, 0.1, 0.1499])
 def test_below_the_least_concentration_the_sea_is_open_to_the_digit(fraction: float) -> None:
     ends = []
-    for sea in (pack(3.0, fraction, wind=(8.0, 2.0)), Steady(wind=(8.0, 2.0))):
+    for sea in (pack(3.0, fraction, wind=(8.0, 2.0)), Forcing.uniform(wind=(8.0, 2.0))):
         model = model_of(sea=sea)
         model.advance(steps=5)
         ends.append(np.array([model.elements.lon, model.elements.lat, *model.velocity()]).tobytes())
@@ -380,11 +380,11 @@ def test_a_concentration_a_strength_or_a_limit_that_cannot_be_is_refused() -> No
     ):  # fmt: skip
         with pytest.raises(InputError, match=key):
             Parameters(sea_ice={key: value})
-    for make in (Steady, Forcing.uniform):
+    for make in (Forcing.uniform,):
         with pytest.raises(ForcingError, match="ice_fraction"):
             make(ice_fraction=1.5)
 
-    class InPercent(Steady):
+    class InPercent(Forcing.uniform):
         def sample(self, elements: Any, time: float) -> None:
             super().sample(elements, time)
             elements.environment.ice_fraction[:] = 95.0
@@ -440,15 +440,15 @@ def test_a_pack_of_files_needs_all_three_and_what_lacks_is_told_once(words: str 
 
 def test_formulas_that_give_no_concentration_are_told_in_the_same_words(caplog: pytest.LogCaptureFixture) -> None:
     words = "sea ice without its concentration (ice_fraction) exerts no force in the default scheme"
-    for forcing in (Steady(sea_ice=(*ICE, 1.0)), Forcing.uniform(sea_ice=(*ICE, 1.0), **METRES)):
+    for forcing in (Forcing.uniform(sea_ice=(*ICE, 1.0)), Forcing.uniform(sea_ice=(*ICE, 1.0), **METRES)):
         model = model_of(sea=forcing)
         with caplog.at_level(logging.WARNING):
             model.advance(steps=1)
         assert [text for text in model.notices if "sea ice" in text] == [words]
     assert caplog.text.count(words) == 2
-    for forcing in (pack(), Forcing.uniform(sea_ice=(*ICE, 1.0), ice_fraction=0.9, **METRES), Steady()):
+    for forcing in (pack(), Forcing.uniform(sea_ice=(*ICE, 1.0), ice_fraction=0.9, **METRES), Forcing.uniform()):
         assert not any("sea ice" in text for text in model_of(sea=forcing).notices)
-    explicit = model_of(sea=Steady(sea_ice=(*ICE, 1.0)), stepping={"scheme": "mts"})
+    explicit = model_of(sea=Forcing.uniform(sea_ice=(*ICE, 1.0)), stepping={"scheme": "mts"})
     assert not any("sea ice" in text for text in explicit.notices)
 
 

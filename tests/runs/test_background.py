@@ -11,9 +11,9 @@ import pytest
 import xarray as xr
 
 from fakes import FakeForcing, FakeModel
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
-from riftberg.ocean.analytic import Steady
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, memory_run, open_own, open_run
 from riftberg.runs.scene import GROUP, KeptWater, _axes, find_water, interpolate_evenly, stored_water
@@ -106,7 +106,7 @@ def test_bilinear_is_exact_for_bilinear_fields_and_blind_outside() -> None:
 
 def test_a_run_in_memory_knows_its_water(tmp_path: Path) -> None:
     """Maps of a run that was never a file had no current and no sea floor unless the forcing was given again."""
-    sea = Steady(current=(0.1, 0.0), depth=300.0)
+    sea = Forcing.uniform(current=(0.1, 0.0), depth=300.0, slope=(0.0, 0.0))
     berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
     run = Model(berg, sea).run(steps=1)
     for known in (run, run.copy(deep=True), run.isel(time=slice(0, 1))):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fakes import EXPLICIT, FakeModel
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.diagnostics.summary import summarize
-from riftberg.ocean.analytic import Steady
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import Parameters
@@ -42,7 +42,7 @@ def bergs(speed: float, **where: Any) -> Iceberg:
 def channel(speed: float, kind: str) -> Model:
     """``kind``: grid, on which positions are taken back, or formula, in which they go on."""
     sea = (
-        Steady(current=(speed, 0.0))
+        Forcing.uniform(current=(speed, 0.0), slope=(0.0, 0.0))
         if kind == "formula"
         else current_on(Grid.cartesian(8, 8, 2500.0, period=LENGTH), speed)
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Iceberg, Model, Steady
+from riftberg import Forcing, Iceberg, Model
 from riftberg.diagnostics.cut import FORCES, applied_forces, external_forces, forces_recorded
 from riftberg.errors import RunError
 from riftberg.experiments import Options, build
@@ -30,7 +30,7 @@ def made(path: Path, *, depth: float = 1e4, steps: int = 4, forces: bool = True)
     """Run two elements for a few long steps; records every second one."""
     berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, placement=(-37.0, -56.0), velocity=(0.5, 0.0))
     writer = RunWriter(path, every_hours=1.0, forces=forces, background=False)
-    Model(berg, Steady(**SEA, depth=depth), P).advance(steps=steps, recorders=[writer])
+    Model(berg, Forcing.uniform(**SEA, depth=depth), P).advance(steps=steps, recorders=[writer])
     return open_run(path)
 
 
@@ -46,10 +46,10 @@ def test_forces_are_written_only_where_they_are_asked_for(tmp_path: Path) -> Non
 
 def test_forces_are_chosen_in_a_run_and_in_a_file(tmp_path: Path) -> None:
     berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, placement=(-37.0, -56.0))
-    assert forces_recorded(Model(berg, Steady(), P).run(steps=1, every_hours=0.0, forces=True))
-    assert not forces_recorded(Model(berg, Steady(), P).run(steps=1, every_hours=0.0))
+    assert forces_recorded(Model(berg, Forcing.uniform(), P).run(steps=1, every_hours=0.0, forces=True))
+    assert not forces_recorded(Model(berg, Forcing.uniform(), P).run(steps=1, every_hours=0.0))
     text = (
-        "start: 2020-12-09\ndays: 1\noutput_forces: true\nforcing: {kind: constant}\n"
+        "start: 2020-12-09\ndays: 1\noutput_forces: true\nforcing: {uniform: {}}\n"
         "berg: {rectangle: {length: 6 km, width: 3 km}, placement: [-39, -55], thickness: 200 m}\n"
     )
     (tmp_path / "it.yaml").write_text(text)
@@ -60,7 +60,7 @@ def test_a_record_holds_the_mean_since_the_one_before(tmp_path: Path) -> None:
     """Two long steps make a record: its force is the mean of theirs, and the first record has none."""
     with made(tmp_path / "run.nc") as run:
         berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, placement=(-37.0, -56.0), velocity=(0.5, 0.0))
-        model, steps = Model(berg, Steady(**SEA), P), []
+        model, steps = Model(berg, Forcing.uniform(**SEA), P), []
         for _ in range(4):
             model.step()
             steps.append(model.applied_forces())
@@ -92,7 +92,7 @@ def test_what_a_user_derives_is_a_function_of_the_model(tmp_path: Path) -> None:
     berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, placement=(-37.0, -56.0), velocity=(0.5, 0.0))
     speed = {"speed": ("m s-1", lambda model: np.hypot(*model.velocity()))}
     writer = RunWriter(tmp_path / "run.nc", every_hours=0.0, derived=speed, background=False)
-    Model(berg, Steady(**SEA), P).advance(steps=3, recorders=[writer])
+    Model(berg, Forcing.uniform(**SEA), P).advance(steps=3, recorders=[writer])
     with open_run(tmp_path / "run.nc") as run:
         assert run["speed"].dims == ("trajectory", "time")
         assert run["speed"].attrs["units"] == "m s-1"
@@ -103,4 +103,4 @@ def test_a_derived_variable_of_another_shape_is_named(tmp_path: Path) -> None:
     berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, placement=(-37.0, -56.0))
     writer = RunWriter(tmp_path / "run.nc", derived={"total": ("kg", lambda model: model.elements.mass.sum())})
     with pytest.raises(RunError, match=r"derived variable total: shape \(\), but there are 2 elements"):
-        Model(berg, Steady(), P).advance(steps=1, recorders=[writer])
+        Model(berg, Forcing.uniform(), P).advance(steps=1, recorders=[writer])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Steady
+from riftberg import Forcing, Iceberg, Model
 from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
 
 RADIUS = A68A_2022.earth.radius
@@ -14,7 +14,7 @@ RADIUS = A68A_2022.earth.radius
 def inertial(parameters: Parameters, size: float = 6e3) -> Model:
     """A berg that the current sets off from rest: inertial motion, turning by 12 degrees in a step."""
     berg = Iceberg.rectangle(size, size, thickness=200.0, placement=(-37.0, -56.0))
-    return Model(berg, Steady(current=(0.5, 0.0)), parameters)
+    return Model(berg, Forcing.uniform(current=(0.5, 0.0), slope=(0.0, 0.0)), parameters)
 
 
 def loose(scheme: str) -> Parameters:

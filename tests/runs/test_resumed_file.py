@@ -8,8 +8,8 @@ import netCDF4
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_MTS, Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter
@@ -25,8 +25,8 @@ MADE_ANEW = {"history", "date_created"}
 """Attributes that say when a file was written."""
 
 
-def forcing() -> Steady:
-    return Steady(current=(0.3, 0.1), wind=(10.0, -4.0), depth=165.0)
+def forcing() -> Forcing:
+    return Forcing.uniform(current=(0.3, 0.1), wind=(10.0, -4.0), depth=165.0, slope=(0.0, 0.0))
 
 
 def fresh(p: Parameters) -> Model:

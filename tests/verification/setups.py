@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 
@@ -31,23 +31,23 @@ def parameters(**groups: dict[str, Any]) -> Parameters:
     return Parameters(**base)
 
 
-def single(forcing: Steady | None = None, *, velocity: tuple[float, float] = (0.0, 0.0), spin: float = 0.0,
+def single(forcing: Forcing | None = None, *, velocity: tuple[float, float] = (0.0, 0.0), spin: float = 0.0,
            **groups: Any) -> Model:  # fmt: skip
     """Return a model of one element."""
     berg = Iceberg.from_points(
         [0.0], [0.0], thickness=THICKNESS, radius=RADIUS, density=DENSITY, velocity=velocity, spin=spin, latlon=False
     )
-    return Model(berg, forcing or Steady(), parameters(**groups))
+    return Model(berg, forcing or Forcing.uniform(), parameters(**groups))
 
 
-def lattice(p: Parameters, columns: int = 5, rows: int = 3, forcing: Steady | None = None, **kwargs: Any) -> Model:
+def lattice(p: Parameters, columns: int = 5, rows: int = 3, forcing: Forcing | None = None, **kwargs: Any) -> Model:
     """Return a model of a rectangular lattice about the origin."""
     side = 2.0 * RADIUS
     berg = Iceberg.rectangle(
         side * columns, side * rows, thickness=THICKNESS, radius=RADIUS, density=DENSITY,
         packing=p.bonds.packing, latlon=False, **kwargs,
     )  # fmt: skip
-    return Model(berg, forcing or Steady(), p)
+    return Model(berg, forcing or Forcing.uniform(), p)
 
 
 def shake(model: Model, *, speed: float, spin: float, stretch: float = 0.0, seed: int = 1) -> None:

@@ -9,9 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from riftberg.experiments import Options, build
-from riftberg.experiments.cases import CANTILEVER, SUPPORTED, Beam, cantilever, supported_beam
-from riftberg.ocean.analytic import Steady
+from cases import CANTILEVER, CASES, SUPPORTED, Beam, cantilever, supported_beam
+from riftberg import Forcing
 from riftberg.runs.model import Model
 
 POISSON = 0.3
@@ -54,7 +53,7 @@ def elastica(beam: Beam, *, axial: float = np.inf, shear: float = np.inf) -> tup
 def rest(berg, beam: Beam, **changes) -> Model:
     """Return the model after the beam has come to rest."""
     parameters = beam.parameters("own").changed(stepping={"time_step": beam.duration / 10}, **changes)
-    model = Model(berg, Steady(depth=0.0), parameters)
+    model = Model(berg, Forcing.uniform(depth=0.0), parameters)
     model.advance(steps=20)
     assert np.abs(model.elements.v).max() < 1e-5 * beam.length / beam.duration
     return model
@@ -115,17 +114,17 @@ def test_rest_does_not_depend_on_damping_and_drag(agrees) -> None:
     agrees("cantilever, other damping: tip y (m)", same.elements.lat[-2], other.elements.lat[-2], rel=1e-6)
 
 
-@pytest.mark.parametrize("name", ["supported-beam", "cantilever"])
-def test_built_in_beams_come_to_rest(name) -> None:
-    model, info = build(name)
+@pytest.mark.parametrize(("name", "beam"), [("supported-beam", SUPPORTED), ("cantilever", CANTILEVER)])
+def test_beams_come_to_rest(name, beam) -> None:
+    model = CASES[name]()
     before = model.elements.lat.copy()
-    model.advance(info.days)
+    model.advance(steps=round(beam.duration / beam.time_step))
     assert np.abs(model.elements.v).max() < 1e-6 * np.abs(model.elements.lat - before).max()
 
 
 def test_beams_know_the_numerics_of_the_reference() -> None:
-    supported, _ = build("supported-beam", Options(numerics="reference"))
-    clamped, _ = build("cantilever", Options(numerics="reference"))
+    supported = CASES["supported-beam"]("reference")
+    clamped = CASES["cantilever"]("reference")
     assert (supported.substeps, clamped.substeps) == (100_000, 2000)
     assert supported.bonds.first.size == 28
     assert clamped.bonds.first.size == 147

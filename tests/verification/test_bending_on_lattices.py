@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters
-from riftberg.ocean.analytic import Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.physics.seabed import bending_length
 
 pytestmark = pytest.mark.compiled
@@ -32,7 +31,7 @@ FLOORS: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
-class Floor(Steady):
+class Floor(Forcing.uniform):
     """Still water over a floor of a given depth (m)."""
 
     def __init__(self, depth: Callable[[Any, Any], Any]) -> None:

@@ -21,7 +21,6 @@ from riftberg.engines.quasi_static.lattice.triangles import (
     find_open_edges,
     find_triangles,
 )
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from verification.test_crack_lines import QUICK, RADIUS, SPACING, THICKNESS, Plate
@@ -238,9 +237,9 @@ def test_a_pressed_crack_goes_on_from_a_restart_bit_for_bit(tmp_path) -> None:
     parameters = Parameters(
         earth={"latlon": False, "period": 0.0}, fracture={"enabled": False}, stepping={"time_step": 600.0}
     )
-    run = Model(berg, Steady(current=(0.0, 0.4)), parameters)
+    run = Model(berg, Forcing.uniform(current=(0.0, 0.4), slope=(0.0, 0.0)), parameters)
     run.advance(steps=3)
-    again = Model.resume(run.save(tmp_path / "pressed.nc"), Steady(current=(0.0, 0.4)))
+    again = Model.resume(run.save(tmp_path / "pressed.nc"), Forcing.uniform(current=(0.0, 0.4), slope=(0.0, 0.0)))
     for model in (run, again):
         model.advance(steps=4)
     for name in ("lon", "lat", "u", "v", "rotation"):
@@ -248,7 +247,7 @@ def test_a_pressed_crack_goes_on_from_a_restart_bit_for_bit(tmp_path) -> None:
     for name in ("normal_stress", "shear_stress", "bond_length"):
         np.testing.assert_array_equal(getattr(run.bonds, name), getattr(again.bonds, name))
     # Were the ice linear, the other current would stretch all bonds by as much as this one shortens them.
-    gaping = Model(berg, Steady(current=(0.0, -0.4)), parameters)
+    gaping = Model(berg, Forcing.uniform(current=(0.0, -0.4), slope=(0.0, 0.0)), parameters)
     gaping.advance(steps=7)
     stretch = [model.bonds.bond_length - 2.0 * RADIUS for model in (run, gaping)]
     assert abs(stretch[0] + stretch[1]).max() > 0.2 * abs(stretch[1]).max()
@@ -341,7 +340,9 @@ def test_faces_and_tips_go_on_from_a_restart_bit_for_bit(packing, angle, slant, 
     parameters = Parameters(
         earth={"latlon": False, "period": 0.0}, bonds={"packing": packing}, fracture=fracture, stepping={"time_step": 600.0}
     )  # fmt: skip
-    sea = Steady(current=(0.5 * np.cos(np.radians(towards)), 0.5 * np.sin(np.radians(towards))))
+    sea = Forcing.uniform(
+        current=(0.5 * np.cos(np.radians(towards)), 0.5 * np.sin(np.radians(towards))), slope=(0.0, 0.0)
+    )
     run = Model(berg, sea, parameters)
     run.advance(steps=cut)
     with TemporaryDirectory() as folder:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.ocean.analytic import Steady
 from riftberg.runs.model import Model
 from verification.setups import (
     DENSITY,
@@ -135,7 +135,7 @@ def test_collision_of_two_elements_keeps_momentum(below, ratio, angle) -> None:
         [0.0, 5000.0 * math.cos(angle)], [0.0, 5000.0 * math.sin(angle)], thickness=thickness, radius=RADIUS,
         density=DENSITY, velocity=(np.array([0.3, -0.1]), np.array([0.1, 0.0])), latlon=False,
     )  # fmt: skip
-    model = Model(berg, Steady(), p)
+    model = Model(berg, Forcing.uniform(), p)
     before, approach = momentum(model), np.diff(model.elements.u)[0]
     touched = False
     for _ in range(60):
@@ -156,7 +156,7 @@ def test_collision_of_two_lattices_keeps_momentum(below) -> None:
         x, y, thickness=thickness, radius=RADIUS, velocity=(np.repeat([0.4, 0.0], 6), np.zeros(12)), latlon=False
     )
     p = parameters(contact={"distance": 4000.0, "tolerance": 1e-13, "spring": 1e-6}, stepping=ALONE)
-    model = Model(berg, Steady(), p)
+    model = Model(berg, Forcing.uniform(), p)
     before = momentum(model)
     model.advance(1.0)
     after = momentum(model)
@@ -171,7 +171,7 @@ def _crushed(packing: str, **compatibility: bool) -> float:
         fracture={"enabled": True, "normal_strength": 1e12, "shear_strength": 1e12},
     )  # fmt: skip
     whole = lattice(p, 5, 5)
-    model = Model(whole_berg(packing), Steady(), p.changed(stepping={"substeps": whole.substeps}))
+    model = Model(whole_berg(packing), Forcing.uniform(), p.changed(stepping={"substeps": whole.substeps}))
     shake(model, speed=0.01, spin=0.0)
     for name in ("lon", "lat"):
         getattr(model.elements, name)[:] *= 0.999

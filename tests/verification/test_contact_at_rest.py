@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from twins import crushing as twin
@@ -38,7 +38,7 @@ def against_wall(
     )  # fmt: skip
     stepping = {"time_step": dt, **groups.pop("stepping", {})}
     p = Parameters(earth={"latlon": False, "period": 0.0}, stepping=stepping, fracture={"enabled": False}, **groups)
-    model = Model(Iceberg.join([wall, block]), Steady(), p)
+    model = Model(Iceberg.join([wall, block]), Forcing.uniform(), p)
     model.elements.body.static[0] = 1.0
     model.elements.load_x[1] = -side * PUSH * model.elements.mass[1]
     return model
@@ -92,7 +92,7 @@ def test_a_block_flat_on_a_wall_goes_as_its_twin() -> None:
     assert float(model._stepper.state_dict()["meeting_dissipated"][0]) == pytest.approx(work, rel=1e-3)
 
 
-class Gathering(Steady):
+class Gathering(Forcing.uniform):
     """Water that draws all ice together, at up to 5 cm s-1, and turns slowly; a light wind."""
 
     vorticity = 2e-6

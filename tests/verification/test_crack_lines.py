@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.engines.common.crack_tips import NO_TIPS, TIP_NAMES, CrackTips
 from riftberg.engines.common.forces.sizes import interaction_sizes
@@ -22,7 +23,6 @@ from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
 from riftberg.engines.quasi_static.lattice.cells import ElasticCells, add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import Supports, balanced_loads, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.state import Floats
@@ -347,9 +347,9 @@ def test_tips_go_on_from_a_restart_bit_for_bit(tmp_path) -> None:
         fracture={"criterion": "toughness", "toughness": 1e8},
         stepping={"time_step": 600.0},
     )
-    run = Model(berg, Steady(), parameters)
+    run = Model(berg, Forcing.uniform(), parameters)
     run.advance(days=600.0 / 86400.0)
-    again = Model.resume(run.save(tmp_path / "tips.nc"), Steady())
+    again = Model.resume(run.save(tmp_path / "tips.nc"), Forcing.uniform())
     before, after = run._stepper.state_dict(), again._stepper.state_dict()
     assert before["crack_tip_crack"].size == 2
     for name in TIP_NAMES:

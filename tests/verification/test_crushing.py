@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.diagnostics.summary import fragment_areas
 from riftberg.engines.quasi_static.contact import faces
 from riftberg.engines.quasi_static.contact.crushing_step import integrate_faces
@@ -35,7 +35,6 @@ from riftberg.engines.quasi_static.step import TimeStep
 from riftberg.engines.quasi_static.trial import LawsWithMemory
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, PUBLISHED_DRAG
 
 LONG = 50  # Elements of the first berg
@@ -54,7 +53,7 @@ def meeting(
         stepping={"scheme": "quasi_static", "time_step": dt, "only_interactions": True},
         bonds={"youngs_modulus": modulus}, fracture={"enabled": False},
     )  # fmt: skip
-    return Model(Iceberg.join([one, two]), Steady(), parameters)
+    return Model(Iceberg.join([one, two]), Forcing.uniform(), parameters)
 
 
 def speeds(model: Model) -> tuple[float, float]:
@@ -159,7 +158,7 @@ def test_a_restart_within_an_impact_goes_on_bit_for_bit(tmp_path: Path) -> None:
     model = meeting((0.3, 0.02), 2.0, 5.0)
     model.advance(steps=4)  # pressed, not yet let go
     path = model.save(tmp_path / "pressed.restart.nc")
-    again = Model.resume(path, Steady())
+    again = Model.resume(path, Forcing.uniform())
     for run in (model, again):
         run.advance(steps=4)
     for name in ("lon", "lat", "u", "v", "spin"):
@@ -179,7 +178,7 @@ def pressed(latlon: bool, between: float = 4.0, dt: float = 1800.0, **fracture: 
         stepping={"scheme": "quasi_static", "time_step": dt, "only_interactions": True},
         fracture=fracture or {"enabled": False},
     )  # fmt: skip
-    model = Model(Iceberg.join(bergs), Steady(), parameters)
+    model = Model(Iceberg.join(bergs), Forcing.uniform(), parameters)
     model.elements.load_x[:4] = 2.5e8
     return model
 
@@ -198,7 +197,7 @@ def after_oblique_impact(turn: float, swapped: bool = False) -> np.ndarray:
         earth={"latlon": False, "period": 0.0}, stepping={"only_interactions": True, "time_step": 1800.0},
         fracture={"enabled": False},
     )  # fmt: skip
-    model = Model(Iceberg.join(bergs[::-1] if swapped else bergs), Steady(), parameters)
+    model = Model(Iceberg.join(bergs[::-1] if swapped else bergs), Forcing.uniform(), parameters)
     model.advance(steps=2)
     assert model.contacts.rows
     el = model.elements
@@ -248,7 +247,7 @@ def test_an_impact_loads_what_stands_behind_the_one_that_is_struck(parts: list[f
     parameters = Parameters(
         earth={"latlon": False, "period": 0.0}, stepping={"only_interactions": True, "time_step": 1800.0},
     )  # fmt: skip
-    model = Model(Iceberg.join(bergs), Steady(), parameters)
+    model = Model(Iceberg.join(bergs), Forcing.uniform(), parameters)
     in_parts(model, parts)
     # Tension across the push of 7.5e9 N that comes through; explicit steps of 1 ms of three masses give 7.3e9 N.
     assert model.bonds.peak_stress.max() == pytest.approx(1311.0, rel=0.02)
@@ -352,7 +351,9 @@ def test_a_piece_that_the_floor_holds_bears_what_stands_behind_it_at_once(dt: fl
         earth={"latlon": False, "period": 0.0},
         stepping={"scheme": "quasi_static", "time_step": dt, "only_interactions": True},
     )  # fmt: skip
-    model = Model(Iceberg.join(bergs), Steady(depth=230.0), parameters)  # the front one draws 249 m, the rear one 166 m
+    model = Model(
+        Iceberg.join(bergs), Forcing.uniform(depth=230.0), parameters
+    )  # the front one draws 249 m, the rear one 166 m
     model.advance(steps=round(60.0 / dt))
     speed, depth = bar_on_a_held_one(60.0)
     assert model.elements.keel.floor_load[1] == 0.0
@@ -372,7 +373,7 @@ def strike(how: str, speed: float, dt: float) -> tuple[float, float]:
         earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt, "only_interactions": True},
         contact={"friction": 0.0}, fracture={"enabled": False},
     )  # fmt: skip
-    model = Model(Iceberg.join(bergs), Steady(depth=244.0 if how == "aground" else 1000.0), parameters)
+    model = Model(Iceberg.join(bergs), Forcing.uniform(depth=244.0 if how == "aground" else 1000.0), parameters)
     model.elements.static[8:] = 1.0 if how == "fixed" else 0.0
     force = tension = 0.0
     for _ in range(math.ceil(24.0 / dt)):
@@ -397,7 +398,7 @@ def test_a_berg_that_the_bed_holds_is_struck_like_one_of_endless_mass(speed: flo
     np.testing.assert_allclose(tensions, tensions[0], rtol=0.02)
 
 
-class Converging(Steady):
+class Converging(Forcing.uniform):
     """A current of 0.3 m/s towards one place, 40 km away from it."""
 
     def sample(self, elements, time) -> None:
@@ -456,7 +457,7 @@ def test_springs_of_contact_are_refused_in_the_default_scheme() -> None:
     """Bug: a spring that was given made contact of springs, without a word; beside the law of crushing it did nothing."""
     with pytest.raises(InputError, match=r"contact\.spring: it is of the explicit schemes: leave it out"):
         meeting((0.3, 0.0), 5.0, 600.0, spring=1e-7, distance=4000.0)
-    preset = Model(Iceberg.rectangle(6e3, 6e3, thickness=200.0), Steady(), A68A_2022)
+    preset = Model(Iceberg.rectangle(6e3, 6e3, thickness=200.0), Forcing.uniform(), A68A_2022)
     assert not [text for text in preset.notices if "no effect" in text]
 
 
@@ -470,7 +471,7 @@ def test_a_face_that_closes_on_what_it_has_crushed_gets_there_in_few_steps(monke
         earth={"latlon": False, "period": 0.0},
         stepping={"scheme": "quasi_static", "time_step": 500.0, "only_interactions": True},
     )
-    model = Model(Iceberg.join(bergs), Steady(), parameters)
+    model = Model(Iceberg.join(bergs), Forcing.uniform(), parameters)
     state = np.zeros((1, COLUMNS))
     state[0, [TOUCHED, CRUSHED, CHORD, SINCE, SPEED, PHASE, AREA_AT_END]] = 12e3, 12e3, 1e3, 50.0, 0.012, IMPACT, 5e3
     pair = model.elements.body.id[None, :].astype(np.int64)

@@ -61,7 +61,7 @@ def drawn(seed: int, *, latlon: bool) -> Experiment:
     profile = {"point": middle, "towards": r.uniform(0, 360), "speed": some(0.8)[0], "width": r.uniform(5e3, 3e4)}
     constant = {
         "current": some(0.5), "wind": some(15), "depth": r.choice([10000, 100, 250]),
-        "slope": perhaps(0.5, some(3e-6)), "sea_ice": perhaps(0.4, [*some(0.4), 1.0]),
+        "slope": perhaps(0.5, some(3e-6)) or [0.0, 0.0], "sea_ice": perhaps(0.4, [*some(0.4), 1.0]),
     }  # fmt: skip
     formula = {
         "uniform": {"current": some(0.3), "wind": some(15)},
@@ -85,7 +85,7 @@ def drawn(seed: int, *, latlon: bool) -> Experiment:
         "drag": perhaps(0.2, {"ocean_scale": 17.8}),
         "earth": None if latlon else {"latlon": False, "reference_latitude": r.choice([-55.0, 60.0])},
     }
-    forcing = {"kind": "constant", **constant} if r.random() < 0.5 else {"kind": "formula", **formula}
+    forcing = {"kind": "formula", **({"uniform": constant} if r.random() < 0.5 else formula)}
     bergs = [berg(n) for n in range(r.choice([1, 2, 3]))]
     return {"start": "2020-12-09 13:00", "days": 0.25, "bergs": bergs, "forcing": forcing, "parameters": parameters}
 
@@ -93,8 +93,6 @@ def drawn(seed: int, *, latlon: bool) -> Experiment:
 def sections(experiment: Experiment) -> Iterator[tuple[str, Experiment]]:
     """Yield the sections of the forcing, with their kinds."""
     forcing = experiment["forcing"]
-    if forcing["kind"] == "constant":
-        yield "constant", forcing
     yield from ((name, part) for name, part in forcing.items() if isinstance(part, dict))
 
 
@@ -135,7 +133,7 @@ def changed(
 
 def as_files(experiment: Experiment, folder: Path, seed: int) -> Experiment:
     """Return the experiment with its constant fields in files, in a layout of the seed."""
-    r, new, fields = random.Random(seed), copy.deepcopy(experiment), experiment["forcing"]
+    r, new, fields = random.Random(seed), copy.deepcopy(experiment), experiment["forcing"]["uniform"]
     lon0, lat0 = (round(x) for x in experiment["bergs"][0]["placement"])
     lon, lat = np.arange(lon0 - 4, lon0 + 4.01, 0.25), np.arange(lat0 - 2, lat0 + 2.01, 0.25)
     lon = np.sort(lon % 360.0) if abs(lon0) > 90 else lon  # on the date line a file counts to 360
@@ -152,7 +150,7 @@ def as_files(experiment: Experiment, folder: Path, seed: int) -> Experiment:
         "time": ("time", times[unit], {"units": unit}),
     }  # fmt: skip
     slow = r.choice([1.0, 100.0])  # m s-1, or cm s-1
-    (u, v), (ua, va), ice = fields["current"], fields["wind"], fields["sea_ice"] or [0.0, 0.0, 0.0]
+    (u, v), (ua, va), ice = fields["current"], fields["wind"], fields.get("sea_ice") or [0.0, 0.0, 0.0]
     wanted = [
         ("eastward_sea_water_velocity", u * slow, "m s-1" if slow == 1.0 else "cm s-1"),
         ("northward_sea_water_velocity", v * slow, "m s-1" if slow == 1.0 else "cm s-1"),
@@ -290,15 +288,10 @@ def test_bergs_and_sections_in_another_order(seed: int, tmp_path: Path) -> None:
 def test_constant_fields_in_files(seed: int, tmp_path: Path) -> None:
     """In any layout: latitudes either way round, other units, times and orders of the dimensions."""
     experiment = afloat(drawn(seed, latlon=True))
-    if experiment["forcing"]["kind"] != "constant":
-        experiment["forcing"] = {
-            "kind": "constant",
-            "current": [0.2, -0.1],
-            "wind": [5.0, 3.0],
-            "depth": 150,
-            "sea_ice": None,
-        }
-    experiment["forcing"]["slope"] = None  # a plane slope is no field on a sphere
+    if "eddy" in experiment["forcing"]:
+        uniform = {"current": [0.2, -0.1], "wind": [5.0, 3.0], "depth": 150}
+        experiment["forcing"] = {"kind": "formula", "uniform": uniform}
+    experiment["forcing"]["uniform"]["slope"] = [0.0, 0.0]  # a plane slope is no field on a sphere
     one, other = ran(experiment, tmp_path), ran(as_files(experiment, tmp_path, seed), tmp_path)
     assert not differences(one, other, same)
 

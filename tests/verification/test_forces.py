@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import GRAVITY
 from riftberg.engines.common.forces.media import FORCES
 from scripts import table_rows
@@ -35,7 +35,7 @@ AIR = 1.1 * (0.5 * 1.3 * SIDE * FREEBOARD + 0.0015 * AREA)
 """Drag of the air on freeboard and top, N for 1 m/s."""
 
 
-class Swell(Steady):
+class Swell(Forcing.uniform):
     """Waves given by height, period and the direction in which they travel."""
 
     def __init__(self, height: float, period: float, towards: Sequence[float], **others: Any) -> None:
@@ -49,7 +49,7 @@ class Swell(Steady):
         env.wave_height[:], env.wave_period[:], env.wave_x[:], env.wave_y[:] = self.swell
 
 
-class Whirl(Steady):
+class Whirl(Forcing.uniform):
     """Still water that rotates at half of this vorticity, s-1."""
 
     def __init__(self, vorticity: float) -> None:
@@ -63,7 +63,7 @@ class Whirl(Steady):
 
 
 def afloat(
-    forcing: Steady, *, step: float = 1.0, latitude: float = 0.0, velocity: Sequence[float] = (0.0, 0.0),
+    forcing: Forcing, *, step: float = 1.0, latitude: float = 0.0, velocity: Sequence[float] = (0.0, 0.0),
     capture: str = "limited",
 ) -> Model:  # fmt: skip
     """Return the berg on a plane, whole, in the default scheme."""
@@ -77,7 +77,7 @@ def afloat(
     )  # fmt: skip
 
 
-def force(name: str, forcing: Steady, **others: Any) -> Any:
+def force(name: str, forcing: Forcing, **others: Any) -> Any:
     """Return the force (N, east and north) of one medium on the berg in the first second."""
     model = afloat(forcing, **others)
     model.step()
@@ -94,7 +94,7 @@ def drift(model: Model, hours: float) -> Any:
     return after
 
 
-def around(name: str, make: Callable[[Any], Steady], size: float, *, towards: float = 1.0, **others: Any) -> float:
+def around(name: str, make: Callable[[Any], Forcing], size: float, *, towards: float = 1.0, **others: Any) -> float:
     """Check size and direction of a force for forcing in eight directions; return the size, N."""
     sizes = []
     for unit in COMPASS:
@@ -114,21 +114,21 @@ def test_1_current_pushes_downstream() -> None:
     for unit in np.array(COMPASS):
         # Pressure is normal to sides, and its parts across them go by the square of the current across them.
         want = 1025.0 * 0.09 * (0.45 * DRAFT * np.array([WIDTH, LENGTH]) * abs(unit) + 0.0025 * AREA) * unit
-        got = force("water", Steady(current=0.3 * unit))
+        got = force("water", Forcing.uniform(current=0.3 * unit, slope=(0.0, 0.0)))
         np.testing.assert_allclose(got, want, atol=2e-3 * np.hypot(*want))
         assert got @ unit > 0.98 * np.hypot(*got)  # little across the current
-    got = float(np.hypot(*force("water", Steady(current=(0.3, 0.0)))))
-    twice = np.hypot(*force("water", Steady(current=(0.6, 0.0))))
+    got = float(np.hypot(*force("water", Forcing.uniform(current=(0.3, 0.0), slope=(0.0, 0.0)))))
+    twice = np.hypot(*force("water", Forcing.uniform(current=(0.6, 0.0), slope=(0.0, 0.0))))
     assert twice == pytest.approx(4.0 * got, rel=5e-3)
-    broadside = np.hypot(*force("water", Steady(current=(0.0, 0.3))))
+    broadside = np.hypot(*force("water", Forcing.uniform(current=(0.0, 0.3), slope=(0.0, 0.0))))
     assert broadside == pytest.approx(ACROSS * 0.09, rel=2e-3)
     assert broadside < 1025.0 * 0.09 * (LENGTH * DRAFT + 0.01 * AREA)  # full pressure on the longer side, rough base
     note(1, ALONG * 0.09, got)
 
 
 def test_2_wind_pushes_downwind() -> None:
-    got = around("air", lambda unit: Steady(wind=10.0 * unit), AIR * 100.0)
-    assert np.hypot(*force("air", Steady(wind=(20.0, 0.0)))) == pytest.approx(4.0 * got, rel=1e-3)
+    got = around("air", lambda unit: Forcing.uniform(wind=10.0 * unit), AIR * 100.0)
+    assert np.hypot(*force("air", Forcing.uniform(wind=(20.0, 0.0)))) == pytest.approx(4.0 * got, rel=1e-3)
     assert AIR < 0.01 * ALONG  # a thousandth of the density, a fifth of the height, a rougher top
     note(2, AIR * 100.0, got)
 
@@ -136,7 +136,7 @@ def test_2_wind_pushes_downwind() -> None:
 def test_3_wind_sea_pushes_downwind() -> None:
     amplitude = 0.010125 * 100.0
     size = 0.5 * 1025.0 * 0.06 * 9.8 * amplitude**2 * 2.0 * AREA / (LENGTH + WIDTH)
-    got = around("waves", lambda unit: Steady(wind=10.0 * unit), size)
+    got = around("waves", lambda unit: Forcing.uniform(wind=10.0 * unit), size)
     assert got < 0.5 * 1025.0 * 9.8 * amplitude**2 * WIDTH  # waves that are all thrown back
     assert got < AIR * 100.0
     note(3, size, got)
@@ -155,24 +155,26 @@ def test_5_sea_ice_takes_the_berg_along() -> None:
     size = 916.7 * 0.5 * 0.9 * SIDE * 1.0 * 0.2**2
     got = around(
         "sea_ice",
-        lambda unit: Steady(sea_ice=(0.2 * unit[0], 0.2 * unit[1], 1.0), ice_fraction=1.0),
+        lambda unit: Forcing.uniform(sea_ice=(0.2 * unit[0], 0.2 * unit[1], 1.0), ice_fraction=1.0),
         size,
         capture="none",
     )
-    half = force("sea_ice", Steady(sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.5), capture="none")
+    half = force("sea_ice", Forcing.uniform(sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.5), capture="none")
     assert np.hypot(*half) == pytest.approx(0.5 * got, rel=2e-3)
-    assert np.hypot(*force("sea_ice", Steady(sea_ice=(0.2, 0.0, 0.0), ice_fraction=1.0))) == 0.0  # no ice, no force
     assert (
-        np.hypot(*force("sea_ice", Steady(sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.1))) == 0.0
+        np.hypot(*force("sea_ice", Forcing.uniform(sea_ice=(0.2, 0.0, 0.0), ice_fraction=1.0))) == 0.0
+    )  # no ice, no force
+    assert (
+        np.hypot(*force("sea_ice", Forcing.uniform(sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.1))) == 0.0
     )  # nor from single floes
-    bears = np.hypot(*force("sea_ice", Steady(sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.9)))
+    bears = np.hypot(*force("sea_ice", Forcing.uniform(sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.9)))
     assert bears == pytest.approx(20e3 * math.exp(-2.0) * SIDE + 0.9 * size, rel=2e-3)
     note(5, size, got)
 
 
 def test_6_berg_slides_down_the_sea_surface() -> None:
     size = MASS * 9.8 * 1e-6
-    got = around("slope", lambda unit: Steady(slope=1e-6 * unit), size, towards=-1.0)
+    got = around("slope", lambda unit: Forcing.uniform(slope=1e-6 * unit), size, towards=-1.0)
     note(6, size, got)
 
 
@@ -180,7 +182,12 @@ def test_6_berg_slides_down_the_sea_surface() -> None:
 def test_7_coriolis_force_is_to_the_right_in_the_north(latitude: float, turn: float) -> None:
     size = MASS * 2.0 * 7.292e-5 * math.sin(math.radians(60.0)) * 0.2
     for unit in COMPASS:
-        got = force("coriolis", Steady(current=0.2 * np.array(unit)), latitude=latitude, velocity=0.2 * np.array(unit))
+        got = force(
+            "coriolis",
+            Forcing.uniform(current=0.2 * np.array(unit), slope=(0.0, 0.0)),
+            latitude=latitude,
+            velocity=0.2 * np.array(unit),
+        )
         # A turn by -90 degrees is to the right.
         np.testing.assert_allclose(got, size * turn * np.array([-unit[1], unit[0]]), atol=2e-3 * size)
     note(7, size, float(np.hypot(*got)))
@@ -189,11 +196,13 @@ def test_7_coriolis_force_is_to_the_right_in_the_north(latitude: float, turn: fl
 def test_8_sea_floor_holds_and_never_pushes() -> None:
     for unit in COMPASS:
         moving = 0.2 * np.array(unit)
-        got = force("sea_floor", Steady(current=moving, depth=DRAFT - 10.0), velocity=moving)
+        got = force("sea_floor", Forcing.uniform(current=moving, depth=DRAFT - 10.0, slope=(0.0, 0.0)), velocity=moving)
         assert got @ moving < 0.0
         assert abs(got[0] * unit[1] - got[1] * unit[0]) < 1e-6 * np.hypot(*got)
         assert np.hypot(*got) <= MASS * 0.2 / 1.0  # it takes no more momentum in a second than the berg has
-    assert not force("sea_floor", Steady(current=(0.2, 0.0), depth=DRAFT + 1.0), velocity=(0.2, 0.0)).any()
+    assert not force(
+        "sea_floor", Forcing.uniform(current=(0.2, 0.0), depth=DRAFT + 1.0, slope=(0.0, 0.0)), velocity=(0.2, 0.0)
+    ).any()
     # Sand bears the 10 m; within 0.1 m its friction, half of that load, is a spring: one step by the trapezoidal rule.
     swing = 0.5 * 1025.0 * GRAVITY * 10.0 * AREA / (0.1 * MASS) / 4.0
     size = MASS * 0.2 * 2.0 * swing / (1.0 + swing)
@@ -205,7 +214,7 @@ def test_9_berg_goes_with_the_water_but_for_the_drag_of_the_air() -> None:
     """Still air holds the freeboard back: the root of the balance of the two drags."""
     expected = 0.2 / (1.0 + math.sqrt(AIR / ACROSS))
     for unit in COMPASS[:3]:
-        model = afloat(Steady(current=0.2 * np.array(unit)), step=3600.0)
+        model = afloat(Forcing.uniform(current=0.2 * np.array(unit), slope=(0.0, 0.0)), step=3600.0)
         for _ in range(20):
             model.step()
             assert 0.0 < np.hypot(model.elements.motion.u.mean(), model.elements.motion.v.mean()) < 0.2  # never faster
@@ -221,7 +230,7 @@ def test_10_wind_drift_is_the_balance_of_air_waves_and_water() -> None:
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if AIR * (10.0 - middle) ** 2 + wave > ACROSS * middle**2 else (low, middle)
-    got = drift(afloat(Steady(wind=(0.0, 10.0)), step=3600.0), 24.0 * 20)
+    got = drift(afloat(Forcing.uniform(wind=(0.0, 10.0)), step=3600.0), 24.0 * 20)
     assert abs(got[0]) < 1e-9
     assert 0.0 < got[1] < 0.05 * 10.0  # a few hundredths of the wind
     assert got[1] == pytest.approx(low, rel=5e-3)
@@ -231,7 +240,7 @@ def test_10_wind_drift_is_the_balance_of_air_waves_and_water() -> None:
 def test_11_wind_drift_is_right_of_the_wind_in_the_north_and_left_in_the_south() -> None:
     """A giant berg goes nearly across the wind: the Coriolis force is what balances it."""
     north, south = (
-        drift(afloat(Steady(wind=(0.0, 10.0)), step=1800.0, latitude=phi), 24.0 * 25) for phi in (60.0, -60.0)
+        drift(afloat(Forcing.uniform(wind=(0.0, 10.0)), step=1800.0, latitude=phi), 24.0 * 25) for phi in (60.0, -60.0)
     )
     wave = 0.5 * 1025.0 * 0.06 * 9.8 * 1.0125**2 * 2.0 * AREA / (LENGTH + WIDTH)
     f = 2.0 * 7.292e-5 * math.sin(math.radians(60.0))

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.ocean.analytic import Steady
 from riftberg.runs.model import Model
 from verification.setups import RADIUS, parameters
 
@@ -22,7 +22,7 @@ def final(transform: np.ndarray, shift: tuple[float, float] = (0.0, 0.0)) -> tup
     places += 0.3 * np.random.default_rng(2).standard_normal(places.shape)
     velocity = transform @ np.array([np.repeat([0.5, -0.2], 9), np.repeat([0.1, 0.0], 9)])
     hand = np.linalg.det(transform)
-    sea = Steady(
+    sea = Forcing.uniform(
         current=tuple(transform @ [0.3, 0.1]), wind=tuple(transform @ [-9.0, 4.0]), slope=tuple(transform @ [1e-7, 2e-7]),
         sea_ice=(*(transform @ [0.2, -0.1]), 1.0), depth=160.0,
     )  # fmt: skip

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve
 
+from riftberg import Forcing
 from riftberg.errors import RunError
-from riftberg.ocean.analytic import Steady
 from verification.setups import DENSITY, RADIUS, THICKNESS, single
 
 SIDE = 2 * RADIUS
@@ -17,7 +17,7 @@ MASS = DENSITY * THICKNESS * SIDE**2
 DRAFT = THICKNESS * DENSITY / 1025.0
 
 
-class Whirl(Steady):
+class Whirl(Forcing.uniform):
     """Still water that turns."""
 
     def __init__(self, vorticity: float) -> None:
@@ -87,7 +87,7 @@ def balance(velocity, current, wind, sea_ice, slope, f, scale):
 )
 @pytest.mark.parametrize("scheme", ["mts", "verlet", "runge_kutta"])
 def test_terminal_drift(agrees, what, current, wind, sea_ice, slope, latitude, scheme) -> None:
-    forcing = Steady(current=current, wind=wind, sea_ice=sea_ice, slope=slope)
+    forcing = Forcing.uniform(current=current, wind=wind, sea_ice=sea_ice, slope=slope)
     model = single(
         forcing, drag={"ocean_scale": 17.8}, earth={"reference_latitude": latitude},
         stepping={"scheme": scheme, "time_step": 900.0},
@@ -108,7 +108,7 @@ def test_geostrophic_balance(agrees, latitude) -> None:
     f, current = coriolis(latitude), (0.3, -0.15)
     slope = (f * current[1] / 9.8, -f * current[0] / 9.8)
     model = single(
-        Steady(current=current, wind=current, slope=slope), earth={"reference_latitude": latitude},
+        Forcing.uniform(current=current, wind=current, slope=slope), earth={"reference_latitude": latitude},
         stepping={"time_step": 900.0}, drag={"ocean_scale": 1e4},
     )  # fmt: skip
     # The last of a quadratic drag dies away as 1 / t: a large coefficient shortens the wait.
@@ -138,7 +138,7 @@ def aground(rate_times_step, *, implicit, steps=40):
     dt = 60.0
     coefficient = rate_times_step / dt * DENSITY * THICKNESS
     model = single(
-        Steady(depth=0.0), velocity=(1e-3, 0.0), grounding={"coefficient": coefficient, "implicit": implicit},
+        Forcing.uniform(depth=0.0), velocity=(1e-3, 0.0), grounding={"coefficient": coefficient, "implicit": implicit},
         stepping={"time_step": steps * dt, "substeps": steps, "only_interactions": True},
     )  # fmt: skip
     try:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg.ocean.analytic import Steady
+from riftberg import Forcing
 from riftberg.parameters import PUBLISHED_DRAG
 from verification.setups import lattice, parameters, shake, single
 
@@ -50,7 +50,7 @@ def test_order_in_the_substep(agrees, what, groups, asked) -> None:
     agrees(f"order in the sub-step, {what}", asked, got, abs=0.2)
 
 
-class Tide(Steady):
+class Tide(Forcing.uniform):
     """A current that turns once in twelve hours."""
 
     def sample(self, elements, time) -> None:
@@ -63,7 +63,7 @@ class Tide(Steady):
 HEAVY_DRAG = {**PUBLISHED_DRAG, "ocean_scale": 17.8}
 
 
-def drifted(dt: float, forcing: Steady, latitude: float, scheme: str = "mts", **groups: Any) -> Any:
+def drifted(dt: float, forcing: Forcing, latitude: float, scheme: str = "mts", **groups: Any) -> Any:
     """Place (m) of an element after two days."""
     model = single(
         forcing, velocity=(0.2, -0.3), drag=HEAVY_DRAG, earth={"reference_latitude": latitude},
@@ -79,7 +79,7 @@ def finely_drifted() -> Any:
 
 
 STEPS = (400.0, 200.0, 100.0, 50.0)
-WIND = Steady(current=(0.3, 0.1), wind=(8.0, 3.0))
+WIND = Forcing.uniform(current=(0.3, 0.1), wind=(8.0, 3.0), slope=(0.0, 0.0))
 
 
 @pytest.mark.quick(2)

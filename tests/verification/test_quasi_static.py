@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from scripts import loaded
@@ -28,7 +28,7 @@ def quasi(**groups: Any) -> Parameters:
     return parameters(stepping=stepping, **groups)
 
 
-class Whirl(Steady):
+class Whirl(Forcing.uniform):
     """A current that shears and turns once in a day, so that every element is pushed another way."""
 
     def sample(self, elements, time) -> None:
@@ -98,7 +98,7 @@ def test_fragments_in_contact_keep_their_momentum(agrees) -> None:
     y = np.concatenate([np.zeros(4), np.full(3, 1000.0)])
     u = np.where(x < 13_000.0, 0.4, -0.1)
     berg = Iceberg.from_points(x, y, radius=RADIUS, thickness=200.0, velocity=(u, 0.0 * u), latlon=False)
-    model = Model(berg, Steady(), p)
+    model = Model(berg, Forcing.uniform(), p)
     el = model.elements
     before = (el.mass * el.u).sum(), (el.mass * el.v).sum()
     model.advance(steps=60)
@@ -143,7 +143,7 @@ def test_stress_turns_with_the_berg(packing) -> None:
     np.testing.assert_allclose(stress[0], stress[1], rtol=0, atol=1e-7 * np.abs(stress[0]).max())
 
 
-class Turned(Steady):
+class Turned(Forcing.uniform):
     """A sheared current turned by an angle (rad)."""
 
     def __init__(self, angle: float) -> None:
@@ -207,7 +207,7 @@ def test_a_crack_that_stops_inside_releases_what_griffith_says() -> None:
         fracture={"enabled": True, "normal_strength": 1e12, "shear_strength": 1e12},
         stepping={"only_interactions": True, "time_step": 1800.0},
     )  # fmt: skip
-    model = Model(Iceberg.rectangle(40e3, 40e3, thickness=250.0, radius=1000.0, latlon=False), Steady(), p)
+    model = Model(Iceberg.rectangle(40e3, 40e3, thickness=250.0, radius=1000.0, latlon=False), Forcing.uniform(), p)
     el, b = model.elements, model.bonds
     el.load_x[:] = np.where(el.lon > 18e3, 4e9, np.where(el.lon < -18e3, -4e9, 0.0))
     across = np.abs(el.lat[b.first] - el.lat[b.second]) < 1.0
@@ -258,7 +258,7 @@ def test_time_of_a_break_does_not_depend_on_the_step(agrees, dt) -> None:
     agrees(f"quasi-static: time of the first break, step {dt:g} s (h)", times[0] / 3600, times[1] / 3600, abs=0.05)
 
 
-class Rising(Steady):
+class Rising(Forcing.uniform):
     """Currents against each other, that rise over ten hours."""
 
     def sample(self, elements, time) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.diagnostics import why
 from riftberg.diagnostics.summary import summarize
 from riftberg.engines.common.reserves import CAVEAT
@@ -36,7 +36,7 @@ def bar(thickness: Any, *, density: float = 850.0, **fracture: Any) -> Model:
     )
     berg.elements.thickness[:] = thickness
     berg.elements.mass[:] *= berg.elements.thickness / 200.0
-    return Model(berg, Steady(), p)
+    return Model(berg, Forcing.uniform(), p)
 
 
 def pull(model: Model, per_width: float) -> Model:
@@ -152,7 +152,7 @@ def test_what_a_given_strength_means_is_said(thickness: float, strength: str, ti
 def test_strength_of_bonds_or_none_is_not_translated(groups: dict[str, Any]) -> None:
     """Explicit schemes test bonds, and where nothing breaks there is no strength: the pre-stress is said all the same."""
     model = Model(
-        Iceberg.rectangle(12e3, 6e3, thickness=200.0, placement=(-38.0, -56.0)), Steady(), Parameters(**groups)
+        Iceberg.rectangle(12e3, 6e3, thickness=200.0, placement=(-38.0, -56.0)), Forcing.uniform(), Parameters(**groups)
     )
     model.advance(steps=1)
     said = model.describe()
@@ -167,7 +167,7 @@ def test_several_bergs_are_said_each_by_its_name() -> None:
         Iceberg.rectangle(6e3, 6e3, thickness=h, placement=(-38.0 + k, -56.0)).named(name)
         for k, (h, name) in enumerate([(150.0, "A1"), (350.0, "B2")])
     ]
-    said = Model(Iceberg.join(bergs), Steady(), Parameters()).describe()
+    said = Model(Iceberg.join(bergs), Forcing.uniform(), Parameters()).describe()
     assert "A1: The pre-stress of the ice is 107 kPa" in said
     assert "B2: The pre-stress of the ice is 249 kPa" in said
 
@@ -283,7 +283,7 @@ berg:
   placement: [-38.0, -56.0]
   thickness: 200 m
   rifts: {rifts}
-forcing: {{kind: constant, current: [0.1, 0.0]}}
+forcing: {{uniform: {{current: [0.1, 0.0], slope: [0, 0]}}}}
 parameters: {{fracture: {{{fracture}}}}}
 """
 ACROSS = "points: [[-38.0, -56.05], [-38.0, -55.95]]"

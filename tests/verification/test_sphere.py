@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_MTS
 from riftberg.runs.model import Model
 
@@ -32,7 +32,9 @@ def turning(packing: str, flat: bool) -> Model:
     e.spin[:] = TURN
     stepping = {"only_interactions": True, "substeps": None}
     changes = {"stepping": stepping, "fracture": {"enabled": False}}
-    return Model(berg, Steady(), A68A_2022_MTS.changed(**changes, compatibility={"flat_relative_velocity": flat}))
+    return Model(
+        berg, Forcing.uniform(), A68A_2022_MTS.changed(**changes, compatibility={"flat_relative_velocity": flat})
+    )
 
 
 @pytest.mark.quick(1)

@@ -271,7 +271,7 @@ def test_one_that_was_stopped_goes_on_to_the_same_result(tmp_path: Path, monkeyp
     berg = tmp_path / "berg.yaml"
     berg.write_text(
         "start: 2020-12-09 13:00\ndays: 1\nberg: {rectangle: {length: 12 km, width: 6 km}, placement: [-39.0, -55.5]}\n"
-        "forcing: {kind: constant, current: [0.1, 0.05]}\n"
+        "forcing: {uniform: {current: [0.1, 0.05], slope: [0, 0]}}\n"
     )
     words = ["calibrate", str(berg), str(seen), "--vary", "current_error.scale~normal(1, 0.2)",
              "--vary", "current_error.speed=0.02 m/s", "--days", "0.25", "--waves", "2", "--members", "6", "--error", "2",

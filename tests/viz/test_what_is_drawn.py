@@ -24,8 +24,6 @@ from riftberg.cli.pictures import usual_kinds
 from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.engines.common.fragments.tree import Fragment
 from riftberg.errors import InputError
-from riftberg.experiments import build
-from riftberg.experiments.cases import CANTILEVER, SUPPORTED
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene, stored_water, stretch
@@ -36,7 +34,6 @@ from riftberg.viz.panels import DOT, arrow_key, common_boxes, fragment_colours
 from riftberg.viz.replay import ReplayContent
 from riftberg.viz.score import _failures
 from riftberg.viz.style import moment_texts
-from verification.test_beams import elastica, supported_deflection
 
 
 class Channel(FakeModel):
@@ -499,39 +496,6 @@ def legend_of(figure: Figure) -> list[str]:
     """Return the entries of the legends of a figure and its parts."""
     parts = [figure, *figure.subfigs]
     return [text.get_text() for part in parts for legend in part.legends for text in legend.get_texts()]
-
-
-@pytest.mark.parametrize("name", ["supported-beam", "cantilever"])
-def test_a_beam_is_drawn_with_supports_load_and_theory(name: str, tmp_path: Path) -> None:
-    """Named for a clamped beam that 'drifted 19.1 km south' over a sea '0 m deep', in six maps alike, without any theory."""
-    model, info = build(name)
-    beam = SUPPORTED if name == "supported-beam" else CANTILEVER
-    assert info.statics is not None
-    e = model.elements
-    assert len(info.statics.held) == (2 if beam is SUPPORTED else 3)
-    assert float(e.load_y[info.statics.loaded].sum()) == pytest.approx(-beam.load)
-    line = info.statics.theory
-    x0, y0 = float(e.lon.min()), float(e.lat.mean())
-    if beam is SUPPORTED:
-        middle = line[len(line) // 2]
-        assert middle[1] - y0 == pytest.approx(supported_deflection(beam, np.array([0.5 * beam.length]))[0])
-    else:
-        assert (line[-1][0] - x0, y0 - line[-1][1]) == pytest.approx(elastica(beam), rel=1e-6)
-    # What stands in a file: a beam is not aground, and what surrounds it does nothing.
-    writer = RunWriter(tmp_path / "run.nc", every_hours=1.0, experiment=name, origin={"heading": info.title})
-    writer.start(model)
-    writer.finish(model)
-    with open_run(tmp_path / "run.nc") as run:
-        assert not Scene(run).aground().any()
-        figure = draw_map(run, observed=info.statics)
-    # A beam has no track: its middle lies where load and dates would be drawn on each other.
-    assert {"support", "load", "theory", "at the start"} <= set(legend_of(figure))
-    assert not [label for label in legend_of(figure) if "track" in label]
-    assert len(figure.axes) == 1
-    title = figure.get_suptitle()
-    assert title.startswith(info.title)
-    assert "Forcing" not in title
-    assert figure.axes[0].get_xlabel() == ("x \u2212 101 km (m)" if beam is SUPPORTED else "x (km)")
 
 
 def test_the_ends_of_a_channel_are_drawn_and_explained(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from riftberg.parameters import Packing
 from riftberg.plane import ConformalPlane, near
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
+from riftberg.state.rules import Rule, find_breach, is_positive
 from riftberg.state.variables import GONE, THICKEST
 from riftberg.system.input_files import check_elements, value_shown
 
@@ -185,6 +186,16 @@ def make_elements(lon: Floats, lat: Floats, settings: BergOptions, *, static: An
     return elements
 
 
+THICKNESS_RULES: Final = (
+    Rule(
+        "thickness", lambda values: ~(values > THICKEST),
+        f"No ice is thicker than {THICKEST:g} m: give metres, and leave out fill values",
+    ),
+    Rule("thickness", is_positive, "Give a positive thickness everywhere under the outline"),
+)  # fmt: skip
+"""Rules for the thickness of elements, with the remedy."""
+
+
 def _check_elements(lon: Floats, lat: Floats, radius: Any, thickness: Floats, density: float, latlon: bool) -> None:
     if len(lon) == 0:
         raise BergError("no elements", remedy="Give at least one position")
@@ -206,21 +217,17 @@ def _check_elements(lon: Floats, lat: Floats, radius: Any, thickness: Floats, de
             f"ice density {density} kg m-3",
             remedy=f"Ice floats: give a density between 0 and {RHO_SEAWATER:g}, usually 850 to 917",
         )
-    thick = thickness > THICKEST
-    if thick.any():
-        k = int(np.argmax(np.broadcast_to(thick, lon.shape)))
-        raise BergError(
-            f"thickness {np.broadcast_to(thickness, lon.shape)[k]:g} m",
-            where=f"element {k + 1} at {lon[k]:.4f}, {lat[k]:.4f}",
-            remedy=f"No ice is thicker than {THICKEST:g} m: give metres, and leave out fill values",
+    thickness = np.broadcast_to(thickness, lon.shape)
+    if breach := find_breach(THICKNESS_RULES, lambda _: thickness):
+        others = (
+            f" ({breach.count} of {thickness.size} elements are not positive)"
+            if breach.rule.test is is_positive
+            else ""
         )
-    bad = ~(thickness > 0) | ~np.isfinite(thickness)
-    if bad.any():
-        k = int(np.argmax(bad))
         raise BergError(
-            f"thickness {thickness[k]:g} m ({bad.sum()} of {len(bad)} elements are not positive)",
-            where=f"element {k + 1} at {lon[k]:.4f}, {lat[k]:.4f}",
-            remedy="Give a positive thickness everywhere under the outline",
+            f"thickness {breach.value:g} m{others}",
+            where=f"element {breach.row + 1} at {lon[breach.row]:.4f}, {lat[breach.row]:.4f}",
+            remedy=breach.rule.allowed,
         )
 
 
@@ -492,12 +499,10 @@ def sample_bonds(source: Any, elements: Elements, bonds: Bonds) -> Floats:
 
 
 def _check_strengths(strengths: Floats, positions: list[str], name: str = "strength") -> None:
-    bad = ~(np.isfinite(strengths) & (strengths > 0.0))
-    if bad.any():
-        k = int(np.argmax(bad))
+    if breach := find_breach([Rule(name, is_positive, "positive numbers")], lambda _: strengths):
         raise BergError(
-            f"strength {strengths[k]:g} ({bad.sum()} of {len(bad)} values are not positive numbers)",
-            where=f"{name}, {positions[k]}",
+            f"strength {breach.value:g} ({breach.count} of {len(strengths)} values are not {breach.rule.allowed})",
+            where=f"{name}, {positions[breach.row]}",
             remedy="Give positive factors, 1 where a bond is as strong as the parameters say",
         )
 

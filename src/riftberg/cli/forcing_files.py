@@ -190,11 +190,8 @@ def _read_requirements(name: str, files_named: bool) -> Requirements:
     from riftberg.experiments.a68a_files import named_folder
     from riftberg.model import DEFAULT_START
 
-    entry = find(name).name
     if not files_named and not find(name).fetches:
         return Requirements(spared=_ALL)
-    if not entry.startswith("a68a"):
-        raise InputError(f"{name} is nowhere on Earth", where="--for", remedy="Name a68a, or a YAML file")
     end = DEFAULT_START + timedelta(days=18)
     path = tuple((seen.lon, seen.lat) for seen in A68A_OBSERVED if seen.day not in PARTIAL)
     requirements = Requirements(*REGION, (DEFAULT_START, end), path=path)

@@ -284,16 +284,12 @@ def _print_notices(info: Info, model: Model, options: Options, run_options: RunO
 
 
 def collect_notices(info: Info, model: Model, options: Options, hours: float) -> list[str]:
-    """Return notices before a run, a sentence each; in a test case only changed parameters have usual ranges."""
+    """Return notices before a run, a sentence each."""
     from riftberg.config.usual_ranges import of_length, of_records
 
-    changed = {f"{group}.{name}" for group, values in options.changes.items() for name in values}
-    unusual = getattr(model, "unusual", {})
-    as_meant = {text for name, text in unusual.items() if info.test_case and name not in changed}
     left = (info.days if options.days is None else options.days) - model.time / 86400.0
-    unmeant = [text for text in getattr(model, "notices", ()) if text not in as_meant]
     of_end = of_length(left, model.parameters)
-    return [*info.notices, *unmeant, *of_end, *of_records(hours, left, model.parameters)]
+    return [*info.notices, *getattr(model, "notices", ()), *of_end, *of_records(hours, left, model.parameters)]
 
 
 def check_start(model: Model, days: float, every_hours: float) -> None:
@@ -524,7 +520,7 @@ class Session:
             with open_own(self.folder / "run.nc") as dataset:
                 draw_map(
                     dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
-                    observed=self.info.observed or self.info.statics,
+                    observed=self.info.observed,
                 )  # fmt: skip
                 if ashore := ice_over_land(dataset):
                     say(f"Notice: {ashore}")

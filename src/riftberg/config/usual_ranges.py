@@ -30,13 +30,9 @@ USUAL: Final[dict[str, Usual]] = {
     "berg.latitude": Usual(
         35.0, 88.0, "bergs are rarely seen closer to the equator; longitude stands first", "degrees N or S"
     ),
-    "Steady.current": _CURRENT,
-    "Steady.wind": _WIND,
-    "Steady.slope": Usual(-1e-4, 1e-4, "4e-5 holds a current of 3 m s-1 in balance at 60 degrees", "1"),
-    "Steady.sea_ice": Usual(-2.0, 10.0, "sea ice drifts at some dm s-1 and is some m thick", "m s-1 or m"),
-    "Steady.water": _DEPTH,
-    "Steady.temperature": _SEA,
-    "Steady.salinity": _SALT,
+    "Uniform.slope": Usual(-1e-4, 1e-4, "4e-5 holds a current of 3 m s-1 in balance at 60 degrees", "1"),
+    "Uniform.temperature": _SEA,
+    "Uniform.salinity": _SALT,
     "Uniform.current": _CURRENT,
     "Uniform.wind": _WIND,
     "Uniform.sea_ice": Usual(-2.0, 10.0, "sea ice drifts at some dm s-1 and is some m thick", "m s-1 or m"),
@@ -87,7 +83,7 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
                 f"the long step of {step / 3600.0:g} h is too long for {change} {seconds / 3600.0:.4g} h, which it passes over: "
                 f"set stepping.time_step to {most:g} s or less"
             )
-    if parameters.stepping.scheme == "quasi_static" and _lacks_concentration(forcing):
+    if parameters.in_equilibrium and _lacks_concentration(forcing):
         sentences["sea_ice"] = "sea ice without its concentration (ice_fraction) exerts no force in the default scheme"
     return {**sentences, **without_effect(parameters)}
 
@@ -96,9 +92,7 @@ def _lacks_concentration(forcing: Any) -> bool:
     """Whether formulas give a thickness of sea ice, and nothing its concentration."""
     components = forcing.components()
     formulas = [
-        component
-        for component in components
-        if {"Steady", "Uniform"} & set(_own_kinds(component)) and component.sea_ice[2] > 0.0
+        component for component in components if "Uniform" in _own_kinds(component) and component.sea_ice[2] > 0.0
     ]
     has_concentration = "ice_fraction" in forcing.provides or any(
         getattr(component, "ice_fraction", 0.0) > 0.0 for component in components

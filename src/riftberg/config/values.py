@@ -728,6 +728,8 @@ def at_most(limit: float, unit: str) -> AfterValidator:
 # Faster than any current, wind or ice that was ever measured: a slip of units, or km/h taken for m/s.
 Velocity = Annotated[Pair, at_most(10.0, "m s-1")]
 Wind = Annotated[Pair, at_most(150.0, "m s-1")]
+# A metre in a hundred: 1e-5 is steep for a current.
+SurfaceSlope = Annotated[Pair, at_most(0.01, "m m-1")]
 
 
 def _thick(ice: tuple[float, float, float]) -> tuple[float, float, float]:

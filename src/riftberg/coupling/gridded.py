@@ -106,9 +106,9 @@ class GridRecorder:
 
     Examples
     --------
-    >>> from riftberg import Iceberg, Model, Parameters, Steady
+    >>> from riftberg import Forcing, Iceberg, Model, Parameters
     >>> berg = Iceberg.rectangle(12e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
-    >>> model = Model(berg, Steady(temperature=2.0, salinity=34.0), Parameters(melt={"enabled": True}))
+    >>> model = Model(berg, Forcing.uniform(temperature=2.0, salinity=34.0), Parameters(melt={"enabled": True}))
     >>> recorder = GridRecorder("somewhere/fields", 0.25, every_hours=24.0)
     >>> recorder.names()
     ('fields-monthly.nc', 'fields-instantaneous.nc')

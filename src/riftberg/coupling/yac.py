@@ -27,7 +27,7 @@ from riftberg.coupling.exchange import Box, Exchange, read_section
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing
 from riftberg.errors import InputError, RiftbergError
 from riftberg.model import BareModel, Recorder
-from riftberg.ocean.analytic import DEEP
+from riftberg.ocean.cells import FIELD_DEFAULTS
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.physics.floating import draft_of
@@ -99,7 +99,7 @@ def ocean_beside(forcing: Forcing, coupling: Coupling, parameters: Parameters) -
     depth = forcing.depth(cells.arrays.lon_centre[cells.domain], cells.arrays.lat_centre[cells.domain])
     if np.isnan(depth).all():  # it knows no floor at all, and so no land
         return OceanForcing(cells, cells.fields())
-    depth = np.clip(np.nan_to_num(depth), 0.0, DEEP)
+    depth = np.clip(np.nan_to_num(depth), 0.0, FIELD_DEFAULTS["depth"])
     grid = box.cells(radius_for_metrics=parameters.earth.radius, mask=depth > 0.0)
     return OceanForcing(grid, grid.fields(depth=depth))
 

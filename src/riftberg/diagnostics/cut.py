@@ -281,7 +281,7 @@ class Breakup:
     parent_name: str = ""
     collision: Collision | None = None
     latlon: bool = True
-    scheme: str = "mts"
+    in_equilibrium: bool = False  # Nothing rings between the records
     # From end to end of the longest crack line of the cut (km), and where it heads (degrees clockwise from north, below 180)
     crack_km: float | None = None
     crack_towards: float | None = None
@@ -380,7 +380,7 @@ class Cut:
             first_bonds=[self.first_bond(int(b)) for b in self.bonds[:FIRST_BONDS]],
             by_strength=self.by_strength(),
             highest=self.highest_stress(),
-            scheme=scene.parameters.stepping.scheme,
+            in_equilibrium=scene.parameters.in_equilibrium,
             sudden=self.highest_stress(over_strength=True) < SUDDEN,
             hours_since_start=float((first_break - scene.times[0]) / np.timedelta64(1, "h")),
             peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,

@@ -246,7 +246,7 @@ def _sudden_words(b: Breakup) -> str:
     sentence = f"No bond of the berg had more than {b.highest / 1e3:.1f} kPa at the record before"
     if b.decisive.aground or b.on_impact:
         return sentence + ": it broke within the long step, on impact."
-    if b.scheme == "quasi_static":
+    if b.in_equilibrium:
         return (
             sentence
             + ": the load grew to the strength between the records (--forces and more frequent records show it)."

@@ -177,10 +177,10 @@ def sweep(
 
     Examples
     --------
-    >>> from riftberg import Iceberg, Model, Steady
+    >>> from riftberg import Forcing, Iceberg, Model
     >>> def drifting(speed):
     ...     berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
-    ...     return Model(berg, Steady(current=(speed, 0.0)))
+    ...     return Model(berg, Forcing.uniform(current=(speed, 0.0)))
     >>> result = sweep(drifting, {"speed": [0.1, 0.2]}, days="1 h", every_hours=1, workers=0)
     >>> result.sizes["member"], result["status"].values.tolist()
     (2, [0, 0])

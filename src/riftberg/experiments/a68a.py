@@ -31,7 +31,7 @@ from riftberg.bergs.lattice import cells_region, expand_rows
 from riftberg.bergs.regions import ReferencePlane
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.experiments.registry import Info, Options
-from riftberg.ocean.analytic import Steady
+from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import A68A_2022, A68A_2022_KID, ExplicitParameters, Packing
 from riftberg.plane import EqualAreaPlane
@@ -235,7 +235,7 @@ MELT_THICKNESS: Final = 190.0
 """Mean thickness at the start, m: 168 +- 10 m in January 2021, and about 20 m more before these three months."""
 
 
-class TrackSea(Steady):
+class TrackSea(Forcing):
     """A sea that carries a berg along its track, with the season's temperature.
 
     The current is uniform: the velocity of the track, and a part that brings the berg back to it within two days. The sea
@@ -250,7 +250,6 @@ class TrackSea(Steady):
     DEEP: Final = 1.0  # How much colder the mean over the draft is than the surface, degrees
 
     def __init__(self, warmest: float = 3.3) -> None:
-        super().__init__()
         self.provides = frozenset(("sst", "sss"))
         self.warmest = warmest
         self.latitudes, self.longitudes = np.array(TRACK).T

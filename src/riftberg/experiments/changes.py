@@ -27,13 +27,12 @@ from riftberg.config.values import absent_key, field_extra, given, nested_sectio
 from riftberg.errors import InputError, nearest, together, without_secrets
 from riftberg.parameters import (
     A68A_2022,
-    A68A_2022_MTS,
     GROUPS,
     ExplicitParameters,
     Parameters,
+    choose_a68a_preset,
     group_classes,
     kid_quirks,
-    scheme_asked,
 )
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.layout import COMMAND, FILE, PLACE
@@ -203,8 +202,8 @@ def changed(
     ``notices``: takes a sentence that names the keys that another scheme lacks, which are left out.
     """
     groups = {group: dict(values) for group, values in changes.items() if group in GROUPS}
-    if parameters == A68A_2022 and scheme_asked(groups) != "quasi_static":
-        parameters = A68A_2022_MTS  # with the published springs
+    if parameters == A68A_2022:
+        parameters = choose_a68a_preset(groups)
     try:
         adapted, left_out = parameters.adapted(**groups)
     except InputError as error:

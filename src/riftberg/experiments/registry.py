@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from riftberg.ocean.forcing import Forcing
     from riftberg.parameters import Parameters
     from riftberg.runs.model import Model
-    from riftberg.runs.scene import Statics
 
 
 Numerics = Literal["own", "reference"]
@@ -79,8 +78,6 @@ class Info:
     output_cells: float | None = None  # Width (degrees) of the cells of the gridded output; None for none
     made: str = ""  # How the lattice fits the requested shape, in a line
     loses: bool = False  # A finer lattice would come closer to that shape
-    statics: Statics | None = field(default=None, repr=False)  # Supports, load and theory of a beam, for its map
-    test_case: bool = False  # A small case with a known answer, no iceberg: its values are meant, however unusual
 
 
 Builder = Callable[[Options], "tuple[Model, Info]"]
@@ -122,10 +119,6 @@ EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
     BuiltIn("a68a-oras5", "a68a_files:build_oras5", "A68a in the monthly mean currents of ORAS5", fetches=True),
     BuiltIn("a68a-melt", "a68a:build_melt", "A68a melts along its observed track for three months, in a sea made by formula",
           lattice=True),
-    BuiltIn("supported-beam", "cases:build_supported", "a simply supported beam bends under a load"),
-    BuiltIn("cantilever", "cases:build_cantilever", "a clamped beam bends under a load at its end"),
-    BuiltIn("collision", "cases:build_collision", "two small bergs collide"),
-    BuiltIn("grounding-fracture", "cases:build_grounding_fracture", "a berg runs aground and breaks"),
 )  # fmt: skip
 """Built-in experiments."""
 
@@ -135,8 +128,16 @@ def names() -> list[str]:
     return [entry.name for entry in EXPERIMENTS]
 
 
+IN_THE_GALLERY: Final = ("supported-beam", "cantilever", "collision", "grounding-fracture")
+"""Experiments of earlier versions that are Python files of the gallery now."""
+
+
 def find(name: str) -> BuiltIn:
     """Return the entry of a name."""
+    if name in IN_THE_GALLERY:
+        raise InputError(
+            f"{name} is no built-in experiment any more", remedy="It is a Python file of the gallery in the docs"
+        )
     for entry in EXPERIMENTS:
         if entry.name == name:
             return entry

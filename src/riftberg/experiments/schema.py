@@ -24,7 +24,6 @@ from riftberg.config.values import (
 )
 from riftberg.errors import InputError
 from riftberg.ocean import formulas
-from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.balance import SeaLevel
 from riftberg.ocean.files_schema import WIND_LAYER, FileForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
@@ -204,10 +203,10 @@ class Berg(BergKeys):
 
 
 class ExperimentForcing(Section):
-    """The analytic ocean of a built-in experiment."""
+    """The ocean of a built-in experiment."""
 
-    kind: Literal["analytic"]
-    name: Literal["a68a"] = key("a68a", "", "built-in experiment whose ocean is used")
+    kind: Literal["experiment"]
+    experiment: Literal["a68a"] = key(..., "", "built-in experiment whose ocean is used")
     without: list[Literal["shoal", "shear"]] = key([], "", "parts of that ocean to leave out")
 
 
@@ -281,9 +280,8 @@ def forcing_kind(forcing: Any) -> Any:
 
 
 Forcing = Annotated[
-    Annotated[ConstantForcing, Tag("constant")]
-    | Annotated[FileForcing, Tag("files")]
-    | Annotated[ExperimentForcing, Tag("analytic")]
+    Annotated[FileForcing, Tag("files")]
+    | Annotated[ExperimentForcing, Tag("experiment")]
     | Annotated[FormulaForcing, Tag("formula")]
     | Annotated[SeriesForcing, Tag("along")]
     | Annotated[OpenDriftForcing, Tag("opendrift")],
@@ -302,6 +300,13 @@ def check_span(start: datetime, days: float, *, where: str) -> None:
             f"a run of {days:g} days from {start:%d.%m.}{start.year:04d}", where=where,
             remedy=f"Runs lie in the years {FIRST_YEAR} to {LAST_YEAR}",
         )  # fmt: skip
+
+
+FORMER_KINDS = {
+    "constant": "Write forcing: {uniform: {current: [0.2, 0.0], ...}}; slope: [0, 0] there keeps the sea surface level",
+    "analytic": "Write forcing: {experiment: a68a}",
+}
+"""Kinds of forcing of earlier versions, and what to write now."""
 
 
 class Experiment(Section):
@@ -337,8 +342,15 @@ class Experiment(Section):
         """Take a list of files, or one, for forcing of that kind, and a section by the key that only one kind has."""
         files = [forcing] if isinstance(forcing, str) else forcing
         forcing = {"files": files} if isinstance(files, list) else forcing
-        kinds = [kind for kind in ("files", "along", "opendrift") if isinstance(forcing, dict) and kind in forcing]
-        return {"kind": kinds[0], **forcing} if len(kinds) == 1 else forcing
+        if not isinstance(forcing, dict):
+            return forcing
+        if (remedy := FORMER_KINDS.get(str(forcing.get("kind")))) is not None:
+            raise UnfitError(f"kind: {forcing['kind']} is gone", remedy)
+        kinds = {key: key for key in ("files", "along", "opendrift", "experiment")} | dict.fromkeys(
+            formulas.FORMULAS, "formula"
+        )
+        named = {kinds[key] for key in forcing if key in kinds}
+        return {"kind": named.pop(), **forcing} if len(named) == 1 else forcing
 
     @field_validator("days")
     @classmethod

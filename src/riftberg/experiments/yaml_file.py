@@ -37,18 +37,16 @@ from riftberg.experiments.schema import (
     Strength,
     check_span,
 )
-from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.formulas import Sum
 from riftberg.parameters import (
     A68A_2022,
-    A68A_2022_MTS,
     PUBLISHED_SPRINGS,
     Earth,
     ExplicitParameters,
     Parameters,
+    choose_a68a_preset,
     fields_by_path,
-    scheme_asked,
 )
 from riftberg.system.input_files import MOST_YAML, check_file, in_folder, shown, value_shown
 from riftberg.system.netcdf_lock import closing_files
@@ -333,8 +331,8 @@ def _parameters(groups: Any) -> Parameters:
                     "it is an option of KID's namelists alone", where=f"{group}.{name}", remedy=OF_NAMELISTS
                 )
     usual = PRESETS[preset]
-    if usual is A68A_2022 and scheme_asked(groups) != "quasi_static":
-        usual = A68A_2022_MTS
+    if usual is A68A_2022:
+        usual = choose_a68a_preset(groups)
     if isinstance(usual, ExplicitParameters):  # the number of sub-steps of a preset belongs to its lattice
         usual = usual.changed(stepping={"substeps": None})
     return usual.changed(**groups)
@@ -592,12 +590,6 @@ def build_forcing(
         )
     if options.grid is not None and not isinstance(forcing, FileForcing):
         raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
-    if isinstance(forcing, ConstantForcing):
-        from riftberg.ocean.analytic import Steady
-
-        return Steady(
-            forcing.current, forcing.wind, forcing.slope, forcing.sea_ice, forcing.depth, ice_fraction=forcing.ice_fraction
-        )  # fmt: skip
     if isinstance(forcing, FileForcing):
         from riftberg.ocean.files_forcing import Run, shared_forcing
 
@@ -617,7 +609,7 @@ def build_forcing(
         return series_forcing(forcing, folder, experiment.start)
     from riftberg.ocean.story import StoryOcean
 
-    find(forcing.name).check_parts(options.without)
+    find(forcing.experiment).check_parts(options.without)
     without = options.without | set(forcing.without)
     return StoryOcean(shoal="shoal" not in without, shear="shear" not in without, start=experiment.start)
 

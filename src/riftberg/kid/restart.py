@@ -9,6 +9,7 @@ classes (files 6.4), and counters of the bergs born in each cell.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -34,6 +35,7 @@ from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters, element_radius
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.population import find_rows
+from riftberg.state.rules import Rule, find_breach
 from riftberg.state.variables import GONE
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import MEANT, extreme_allowed
@@ -213,37 +215,53 @@ DENSITIES: Final = (200.0, 1100.0)
 """Densities (kg m-3) between which mass over volume lies."""
 
 
-def _check_values(elements: Elements, path: Path, grid: Grid) -> None:
-    """Refuse elements that cannot be: flipped bits and slips of units leave finite numbers, which are all that was read."""
-    fields, life = {**REQUIRED, **OPTIONAL}, elements.life
+def _at_most(most: float) -> Callable[[Any], Any]:
+    """Return the test that numbers are no larger, of either sign."""
+    return lambda values: ~(np.abs(values) > most)
 
-    def refuse(bad: NDArray[np.bool_], values: Floats, name: str, demand: str, hint: str = "") -> None:
-        if bad.any():
-            k = int(np.argmax(bad))
-            raise BergError(
-                f"{name} = {values[k]:g} of record {k + 1} is not {demand}",
-                where=f"{path}, variable {name}",
-                remedy=f"Correct the record, or remove that element{hint}",
-            )
 
-    for name in _POSITIVE:
-        values = getattr(elements, fields[name])
-        refuse(values <= 0.0, values, name, "a positive number")
-    for name, most in _LARGEST.items():
-        values = getattr(elements, fields[name])
-        refuse(np.abs(values) > most, values, name, f"a number of at most {most:g}")
-    speed = np.hypot(elements.u, elements.v)
-    if np.median(speed) > FASTEST and not extreme_allowed():  # some may be debris that contact has flung, not most
-        name = "uvel" if np.median(np.abs(elements.u)) >= np.median(np.abs(elements.v)) else "vvel"
-        values = getattr(elements, REQUIRED[name])
-        refuse(speed > FASTEST, values, name, f"a speed of ice, at most {FASTEST:g} m/s", hint=f", {MEANT}")
+RULES: Final = (
+    *(Rule(name, lambda values: ~(values <= 0.0), "a positive number") for name in _POSITIVE),
+    *(Rule(name, _at_most(most), f"a number of at most {most:g}") for name, most in _LARGEST.items()),
+    Rule("mass_scaling", lambda values: values > 0.0, "a number above 0"),
+    *(
+        Rule(name, lambda values: ~(values < 0.0), "0 or more")
+        for name in ("start_mass", "mass_of_bits", "start_day", "mass_of_fl_bits", "mass_of_fl_bergy_bits")
+    ),
+    Rule(
+        "fl_k", lambda values: ~(values < 0.0) | np.isin(values, CHILD_FLAGS),
+        "0 or more, or -1 or -2 of a child of footloose calving",
+    ),
+)  # fmt: skip
+"""Rules for the numbers of an iceberg restart: flipped bits and slips of units leave finite ones, which are all that was read."""
+
+
+def _position_rules(grid: Grid) -> list[Rule]:
+    """Return the rules for positions on a grid; any number would be wrapped into a periodic domain."""
     period = grid.arrays.period
     if grid.arrays.latlon:
-        refuse(np.abs(elements.lat) > 90.0, elements.lat, "lat", "a latitude from -90 to 90")
-        refuse(np.abs(elements.lon) > 720.0, elements.lon, "lon", "a longitude in degrees")
-    elif period > 0.0:  # any number would be wrapped into the domain
-        refuse(
-            np.abs(elements.lon) > 2.0 * period, elements.lon, "lon", f"within two periods ({period:g} m) of the domain"
+        return [
+            Rule("lat", lambda values: ~(np.abs(values) > 90.0), "a latitude from -90 to 90"),
+            Rule("lon", lambda values: ~(np.abs(values) > 720.0), "a longitude in degrees"),
+        ]
+    within = f"within two periods ({period:g} m) of the domain"
+    return [Rule("lon", lambda values: ~(np.abs(values) > 2.0 * period), within)] if period > 0.0 else []
+
+
+def _check_values(elements: Elements, path: Path, grid: Grid) -> None:
+    """Refuse elements that cannot be."""
+    fields, speed = {**REQUIRED, **OPTIONAL}, np.hypot(elements.u, elements.v)
+    rules, hint = [*RULES, *_position_rules(grid)], ""
+    if np.median(speed) > FASTEST and not extreme_allowed():  # some may be debris that contact has flung, not most
+        name = "uvel" if np.median(np.abs(elements.u)) >= np.median(np.abs(elements.v)) else "vvel"
+        rules.append(Rule(name, lambda _: ~(speed > FASTEST), f"a speed of ice, at most {FASTEST:g} m/s"))
+        hint = f", {MEANT}"
+    if breach := find_breach(rules, lambda name: getattr(elements, fields.get(name, name))):
+        name = breach.rule.variable
+        raise BergError(
+            f"{name} = {breach.value:g} of record {breach.row + 1} is not {breach.rule.allowed}",
+            where=f"{path}, variable {name}",
+            remedy=f"Correct the record, or remove that element{hint if breach.rule is rules[-1] else ''}",
         )
     # A flipped bit in one of four numbers leaves it finite, but rarely a density of ice.
     density = elements.mass / (elements.thickness * elements.length * elements.width)
@@ -255,12 +273,6 @@ def _check_values(elements: Elements, path: Path, grid: Grid) -> None:
             where=f"{path}, variable mass",
             remedy=f"Correct mass, thickness, length or width: ice has {DENSITIES[0]:g} to {DENSITIES[1]:g} kg m-3",
         )
-    refuse(~(life.mass_scaling > 0.0), life.mass_scaling, "mass_scaling", "a number above 0")
-    for name in ("start_mass", "mass_of_bits", "start_day", "mass_of_fl_bits", "mass_of_fl_bergy_bits"):
-        values = getattr(life, name)
-        refuse(values < 0.0, values, name, "0 or more")
-    flagged = (life.fl_k < 0.0) & ~np.isin(life.fl_k, CHILD_FLAGS)
-    refuse(flagged, life.fl_k, "fl_k", "0 or more, or -1 or -2 of a child of footloose calving")
 
 
 _BASE: Final = (
@@ -327,12 +339,11 @@ def write_restart(path: Path, elements: Elements, grid: Grid, parameters: Parame
     values["ine"], values["jne"] = cell_indices(e, grid)
     values["id_cnt"], values["id_ij"] = split_id(e.id)
     values["static_berg"] = np.where(e.static >= 0.5, 1.0, np.where(e.in_contact != 0, CONTACT_FLAG, 0.0))
-    scheme = parameters.stepping.scheme
     layout = [*_BASE]
-    layout += _VERLET if scheme != "runge_kutta" else ()
+    layout += _VERLET if parameters.stepping.scheme != "runge_kutta" else ()
     layout += _BERG
     layout += _FOOTLOOSE if parameters.footloose.enabled else ()
-    layout += _FAST if scheme == "mts" else ()
+    layout += _FAST if parameters.has_substeps else ()
     layout += _SPIN if parameters.bonds.law == "dem" else ()
     layout += _STATIC if (elements.static >= 0.5).any() else ()
     write_restart_file(Path(path), [(c, values[c.name]) for c in layout], len(elements.id), counter=True)

@@ -23,7 +23,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, dataclass_tran
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs
 
@@ -34,6 +42,7 @@ from riftberg.config.values import (
     Pair,
     Position,
     SeaIce,
+    SurfaceSlope,
     UnfitError,
     Velocity,
     Wind,
@@ -246,7 +255,7 @@ class Sum(Formula):
         for term in self.parts:
             if not isinstance(term, Formula):
                 term.sample(elements, time)
-            elif self._level_of_all and isinstance(term, Flow):
+            elif self._level_of_all and isinstance(term, Flow) and term.is_balanced:
                 slopes = e.slope_x.copy(), e.slope_y.copy()
                 term.add_to(elements, time)
                 e.slope_x[:], e.slope_y[:] = slopes
@@ -348,12 +357,21 @@ class Flow(Part):
 
     @model_validator(mode="after")
     def _has_a_latitude(self) -> Flow:
+        self.require_latitude()
+        return self
+
+    def require_latitude(self) -> None:
+        """Refuse positions in metres without the latitude that the balance of the current needs."""
         if not self.latlon and self.latitude is None:
             raise UnfitError(
                 "positions in metres have no latitude",
                 "Give latitude, the same as earth.reference_latitude of the parameters",
             )
-        return self
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether the sea surface slopes as the current asks."""
+        return True
 
     def coriolis(self, lat: Floats) -> Floats:
         """Return the Coriolis parameter (s-1) at arrays of points."""
@@ -399,9 +417,28 @@ def heading(towards: float) -> Pair:
     return math.sin(towards * DEGREE), math.cos(towards * DEGREE)
 
 
+def _check_celsius(temperature: float | None) -> float | None:
+    """Refuse a temperature that no sea has."""
+    if temperature is None or COLDEST <= temperature <= WARMEST:
+        return temperature
+    kelvin = 270.0 <= temperature <= 318.0
+    hint = f": is it in kelvin? Then give {temperature - 273.15:.2f}" if kelvin else ""
+    raise UnfitError(
+        f"temperature = {temperature:g} is none of the sea in degrees Celsius{hint}",
+        f"Give one from {COLDEST:g} to {WARMEST:g}",
+    )
+
+
+COLDEST, WARMEST = -3.0, 45.0
+"""Temperatures (degrees Celsius) between which all seas lie."""
+
+
 @_formula
 class Uniform(Flow):
-    """The same current, wind and sea ice everywhere, at all times."""
+    """The same current, wind, sea ice and water everywhere, at all times.
+
+    The sea surface slopes in balance with the current, unless its slope is given.
+    """
 
     current: Annotated[Velocity, about("m s-1", "eastward and northward ocean current, in geostrophic balance")] = (
         0.0,
@@ -413,8 +450,22 @@ class Uniform(Flow):
         0.0,
         0.0,
     )
-    water: Annotated[float | None, about("m", "depth of water", gt=0, le=1e5)] = Field(default=None, alias="depth")
+    water: Annotated[float | None, about("m", "depth of water, 0 for dry ground", ge=0, le=1e5)] = Field(
+        default=None, alias="depth"
+    )
     ice_fraction: Annotated[float, about("1", "part of the sea that sea ice covers", ge=0, le=1)] = 0.0
+    slope: Annotated[
+        SurfaceSlope | None,
+        about("1", "eastward and northward slope of the sea surface, without balance"),
+    ] = None
+    temperature: Annotated[
+        float | None, AfterValidator(_check_celsius), about("degC", "temperature of the sea, for melt")
+    ] = None
+    salinity: Annotated[float | None, about("1e-3", "salinity of the sea, for melt", ge=0, le=50)] = None
+    # Without a current to balance, it fits positions of both kinds.
+    latlon: Annotated[bool | None, about("", "positions are degrees, otherwise metres", hidden=True)] = Field(
+        default=None, kw_only=True
+    )
 
     @field_validator("water", mode="before")
     @classmethod
@@ -422,15 +473,39 @@ class Uniform(Flow):
         # No floor and a floor endlessly deep are one; files have no number for the second.
         return None if depth == math.inf else depth
 
+    @property
+    def is_balanced(self) -> bool:
+        """Whether the sea surface slopes as the current asks, and not as it was given."""
+        return self.slope is None
+
+    @model_validator(mode="after")
+    def _has_a_latitude(self) -> Uniform:
+        if self.is_balanced and any(self.current):
+            self.latlon = True if self.latlon is None else self.latlon
+            self.require_latitude()
+        return self
+
+    def __post_init__(self) -> None:
+        water_values = (("sst", self.temperature), ("sss", self.salinity))
+        self.provides = frozenset(name for name, value in water_values if value is not None)
+
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current and no vorticity."""
         ones = np.ones(np.shape(lon))
         return self.current[0] * ones, self.current[1] * ones, 0.0 * ones
 
     def add_to(self, elements: Elements, time: float) -> None:
-        """Add current, slope, wind and sea ice."""
-        super().add_to(elements, time)
+        """Add current, slope, wind and sea ice; set depth, temperature and salinity where they are given."""
         e = elements.environment
+        e.uo[:] += self.current[0]
+        e.vo[:] += self.current[1]
+        if self.slope is not None:
+            e.slope_x[:] += self.slope[0]
+            e.slope_y[:] += self.slope[1]
+        elif any(self.current):
+            f = self.coriolis(elements.place.lat)
+            e.slope_x[:] += f * self.current[1] / GRAVITY
+            e.slope_y[:] -= f * self.current[0] / GRAVITY
         e.ua[:] += self.wind[0]
         e.va[:] += self.wind[1]
         for values, value in zip((e.ui, e.vi, e.ice_thickness), self.sea_ice, strict=True):
@@ -439,6 +514,11 @@ class Uniform(Flow):
             np.maximum(e.ice_fraction, self.ice_fraction, out=e.ice_fraction)
         if self.water is not None:
             e.depth[:] = np.minimum(e.depth, self.water)
+        for name, water_value in (("sst", self.temperature), ("sss", self.salinity)):
+            if water_value is not None:
+                getattr(e, name)[:] = water_value
+                # The value at the surface counts, whatever another term has set.
+                getattr(e, OVER_KEEL[name])[:] = np.nan
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import netCDF4
 import numpy as np
@@ -26,7 +26,8 @@ from riftberg.errors import InputError
 from riftberg.parameters import Parameters, from_file
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
 from riftberg.state.population import find_rows
-from riftberg.state.variables import ABOVE_0, GONE, LARGEST, LARGEST_WHOLE
+from riftberg.state.rules import Rule, find_breach
+from riftberg.state.variables import GONE, LARGEST, LARGEST_WHOLE
 from riftberg.system.input_files import MOST_VALUES, check_file, reading, refuse_large, shown, value_shown
 from riftberg.system.netcdf_lock import NETCDF, open_lazily
 from riftberg.version import __version__
@@ -506,9 +507,9 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
     latlon = run_parameters(run, file).earth.latlon
     if latlon != ("lon" in run.variables):
         raise _error("positions and the parameter earth.latlon do not agree", file)
-    for name, limits in _limits_in_file(latlon).items():
+    for name, rule in _rules_in_file(latlon).items():
         if name in run.variables:
-            _check_allowed(run, name, file, limits)
+            _check_rule(run, rule, file)
     ends = run["bond_first"].values, run["bond_second"].values
     check_bond_ends(*ends, run.sizes["trajectory"], file, "variable bond_first, bond_second")
     if "corners" in run and not np.isin(np.nan_to_num(run["corners"].values), (0, 4, 6)).all():  # 0: not known
@@ -527,57 +528,31 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
         raise _error(f"fragment {number[k]} broke off {parent[k]}, which is not in the file", file, location)
 
 
-class Allowed(NamedTuple):
-    """Between which numbers values lie, and whether they are whole ones."""
-
-    least: float
-    most: float
-    whole: bool = False
-
-    def beyond(self, values: Any) -> Any:
-        """Return which values lie outside, or are no whole numbers."""
-        with np.errstate(invalid="ignore"):
-            bad = ~((values >= self.least) & (values <= self.most))
-            return bad | (values != np.floor(values)) if self.whole and values.dtype.kind == "f" else bad
-
-    def demand(self) -> str:
-        """Return the limits of a value in words."""
-        if self.whole:
-            return f"a whole number from {self.least:.0f} to {self.most:.0f}"
-        if self.least == ABOVE_0:
-            return f"a number above 0 and up to {self.most:g}"
-        return (
-            "a finite number"
-            if self.least == -self.most == -LARGEST
-            else f"a number from {self.least:g} to {self.most:g}"
-        )
-
-
-def _limits_in_file(latlon: bool) -> dict[str, Allowed]:
-    """Return the limits of the variables that are checked in a run file, by name, from the registries."""
+def _rules_in_file(latlon: bool) -> dict[str, Rule]:
+    """Return the rules for the variables that are checked in a run file, by name, from the registries."""
     position_limits = {"lon": 1e4, "lat": 90.0} if latlon else dict.fromkeys(("x", "y"), 1e12)
-    limits = {name: Allowed(-most, most) for name, most in position_limits.items()}
+    rules = [Rule.between(name, -most, most) for name, most in position_limits.items()]
     states = [v for v in (*ELEMENT_VARIABLES, *BOND_VARIABLES) if in_file(v.name) in _CHECKED]
     for table, variables in (("", states), *TABLES):
         for v in variables:
             if not table or v.limits != (-LARGEST, LARGEST):
-                limits[f"{table}_{v.name}" if table else in_file(v.name)] = Allowed(
-                    v.limits[0], float(v.limits[1]), v.dtype == "i8"
-                )
-    return {**limits, "berg": Allowed(1, LARGEST_WHOLE, whole=True)}
+                name = f"{table}_{v.name}" if table else in_file(v.name)
+                rules.append(Rule.between(name, v.limits[0], float(v.limits[1]), whole=v.dtype == "i8"))
+    rules.append(Rule.between("berg", 1, LARGEST_WHOLE, whole=True))
+    return {rule.variable: rule for rule in rules}
 
 
-def _check_allowed(run: xr.Dataset, name: str, file: Path, limits: Allowed) -> None:
+def _check_rule(run: xr.Dataset, rule: Rule, file: Path) -> None:
     """Refuse NaN, infinite and impossible values; names element and record."""
-    values = run[name].values
+    name = rule.variable
     # Elements that are not there yet, or no more, have no values, but none of theirs is impossible.
-    bad = limits.beyond(values) & ~(np.isnan(values) & _absent(run, name, values.shape))
-    if bad.any():
-        index = tuple(int(k) for k in np.argwhere(bad)[0])
+    absent = _absent(run, name, run[name].values.shape)
+    present = rule._replace(test=lambda values: rule.test(values) | (np.isnan(values) & absent))
+    if breach := find_breach([present], lambda name: run[name].values):
         entry = ", ".join(
-            f"{_ENTRIES.get(str(dim), dim)} {k + 1}" for dim, k in zip(run[name].dims, index, strict=True)
+            f"{_ENTRIES.get(str(dim), dim)} {k + 1}" for dim, k in zip(run[name].dims, breach.index, strict=False)
         )
-        raise _error(f"{name} is {values[index]:g}, not {limits.demand()}", file, f"variable {name}, {entry}")
+        raise _error(f"{name} is {breach.value:g}, not {rule.allowed}", file, f"variable {name}, {entry}")
 
 
 def _absent(run: xr.Dataset, name: str, shape: tuple[int, ...]) -> Any:
@@ -612,4 +587,4 @@ def check_recorded(run: xr.Dataset, names: tuple[str, ...]) -> None:
     for name in names:
         if name not in run.variables:
             raise _error(f"variable {name} is missing", file)
-        _check_allowed(run, name, file, Allowed(-LARGEST, LARGEST))
+        _check_rule(run, Rule.between(name, -LARGEST, LARGEST), file)

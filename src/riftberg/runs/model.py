@@ -172,9 +172,9 @@ class Model(BareModel):
 
     Examples
     --------
-    >>> from riftberg import Iceberg, Model, Steady
+    >>> from riftberg import Forcing, Iceberg, Model
     >>> berg = Iceberg.rectangle("12 km", "6 km", thickness="200 m", placement=(-37.0, -56.0))
-    >>> model = Model(berg, Steady(current=(0.2, 0.0)), start="2020-12-09 13:00")
+    >>> model = Model(berg, Forcing.uniform(current=(0.2, 0.0)), start="2020-12-09 13:00")
     >>> run = model.run("1 h")
     >>> run.sizes["trajectory"]
     8

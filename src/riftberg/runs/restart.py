@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
@@ -27,9 +28,10 @@ from riftberg.engines.common.fragments.tree import Fragment
 from riftberg.errors import InputError
 from riftberg.life.process import PROCESSES, SOURCES
 from riftberg.parameters import Parameters
-from riftberg.runs.layout import Allowed, check_bond_ends, read_parameters, read_start
+from riftberg.runs.layout import check_bond_ends, read_parameters, read_start
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
+from riftberg.state.rules import Rule, find_breach
 from riftberg.state.variables import LARGEST, LARGEST_WHOLE
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import MOST_SUBSTEPS, MOST_VALUES, check_file, reading, shown, value_shown
@@ -305,8 +307,8 @@ def check_restart(state: RestartState, path: Path) -> None:
     broken_at = bonds.break_time[~np.isnan(bonds.break_time)]  # NaN: the bond holds
     if ((broken_at < 0.0) | (broken_at > state.time + dt)).any():
         raise _damage_error("a bond that broke before the start, or later than now", path, "variable bond_break_time")
-    if state.parameters.stepping.scheme == "mts":
-        _refuse(state.elements.substeps, Allowed(1, MOST_SUBSTEPS, whole=True), path, "variable element_substeps")
+    if state.parameters.has_substeps:
+        _check_values(state.elements.substeps, Rule.between("element_substeps", 1, MOST_SUBSTEPS, whole=True), path)
     check_extra(state, path)
 
 
@@ -431,10 +433,10 @@ def check_extra(state: RestartState, path: Path) -> None:
             )
             raise _damage_error(f"shape {values.shape} instead of {expected}", path, location)
         if bound.least is None:
-            _refuse(values, Allowed(-LARGEST, LARGEST), path, location)
+            _check_values(values, Rule.between(f"extra/{name}", -LARGEST, LARGEST), path)
         else:
             least, most = (_resolve_limit(limit, {**sizes, **ends}) for limit in (bound.least, bound.most))
-            _refuse(values, Allowed(least, most, whole=True), path, location)
+            _check_values(values, Rule.between(f"extra/{name}", least, most, whole=True), path)
         if bound.once and np.unique(values).size < values.size:
             raise _damage_error("two entries are the same", path, location)
 
@@ -449,13 +451,11 @@ def _resolve_limit(limit: float | str | None, sizes: Mapping[str, int]) -> int:
     return int(times or 1) * sizes.get(name, LARGEST_WHOLE) - int(less or 0)
 
 
-def _refuse(values: Any, limits: Allowed, path: Path, location: str) -> None:
-    """Refuse values outside of their limits, and fractions where whole numbers belong."""
-    bad = limits.beyond(values)
-    if bad.any():
-        index = tuple(int(k) for k in np.argwhere(np.atleast_1d(bad))[0])
-        entry = f"entry {', '.join(str(k + 1) for k in index)} is {np.atleast_1d(values)[index]:g}"
-        raise _damage_error(f"{entry}, not {limits.demand()}", path, location)
+def _check_values(values: Any, rule: Rule, path: Path) -> None:
+    """Refuse values of a variable that break a rule."""
+    if breach := find_breach([rule], lambda _: values):
+        entry = f"entry {', '.join(str(k + 1) for k in breach.index)} is {breach.value:g}"
+        raise _damage_error(f"{entry}, not {rule.allowed}", path, f"variable {rule.variable}")
 
 
 def check_fragment_rows(rows: Sequence[Any], path: Path, location: str) -> None:
@@ -485,18 +485,17 @@ def _check_tables(state: RestartState, path: Path) -> None:
     }  # fmt: skip
     tables = (("element", ELEMENT_VARIABLES, state.elements), ("bond", BOND_VARIABLES, state.bonds))
     for table, variables, arrays in tables:
+        rules = []
         for variable in variables:
-            name, (least, most) = variable.name, variable.limits
-            values, location = getattr(arrays, name), f"variable {table}_{name}"
-            if variable.dtype == "i8":
-                _refuse(values, Allowed(least, _resolve_limit(most, sizes), whole=True), path, location)
-            elif name != "break_time":  # NaN while the bond holds
-                bad = Allowed(least, float(most)).beyond(values)
-                # A missing value at the keel means that the one at the surface holds there too.
-                bad &= ~(np.isnan(values) & (name in ("keel_temperature", "keel_salinity")))
-                if bad.any():
-                    k = int(np.argmax(bad))
-                    raise _damage_error(f"{table} {k + 1} has {name} = {values[k]:g}", path, location)
+            name, (least, most), whole = variable.name, variable.limits, variable.dtype == "i8"
+            most = _resolve_limit(most, sizes) if whole else float(most)
+            # A bond that holds has no date of breaking; without a value at the keel the one at the surface holds there too.
+            missing = name in ("break_time", "keel_temperature", "keel_salinity")
+            rules.append(Rule.between(name, least, most, whole=whole, missing=missing))
+        if breach := find_breach(rules, partial(getattr, arrays)):
+            name = breach.rule.variable
+            problem = f"{table} {breach.row + 1} has {name} = {breach.value:g}, not {breach.rule.allowed}"
+            raise _damage_error(problem, path, f"variable {table}_{name}")
     lat = state.elements.lat
     if state.parameters.earth.latlon and (np.abs(lat) > 90.0).any():
         raise _damage_error(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat")

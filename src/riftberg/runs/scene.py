@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,14 +89,6 @@ class Box:
     east: float
     south: float
     north: float
-
-
-class Statics(NamedTuple):
-    """Supports and loads of a beam, and the line that theory gives its middle."""
-
-    held: Ints  # Rows of the elements that supports hold
-    loaded: Ints  # Rows of the elements that bear the load, towards negative y
-    theory: Floats  # x and y in the units of the run, shape (n, 2)
 
 
 def stretch(y: float, latlon: bool) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, overload
@@ -15,7 +14,7 @@ from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
 from riftberg.runs.groundings import title_lines
 from riftberg.runs.layout import run_heading
-from riftberg.runs.scene import Scene, Statics
+from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.panels import (
@@ -64,25 +63,21 @@ WIDEST: Final = 4.5
 MARGIN: Final = 0.05
 """Margin of the overview, as part of its longer side."""
 
-SUPPORT: Final[dict[str, Any]] = {"marker": "^", "ms": 9, "mfc": "white", "mec": "black", "mew": 1.4}
-THEORY: Final[dict[str, Any]] = {"color": colours.OBSERVED, "lw": 1.6, "ls": "--"}
-"""Looks of the supports of a beam, and of the line that theory gives it."""
-
 
 @overload
 def draw_map(
     run: xr.Dataset, path: str | Path, *, forcing: Water | None = None, title: str = "", dates: int = 6,
-    observed: Outlines | Statics | None = None, projection: Projection = "auto", dpi: int = 150,
+    observed: Outlines | None = None, projection: Projection = "auto", dpi: int = 150,
 ) -> Path: ...  # fmt: skip
 @overload
 def draw_map(
     run: xr.Dataset, path: None = None, *, ax: Axes, date: Any = None, forcing: Water | None = None,
-    observed: Outlines | Statics | None = None, projection: Projection = "auto",
+    observed: Outlines | None = None, projection: Projection = "auto",
 ) -> Axes: ...  # fmt: skip
 @overload
 def draw_map(
     run: xr.Dataset, path: None = None, *, forcing: Water | None = None, title: str = "", dates: int = 6,
-    observed: Outlines | Statics | None = None, projection: Projection = "auto", dpi: int = 150,
+    observed: Outlines | None = None, projection: Projection = "auto", dpi: int = 150,
 ) -> Figure: ...  # fmt: skip
 def draw_map(
     run: xr.Dataset,
@@ -93,7 +88,7 @@ def draw_map(
     forcing: Water | None = None,
     title: str = "",
     dates: int = 6,
-    observed: Outlines | Statics | None = None,
+    observed: Outlines | None = None,
     projection: Projection = "auto",
     dpi: int = 150,
 ) -> Path | Axes | Figure:
@@ -121,9 +116,8 @@ def draw_map(
         First line of the title; by default the experiment. The second line names the forcing.
     dates : int, optional
         Number of dates, 2 to 6.
-    observed : mapping or Statics, optional
-        Observed outlines by ISO date, drawn on the dates that they belong to; of a beam its supports, load and theory, as the
-        built-in experiments have them (``info.statics``).
+    observed : mapping, optional
+        Observed outlines by ISO date, drawn on the dates that they belong to.
     projection : {"auto", "polar", "degrees"}, optional
         ``"auto"`` is polar stereographic where the middle of the run is beyond 60 degrees, and degrees elsewhere and on ``ax``.
     dpi : int, optional
@@ -145,14 +139,14 @@ def draw_map(
     if ax is not None and projection == "auto":
         projection = "degrees"
     scene, water = project_run(run, projection, forcing)
-    statics, outlines = (observed, {}) if isinstance(observed, Statics) else (None, observed or {})
+    outlines = observed or {}
     if ax is not None:
         if path is not None:
             raise InputError("both a file and axes", where="draw_map", remedy="Give path or ax; save the figure of ax")
-        return _draw_on_axes(ax, scene, water, outlines, statics, date)
+        return _draw_on_axes(ax, scene, water, outlines, date)
     if path is not None:
         style.check_format(path)
-    figure = _draw_figure(scene, water, outlines, statics, dates, _title(run, scene, title), dpi)
+    figure = _draw_figure(scene, water, outlines, dates, _title(run, scene, title), dpi)
     return figure if path is None else style.save_figure(figure, path)
 
 
@@ -198,51 +192,42 @@ def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
     return f"{first}, {style.span_text(scene.times)}" + (f"\nForcing: {second}" if second else "") + melted
 
 
-def _draw_figure(
-    scene: Scene, water: Water | None, observed: Outlines, statics: Statics | None, dates: int, title: str, dpi: int
-) -> Figure:
+def _draw_figure(scene: Scene, water: Water | None, observed: Outlines, dates: int, title: str, dpi: int) -> Figure:
     """Draw the overview on the left, or above where it is wide, and beside it the berg at some dates."""
     shape = max(OVERVIEW, min(scene.shape(MARGIN), WIDEST))
-    # Of a beam the overview shows the two dates that tell.
-    records = [0, len(scene.times) - 1] if statics is not None else scene.telling_records(dates)
-    panel_records = records if statics is None else []
+    records = scene.telling_records(dates)
     wide = shape > WIDE
     if wide:
-        columns = max(4, len(panel_records))
-        heights = 13.5 / shape + 1.8, 13.5 / columns + 1.4 if panel_records else 0.0
+        columns = max(4, len(records))
+        heights = 13.5 / shape + 1.8, 13.5 / columns + 1.4
         figure = style.new_figure(15.5, sum(heights), dpi)
-        subfigures: Any = figure.subfigures(2, 1, height_ratios=heights) if panel_records else [figure]
+        subfigures: Any = figure.subfigures(2, 1, height_ratios=heights)
     else:
-        columns = (len(panel_records) + 1) // 2
-        figure = style.new_figure(15.5 if panel_records else 7.0, 7.8, dpi)
-        subfigures = figure.subfigures(1, 2, width_ratios=(0.4, 0.6)) if panel_records else [figure]
-    overview = Overview(subfigures[0].subplots(), scene, water, shape, observed, statics)
+        columns = (len(records) + 1) // 2
+        figure = style.new_figure(15.5, 7.8, dpi)
+        subfigures = figure.subfigures(1, 2, width_ratios=(0.4, 0.6))
+    overview = Overview(subfigures[0].subplots(), scene, water, shape, observed)
     depth_bar(overview.panel)
-    marks = "dates of the panels" if panel_records else "dates"
-    style.legend_below(subfigures[0], overview.handles(marks), columns=6 if wide else 2)
+    style.legend_below(subfigures[0], overview.handles("dates of the panels"), columns=6 if wide else 2)
     style.put_title(figure, title, size=11.0)
-    if not panel_records:
-        style.lay_out(figure)
-        overview.draw(records)
-        return figure
     panel_axes = list(subfigures[1].subplots(1 if wide else 2, columns, squeeze=False).flat)
-    for unused in panel_axes[len(panel_records) :]:
+    for unused in panel_axes[len(records) :]:
         unused.remove()
-    panel_axes = panel_axes[: len(panel_records)]
-    panels = make_panels(panel_axes, scene, water, panel_records, margin=0.08)
+    panel_axes = panel_axes[: len(records)]
+    panels = make_panels(panel_axes, scene, water, records, margin=0.08)
     # One scale of speed for all dates, so that they can be compared.
-    top, flows = speed_scale(panels, panel_records)
+    top, flows = speed_scale(panels, records)
     style.letters([overview.ax, *panel_axes])
     style.outer_names(panel_axes, columns)
     if flows:
         speed_bar(panel_axes, top)
     # The colours of fragments tell several pieces apart; those of a single one are free for its loss of ice.
     lost = thickness_lost(scene) if len(scene.numbers) == 1 and melts(scene.run) else None
-    scale = None if lost is None else melt_bar(panel_axes, 0.0, float(np.nanmax(lost[panel_records], initial=0.0)))
+    scale = None if lost is None else melt_bar(panel_axes, 0.0, float(np.nanmax(lost[records], initial=0.0)))
     style.lay_out(figure)
     # Only now, for labels find their places by where the axes came to lie.
     overview.draw(records)
-    for k, (panel, record) in enumerate(zip(panels, panel_records, strict=True)):
+    for k, (panel, record) in enumerate(zip(panels, records, strict=True)):
         rings = observed.get(str(scene.times[record])[:10], ())
         melted = None if lost is None or scale is None else (lost[record], scale)
         quiver = panel.draw_date(record, top, overview.colours, rings, arrows=9, depths=False, melted=melted)
@@ -251,9 +236,7 @@ def _draw_figure(
     return figure
 
 
-def _draw_on_axes(
-    ax: Axes, scene: Scene, water: Water | None, observed: Outlines, statics: Statics | None, date: Any
-) -> Axes:
+def _draw_on_axes(ax: Axes, scene: Scene, water: Water | None, observed: Outlines, date: Any) -> Axes:
     """Draw the tracks, or the berg at a date, into axes of the user's."""
     if not hasattr(ax, "get_position"):
         raise InputError(
@@ -271,7 +254,7 @@ def _draw_on_axes(
     frame = ax.get_position(original=True)
     shape = float(ax.figure.bbox.width * frame.width / (ax.figure.bbox.height * frame.height))
     if date is None:
-        Overview(ax, scene, water, shape, observed, statics).draw(scene.telling_records(6))
+        Overview(ax, scene, water, shape, observed).draw(scene.telling_records(6))
         return ax
     record = nearest_record(scene, np.datetime64(date))
     (box,) = common_boxes(scene, [record])
@@ -291,10 +274,9 @@ class Overview:
     """The drift of the berg on given axes: tracks, first and last position, break-ups and the sea floor."""
 
     def __init__(
-        self, ax: Axes, scene: Scene, water: Water | None, shape: float, observed: Outlines | None = None,
-        statics: Statics | None = None,
-    ) -> None:  # fmt: skip
-        self.ax, self.scene, self.observed, self.statics = ax, scene, observed or {}, statics
+        self, ax: Axes, scene: Scene, water: Water | None, shape: float, observed: Outlines | None = None
+    ) -> None:
+        self.ax, self.scene, self.observed = ax, scene, observed or {}
         self.colours = fragment_colours(scene)
         box = widen_box(scene.box(), scene.latlon, shape, margin=MARGIN)
         self.panel = Panel(ax, scene, box, water, ticks=6, labels=True)
@@ -325,21 +307,7 @@ class Overview:
         for number, position in ends.items():
             if len(ends) > 1:
                 labels.put(self.scene.name(number), *position, fontsize=8, style="italic")
-        if self.statics is not None:
-            self._draw_statics(self.statics, records)
         self.panel.draw_scale()
-
-    def _draw_statics(self, statics: Statics, records: list[int]) -> None:
-        """Draw supports where the beam began, and its load and the line of theory where it is at the end."""
-        x, y = self.scene.x, self.scene.y
-        half = 0.5 * math.sqrt(float(self.scene.area.max()))
-        self.ax.plot(x[records[0]][statics.held], y[records[0]][statics.held] - half, ls="", **SUPPORT, zorder=9)
-        for k in statics.loaded:
-            self.ax.annotate(
-                "", (x[records[-1]][k], y[records[-1]][k] - half), (0, 34), textcoords="offset points", zorder=9,
-                arrowprops={"arrowstyle": "-|>", "color": colours.GROUND, "lw": 2.0, "shrinkA": 0.0, "shrinkB": 0.0},
-            )  # fmt: skip
-        self.ax.plot(*statics.theory.T, **THEORY, zorder=8.5)
 
     def _draw_track(self, number: int, labels: style.Labels) -> None:
         from matplotlib.patheffects import Normal, withStroke
@@ -392,17 +360,8 @@ class Overview:
         if not np.isin(self.scene.berg[[0, -1]], [0, *self.colours]).all():
             handles.append(Patch(fc=colours.SMALL, ec="black", lw=0.5, label="smaller bergs and pieces"))
         broke = any(self.scene.birth(n) for n in self.colours)
-        if self.statics is None:
-            track = f"track (with gaps at break-ups) and {marks}" if broke else f"track and {marks}"
-            handles.append(Line2D([], [], color="black", marker="o", mfc="white", lw=2, label=track))
-        else:
-            handles.append(Patch(fc=colours.MODEL, alpha=0.35, label="at the start"))
-            arrow = Line2D([], [], ls="", marker="$\\downarrow$", ms=11, color=colours.GROUND, label="load")
-            handles += [
-                Line2D([], [], ls="", label="support", **SUPPORT),
-                arrow,
-                Line2D([], [], label="theory", **THEORY),
-            ]
+        track = f"track (with gaps at break-ups) and {marks}" if broke else f"track and {marks}"
+        handles.append(Line2D([], [], color="black", marker="o", mfc="white", lw=2, label=track))
         if broke:
             handles.append(
                 Line2D([], [], ls="", marker="*", ms=11, mfc="white", mec="black", label="where it broke off")

@@ -13,16 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.constants import SECONDS_PER_DAY
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.experiments.changes import reference_numerics
-from riftberg.experiments.registry import Info, Options
-from riftberg.ocean.analytic import Convergence, Steady
-from riftberg.ocean.formulas import Seamount
-from riftberg.parameters import PUBLISHED_DRAG, Parameters, kid_quirks
-from riftberg.runs.model import Model
-from riftberg.runs.scene import Statics
-from riftberg.state import Floats
+from riftberg.parameters import PUBLISHED_DRAG, kid_quirks
+from riftberg.state import Elements, Floats
 
 # ---- beams ------------------------------------------------------------------------------------------------------------
 
@@ -59,33 +53,6 @@ class Beam:
         side = 2.0 * self.radius
         column, row = np.divmod(np.arange(self.columns * self.rows), self.rows)
         return 101_000.0 + side * column, 151_000.0 + (self.radius if self.radius < 1.0 else 0.0) * 2.0 + side * row
-
-    def theory(self) -> Floats:
-        """Return the line of the middle of the loaded beam, x and y, m: of small slopes on two supports, the elastica clamped."""
-        x, y = self.points()
-        along = np.linspace(0.0, self.length, 101)
-        stiffness = self.youngs_modulus * self.thickness * (2.0 * self.radius * self.rows) ** 3 / 12.0
-        if self.rows == 1:
-            support_distance = np.minimum(along, self.length - along)
-            sag = (
-                -self.load * support_distance * (3.0 * self.length**2 - 4.0 * support_distance**2) / (48.0 * stiffness)
-            )
-            return np.column_stack([x.min() + along, y.mean() + sag])
-        from scipy.integrate import solve_ivp
-        from scipy.optimize import brentq
-
-        def bend(_: float, state: Floats) -> list[float]:
-            """Return the changes of slope, moment, x and y along the beam."""
-            cosine, sine = math.cos(state[0]), math.sin(state[0])
-            return [-state[1] / stiffness, -self.load * cosine, cosine, sine]
-
-        def solved(moment: float) -> Floats:
-            start = [0.0, moment, 0.0, 0.0]
-            return np.asarray(solve_ivp(bend, (0.0, self.length), start, t_eval=along, rtol=1e-8).y)
-
-        # The moment at the clamp that leaves none at the free end.
-        state = solved(brentq(lambda moment: float(solved(moment)[1, -1]), 0.0, self.load * self.length))
-        return np.column_stack([x.min() + state[2], y.mean() + state[3]])
 
     def parameters(self, numerics: str) -> Parameters:
         """Return the parameters of a run with these numerics."""
@@ -145,25 +112,9 @@ def cantilever(beam: Beam = CANTILEVER) -> Iceberg:
     return berg
 
 
-def build_supported(options: Options) -> tuple[Model, Info]:
-    """Build the simply supported beam (see `riftberg.experiments.build`)."""
-    return _build(SUPPORTED, supported_beam(), "supported-beam", "Simply supported beam", options)
-
-
-def build_cantilever(options: Options) -> tuple[Model, Info]:
-    """Build the cantilever (see `riftberg.experiments.build`)."""
-    return _build(CANTILEVER, cantilever(), "cantilever", "Cantilever", options)
-
-
-def _build(beam: Beam, berg: Iceberg, name: str, title: str, options: Options) -> tuple[Model, Info]:
-    # The sea floor lies above the keel, so that its drag acts everywhere.
-    model = Model(berg, Steady(depth=0.0), options.apply(beam.parameters("own" if options.own else "reference")))
-    e = berg.elements
-    statics = Statics(np.flatnonzero((e.static > 0.0) | (e.free_y == 0.0)), np.flatnonzero(e.load_y), beam.theory())
-    return model, Info(
-        name, title, days=beam.duration / SECONDS_PER_DAY, output_every_hours=beam.time_step / 3600.0, statics=statics,
-        test_case=True,
-    )  # fmt: skip
+def beam_model(beam: Beam, berg: Iceberg, numerics: str = "own") -> Model:
+    """Return the model of a beam; the sea floor lies above the keel, so that its drag acts everywhere."""
+    return Model(berg, Forcing.uniform(depth=0.0), beam.parameters(numerics))
 
 
 # ---- two bergs that a converging current drives into each other, in a periodic channel --------------------------------
@@ -206,16 +157,41 @@ def two_bergs() -> Iceberg:
     )  # fmt: skip
 
 
-def build_collision(options: Options) -> tuple[Model, Info]:
-    """Build the experiment (see `riftberg.experiments.build`)."""
-    parameters = COLLISION
-    if options.numerics == "reference":
-        parameters = _as_in_the_reference(COLLISION, 60)
-    forcing = Convergence(
-        current=(0.2, 0.0), speed=0.2, line=LINE, span=(0.0, LINE), ramp=1000.0, period=PERIOD, depth=1000.0
-    )
-    model = Model(two_bergs(), forcing, options.apply(parameters))
-    return model, Info("collision", "Two bergs collide", days=2.0, output_every_hours=1.0, test_case=True)
+class Converging(Forcing):
+    """A current along x that converges on a line in part of each period (equations 10.2).
+
+    The northward current falls from 0.2 m/s south of the line to -0.2 m/s north of it over a kilometre on either side, and sets
+    in and ends over a kilometre along x, as bilinear interpolation does on a grid of that spacing.
+    """
+
+    speed, ramp = 0.2, 1000.0  # m s-1, m
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at arrays of points (m)."""
+        along = np.asarray(lon) % PERIOD
+        window = np.clip(along / self.ramp, 0.0, 1.0) * np.clip((LINE + self.ramp - along) / self.ramp, 0.0, 1.0)
+        across = np.clip((LINE - np.asarray(lat)) / self.ramp, -1.0, 1.0)
+        return np.full(np.shape(lon), self.speed), self.speed * across * window
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Add the current; the vorticity comes from its northward component alone."""
+        e, step = elements.environment, 1e-3 * self.ramp
+        lon, lat = elements.place.lon, elements.place.lat
+        for values, current in zip((e.uo, e.vo), self.currents(lon, lat, time), strict=True):
+            values[:] += current
+        east, west = (self.currents(lon + side, lat, time)[1] for side in (step, -step))
+        e.vorticity[:] += (east - west) / (2.0 * step)
+        e.depth[:] = np.minimum(e.depth, 1000.0)
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m)."""
+        return np.full(np.shape(lon), 1000.0)
+
+
+def collision(numerics: str = "own") -> Model:
+    """Return the model of two bergs that a converging current drives into each other; two days."""
+    parameters = _as_in_the_reference(COLLISION, 60) if numerics == "reference" else COLLISION
+    return Model(two_bergs(), Converging(), parameters)
 
 
 def _as_in_the_reference(parameters: Parameters, substeps: int) -> Parameters:
@@ -228,7 +204,8 @@ def _as_in_the_reference(parameters: Parameters, substeps: int) -> Parameters:
 
 GROUNDING_CENTRE = (50e3, 50e3)
 LENGTH, WIDTH = 15e3, 35e3
-CURRENT = (0.1, 0.1)
+CURRENT = {"reference": (0.1, 0.1), "own": (0.2, 0.2)}
+"""m s-1; elastic cells of 1850 Pa would shatter afloat, and the berg of 3 kPa that does not needs more to break aground."""
 
 GROUNDING = Parameters(
     drag=dict(PUBLISHED_DRAG),
@@ -246,7 +223,7 @@ GROUNDING = Parameters(
 )
 """Physics of the reference's case."""
 
-GROUNDING_OWN, _ = GROUNDING.adapted(stepping={"scheme": "quasi_static"})
+GROUNDING_OWN, _ = GROUNDING.adapted(stepping={"scheme": "quasi_static"}, fracture={"normal_strength": 3e3})
 """With Riftberg's numerics the lattice stands in equilibrium with the loads, and the seamount is a bed of sand."""
 
 SEAMOUNT_HEIGHT = {"reference": 950.0, "own": 850.0}
@@ -265,19 +242,23 @@ def grounding_berg(density: float = 850.0) -> Iceberg:
         x.append(np.full(rows.size, west + radius * (2.0 / math.sqrt(3.0) + math.sqrt(3.0) * column)))
     return Iceberg.from_points(
         np.concatenate(x), np.concatenate(y), radius=radius, thickness=200.0, packing="hexagonal",
-        velocity=(CURRENT[0], 0.0), latlon=False, density=density,
+        velocity=(CURRENT["reference"][0], 0.0), latlon=False, density=density,
     )  # fmt: skip
 
 
-def build_grounding_fracture(options: Options) -> tuple[Model, Info]:
-    """Build the experiment (see `riftberg.experiments.build`)."""
-    parameters = GROUNDING_OWN
-    if options.numerics == "reference":
-        parameters = _as_in_the_reference(GROUNDING, 200)
-    forcing = Steady(current=CURRENT) + Seamount(
-        (63e3, 60e3), height=SEAMOUNT_HEIGHT["own" if options.own else "reference"], width=5e3, depth=1000.0, latlon=False,
-        latitude=0.0,
-    )  # fmt: skip
-    parameters = options.apply(parameters)
-    model = Model(grounding_berg(parameters.ice.density), forcing, parameters)
-    return model, Info("grounding-fracture", "A berg runs aground and breaks", days=3.0, output_every_hours=1.0)
+def grounding_fracture(numerics: str = "own") -> Model:
+    """Return the model of a berg that drifts onto a seamount and breaks; three days."""
+    parameters = _as_in_the_reference(GROUNDING, 200) if numerics == "reference" else GROUNDING_OWN
+    sea = Forcing.uniform(current=CURRENT[numerics], slope=(0.0, 0.0)) + Forcing.seamount(
+        (63e3, 60e3), height=SEAMOUNT_HEIGHT[numerics], width=5e3, depth=1000.0, latlon=False, latitude=0.0
+    )
+    return Model(grounding_berg(parameters.ice.density), sea, parameters)
+
+
+CASES = {
+    "supported-beam": lambda numerics="own": beam_model(SUPPORTED, supported_beam(), numerics),
+    "cantilever": lambda numerics="own": beam_model(CANTILEVER, cantilever(), numerics),
+    "collision": collision,
+    "grounding-fracture": grounding_fracture,
+}
+"""Models of the cases by name, with the numerics of Riftberg (own) or of the reference."""
