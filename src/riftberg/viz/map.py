@@ -299,11 +299,10 @@ class Overview:
                 self.ax.plot(x[0], y[0], "*", ms=13, mfc=self.colours[number], mec="black", zorder=9)
                 labels.avoid(x[0], y[0], 8.0)
         # Smaller pieces first, so that the track of the largest lies on top.
-        for number in reversed(list(self.colours)) if self.statics is None else ():
+        for number in reversed(list(self.colours)):
             self._draw_track(number, labels)
         self.panel.draw_place(*self._covered(records), labels)
-        if self.statics is None:
-            self._draw_dates(labels, records)
+        self._draw_dates(labels, records)
         for number, position in ends.items():
             if len(ends) > 1:
                 labels.put(self.scene.name(number), *position, fontsize=8, style="italic")
