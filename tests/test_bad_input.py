@@ -213,7 +213,7 @@ def test_a_file_cut_short_is_named(tmp_path: Path) -> None:
     whole = (tmp_path / "currents.nc").read_bytes()
     (tmp_path / "currents.nc").write_bytes(whole[: len(whole) // 2])
     files = "  kind: files\n  files: [currents.nc]\n  longitude: [-41, -37]\n  latitude: [-57, -54]\n"
-    result = call(tmp_path, EXPERIMENT[: EXPERIMENT.index("  kind")] + files)
+    result = call(tmp_path, EXPERIMENT[: EXPERIMENT.index("  uniform")] + files)
     assert result.exit_code == 2, result.output
     assert "currents.nc" in result.stderr
     assert "Traceback" not in result.stderr

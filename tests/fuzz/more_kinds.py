@@ -65,8 +65,6 @@ def _placed(section: type[Section], name: str, value: Any) -> dict[str, Any] | N
         berg["rifts"] = [{"points": [[-39.1, -55.5], [-38.9, -55.5]], name: value}]
     elif section is schema.Strength:
         berg["strength"] = {"weibull": 5, name: value}
-    elif section is schema.ConstantForcing:
-        made["forcing"][name] = value
     elif section is schema.ExperimentForcing:
         made["forcing"] = {"kind": "experiment", name: value}
     elif section is FileForcing:

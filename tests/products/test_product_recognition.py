@@ -124,7 +124,7 @@ def test_iceberg_restart_is_not_taken_for_forcing(shared: Path) -> None:
         open_product(shared / "data" / "a68a" / "icebergs.res.nc")
 
 
-@pytest.mark.parametrize("side", [300, 3000])
+@pytest.mark.parametrize("side", [300, 8200])
 def test_only_large_files_are_read_in_parts(tmp_path: Path, side: int) -> None:
     """Parts of a small file take longer to keep account of than to read: they were a third of the time of the readers."""
     pytest.importorskip("dask")
@@ -135,7 +135,7 @@ def test_only_large_files_are_read_in_parts(tmp_path: Path, side: int) -> None:
     }
     path = files.write(tmp_path / "gebco.nc", {"lat": side, "lon": side}, variables, title="The GEBCO_2021 Grid")
     with open_product(path) as ds:
-        assert bool(ds.chunks) == (side == 3000)
+        assert bool(ds.chunks) == (side == 8200)
 
 
 def test_opening_reads_no_field(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,7 +143,7 @@ def test_opening_reads_no_field(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     pytest.importorskip("dask")
     from xarray.backends.netCDF4_ import NetCDF4ArrayWrapper
 
-    side = 3000
+    side = 8200
     path = files.write(
         tmp_path / "gebco.nc",
         {"lat": side, "lon": side},

@@ -69,7 +69,7 @@ _LOG = logging.getLogger(__name__)
 PLAN: Final = "sweep.json"
 """File that says what a sweep is."""
 
-CHECKSUM: Final = "checksum"
+DIGEST: Final = "checksum"
 """Entry of each file that a sweep goes on from."""
 
 MEMBERS: Final = "members"
@@ -428,13 +428,13 @@ def _member_text(values: Mapping[str, Any]) -> str:
 
 def write_record(path: Path, record: Mapping[str, Any], *, indent: int | None = None) -> None:
     """Write what a sweep goes on from as JSON, with a checksum, which reveals a flipped bit."""
-    write_text(path, json.dumps({**record, CHECKSUM: _checksum(record)}, indent=indent) + "\n")
+    write_text(path, json.dumps({**record, DIGEST: _checksum(record)}, indent=indent) + "\n")
 
 
 def read_record(path: Path) -> dict[str, Any]:
     """Return what `write_record` has written; a ValueError, TypeError or OSError says that it is not that."""
     record = dict(json.loads(path.read_text("utf-8")))
-    if record.pop(CHECKSUM, None) != _checksum(record):
+    if record.pop(DIGEST, None) != _checksum(record):
         raise ValueError("its values are not those that were written")
     return record
 
