@@ -316,14 +316,10 @@ def test_contact_that_lasts_breaks_the_ice_when_its_load_sets_in_and_not_before(
 @pytest.mark.slow
 @pytest.mark.parametrize("dt", [225.0, 450.0])
 def test_shorter_steps_break_the_same_pieces_off_a68a(dt: float) -> None:
-    """Bug: with 450 s and less one element more broke off beside the tip, and the finger 12 minutes earlier.
-
-    What the tip loses of its 261 km2 while it lies aground hangs on the step: nothing, or up to 108 km2.
-    """
+    """Bug: with 450 s and less one element more broke off beside the tip, and the finger 12 minutes earlier."""
     model, info = build("a68a", Options(changes={"stepping": {"time_step": dt}}))
     model.advance(info.days)
-    rest, finger, *others = (round(area) for area in fragment_areas(model))
-    assert (rest, finger, sum(others)) == (3321, 657, 261 + 9)
+    assert [round(area) for area in fragment_areas(model)] == [3321, 657, 261, 9]
 
 
 def bar_on_a_held_one(seconds: float) -> tuple[float, float]:
@@ -441,16 +437,16 @@ def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(d
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("strength", "dt", "modulus", "bonds"),
-    [("700 Pa", 450.0, 5e6, 17), ("700 Pa", 1800.0, 1e7, 17), ("300 Pa", 450.0, 5e6, 61), ("300 Pa", 1800.0, 5e6, 61),
-     ("300 Pa", 1800.0, 9e9, 61)],
+    [("700 Pa", 450.0, 5e6, 17), ("700 Pa", 1800.0, 1e7, 17), ("300 Pa", 450.0, 5e6, 71), ("300 Pa", 1800.0, 5e6, 71),
+     ("300 Pa", 1800.0, 9e9, 71)],
 )  # fmt: skip
 def test_means_of_what_breaks_in_a_converging_current_hang_on_neither_step_nor_modulus(
     strength: str, dt: float, modulus: float, bonds: float
 ) -> None:
     """Up to 20 s each. A start 10 cm aside changes which bond breaks first in an impact, and the count.
 
-    Means of ten starts at 300 Pa: 63 and 58 with steps of 450 and 1800 s, 61 with ice of 9 GPa, with errors of 2 to 4. At 500 Pa
-    one crack of twenty bonds is at its strength: single starts break 24 or 44 bonds, in proportions that hang on the step.
+    Means of ten starts at 300 Pa: 68, 75 and 72 with steps of 450, 900 and 1800 s, each with an error of 3 to 5. At 500 Pa one
+    crack of twenty bonds is at its strength: single starts break 24 or 44 bonds, in proportions that hang on the step.
     """
     found = [broken_in_converging_current(strength, dt, modulus, aside) for aside in (0.0, 0.1, 0.2, 0.4, 0.7, 1.0)]
     error = np.std(found, ddof=1) / math.sqrt(len(found))

@@ -49,12 +49,8 @@ NO_BONDS: Final = np.zeros(0, np.int64)
 NEAREST_CRACK: Final = 0.1
 """Part of the way between two elements by which a crack stays clear of both: each keeps the ice under its centre."""
 
-ONWARD: Final = 6.0
-"""Longest way straight on beyond the last crossing of a crack, over the side of an element: it ends where it leaves the ice, at
-the outline or the face of another, or would cross a bond that holds."""
-
-SEAM: Final = 1e-4
-"""Way (over the side of an element) across which two footprints are one ice: short edges have left gaps between them."""
+ONWARD: Final = 2.0
+"""Way straight on beyond the last crossing of a crack, over the side of an element: to the outline, or to the face of another."""
 
 SHORTEST_EDGE: Final = 1e-5
 """Shortest edge of a footprint, as a part of the radius: a few times the edges that the moved centres leave at a corner."""
@@ -191,16 +187,13 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
     berg = np.zeros(footprints.element.size, np.int64)  # 0: melted away
     rows, is_present = find_rows(el.body.id, footprints.element)
     berg[is_present] = el.berg[rows[is_present]]
-    intact = [
-        find_rows(footprints.element, el.body.id[ends[bonds.status == 0]])[0] for ends in (bonds.first, bonds.second)
-    ]
     for crack in np.unique(bonds.crack[new]).tolist():
         rows = parted[bonds.crack[parted] == crack]
         rows = rows[np.argsort(bonds.crack_order[rows])]
         for run in np.split(rows, np.flatnonzero(np.diff(bonds.crack_order[rows]) != 1) + 1):
             if run.size > 1 and np.isin(run, new).any():  # a line of one crossing has no direction
                 i, j = (find_rows(footprints.element, el.body.id[ends[run]])[0] for ends in (bonds.first, bonds.second))
-                _divide(rings, footprints, berg, np.column_stack(intact), i, j, bonds.crack_part[run])
+                _divide(rings, footprints, berg, i, j, bonds.crack_part[run])
     all_rings = [ring for element_rings in rings for ring in element_rings]
     return footprints._replace(
         owner=np.repeat(np.arange(len(rings)), [len(element_rings) for element_rings in rings]),
@@ -209,22 +202,16 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
     )  # fmt: skip
 
 
-def _divide(
-    rings: list[list[Floats]], footprints: Footprints, berg: Ints, intact: Ints, i: Ints, j: Ints, fraction: Floats
-) -> None:
-    """Divide polygons along a crack, which crosses the lines from the elements ``i`` to ``j`` at a fraction of each.
-
-    ``intact``: pairs of elements that a bond holds.
-    """
+def _divide(rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: Ints, j: Ints, fraction: Floats) -> None:
+    """Divide polygons along a crack, which crosses the lines from the elements ``i`` to ``j`` at a fraction of each."""
     centre = footprints.centre
     fraction = np.clip(fraction, NEAREST_CRACK, 1.0 - NEAREST_CRACK)[:, None]
     crossing = (1.0 - fraction) * centre[i] + fraction * centre[j]
-    side, fragments = math.sqrt(float(footprints.size[i].mean())), np.flatnonzero(np.isin(berg, berg[np.union1d(i, j)]))
-    # Each berg is laid flat by itself: lines of another one may cross this.
-    holding = shapely.linestrings(centre[intact[np.isin(intact[:, 0], fragments)]])
-    ends = [_run_out(rings, centre, fragments, holding, crossings, side) for crossings in (crossing, crossing[::-1])]
+    side, ends = math.sqrt(float(footprints.size[i].mean())), crossing[[0, -1]] - crossing[[1, -2]]
+    ends = crossing[[0, -1]] + ONWARD * side * ends / np.hypot(*ends.T)[:, None]
     crack = shapely.LineString([ends[0], *crossing, ends[1]])
-    neighbours = fragments[shapely.dwithin(shapely.points(centre[fragments]), crack, 2.0 * side)]
+    neighbours = np.flatnonzero(np.isin(berg, berg[np.union1d(i, j)]))
+    neighbours = neighbours[shapely.dwithin(shapely.points(centre[neighbours]), crack, 2.0 * side)]
 
     def lies_beyond(point: Floats, e: int) -> bool:
         """Whether the crack runs between a point and an element."""
@@ -246,25 +233,6 @@ def _divide(
             (rings[e] if target == e else transferred.setdefault(target, [])).extend(_convex_rings(piece, side))
     for e, added in transferred.items():
         rings[e].extend(added)
-
-
-def _run_out(
-    rings: list[list[Floats]], centre: Floats, fragments: Ints, holding: Any, crossing: Floats, side: float
-) -> Floats:
-    """Find where a crack ends that goes straight on before the first of its crossings; ``side``: of an element, m."""
-    last, away = crossing[0], crossing[0] - crossing
-    distance = np.hypot(*away.T)
-    # Two crossings in a row may lie so near to each other that they give no direction.
-    behind = int(np.argmax(distance >= min(0.5 * side, distance.max())))
-    onward = side * away[behind] / distance[behind]
-    line = shapely.LineString([last, last + ONWARD * onward])
-    near = fragments[shapely.dwithin(shapely.points(centre[fragments]), line, 2.0 * side)].tolist()
-    ice = shapely.union_all([shapely.buffer(shapely.Polygon(ring), SEAM * side) for e in near for ring in rings[e]])
-    stretches = shapely.get_parts(shapely.intersection(line, ice))
-    through_ice = stretches[shapely.dwithin(stretches, shapely.Point(last), SEAM * side)]
-    crossed = shapely.intersection(line, holding[shapely.intersects(line, holding)])
-    way = min([shapely.length(through_ice).sum(), *shapely.line_locate_point(line, crossed).tolist()])
-    return np.asarray(last + way / side * onward)
 
 
 class BodyFootprint(NamedTuple):
