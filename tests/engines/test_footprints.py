@@ -163,39 +163,6 @@ def test_a_crack_divides_the_ice_along_its_line(packing: str, angle: float, line
     assert face.hausdorff_distance(shapely.intersection(shapely.LineString(line), middle)) < 210.0
 
 
-@pytest.mark.parametrize(
-    ("packing", "angle", "begin", "slope"),
-    [
-        ("square", 0.0, 3.2e3, 0.123),
-        ("square", 20.0, 1.5e3, 0.2),
-        ("square", 20.0, -1e3, 0.3),
-        ("hexagonal", 10.0, -1e3, 0.3),
-    ],
-)
-def test_a_crack_runs_on_to_the_edge_of_the_ice_however_far_it_is(
-    packing: str, angle: float, begin: float, slope: float
-) -> None:
-    """Bug: it ended two elements beyond its last crossing, and where it came out at a small angle the ice there had a tooth.
-
-    On a lattice at 36 degrees the tip of A68a, which stood aground, held a tooth of the rest between two pieces of one element,
-    and the rest broke up on it as it slid past.
-    """
-    line = [(-13e3, begin), (13e3, begin + slope * 26e3)]
-    run = Model(parted(packing, angle, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
-    el, found = run.elements, FootprintBook(run).follow(run)
-    corner = found.corner - found.centre.mean(axis=0) + (el.lon.mean(), el.lat.mean())
-    rings = [shapely.Polygon(corner[a:b]) for a, b in zip(found.start[:-1], found.start[1:], strict=True)]
-    berg = el.berg[find_rows(el.id, found.element)[0]][found.owner]
-    one, other = (
-        shapely.union_all([ring.buffer(0.5) for ring, b in zip(rings, berg, strict=True) if b == n])
-        for n in np.unique(berg)
-    )
-    assert one.geom_type == other.geom_type == "Polygon"
-    outline = shapely.box(-12e3, -6e3, 12e3, 6e3)
-    face = shapely.intersection(one, other.boundary)
-    assert face.hausdorff_distance(shapely.intersection(shapely.LineString(line), outline)) < 500.0
-
-
 @pytest.mark.compiled
 @pytest.mark.parametrize(("packing", "angle"), LATTICES)
 def test_ice_that_slides_along_a_crack_breaks_nothing_whatever_the_lattice(packing: str, angle: float) -> None:
