@@ -147,8 +147,8 @@ class TimeStep:
         if trial.touching and h > LONGEST_CONTACT_STEP * (1.0 + 1e-9):
             self._longest = LONGEST_CONTACT_STEP
             return self._retry(LONGEST_CONTACT_STEP)
-        allowed = h * SAFETY / trial.pushed if trial.pushed > 0.0 else math.inf
-        if trial.pushed > 1.0 and h > LONGEST_PUSHED_STEP * (1.0 + 1e-9):
+        allowed = h * SAFETY / trial.hold_change if trial.hold_change > 0.0 else math.inf
+        if trial.hold_change > 1.0 and h > LONGEST_PUSHED_STEP * (1.0 + 1e-9):
             return self._retry(max(LONGEST_PUSHED_STEP, SHRINK * h, allowed))
         self._max_dt = min(self._longest, GROWTH * self._max_dt, max(LONGEST_PUSHED_STEP, allowed))
 

@@ -123,8 +123,8 @@ class Trial:
     state: BodyState  # At its end
     contact: SubcycledMotion | None  # What contact and the bed did on the way
     touching: bool = False  # Whether fragments have touched each other, or the bed has caught, turned or freed one
-    pushed: float = (
-        0.0  # How much otherwise the bed holds a fragment where others have pushed it, over what a step may change
+    hold_change: float = (
+        0.0  # Of the bed on fragments that others push over it, as a multiple of what a step may change
     )
     peak: Equilibrium | None = None  # Under the peak contact loads, once it has been needed
 
@@ -152,7 +152,7 @@ class FragmentMotion:
 
         # Contact: fragments that may touch each other go through the step in sub-steps, island by island; then those that
         # touch a bed of sediment.
-        contact, ground, pushed = self._resolve_contacts_and_bed(start, h)
+        contact, ground, hold_change = self._resolve_contacts_and_bed(start, h)
         drifting, mean = join_drifts(contact, ground)
 
         # Predictor: first half kick and drift. Bodies in contact drift with the mean twist of their sub-steps.
@@ -188,20 +188,20 @@ class FragmentMotion:
         # A fragment that the bed holds goes through the step at once; where it catches, turns or frees one sub-steps are shorter.
         lands = ground is not None and ground.shortest_substep < h
         touching = lands or (contact is not None and contact.first.size > 0)
-        return Trial(h, state, join_motions(contact, ground, bodies.body), touching, pushed)
+        return Trial(h, state, join_motions(contact, ground, bodies.body), touching, hold_change)
 
     def _resolve_contacts_and_bed(
         self, start: BodyState, h: float
     ) -> tuple[SubcycledMotion | None, SubcycledMotion | None, float]:
-        """Take fragments through contact and over a bed of sediment; the third value goes into `Trial.pushed`."""
+        """Take fragments through contact and over a bed of sediment; the third value goes into `Trial.hold_change`."""
         contact = self._resolve_contacts(start, h)
         if self.seabed is None:
             return contact, None, 0.0
         op = linear_pack(start.operators, start.bodies.twist)
-        ground, pushed = self.seabed.resolve(self.model, start.bodies, op, start.time, h, contact)
+        ground, hold_change = self.seabed.resolve(self.model, start.bodies, op, start.time, h, contact)
         if contact is not None and ground is not None:
             contact = drop_fragments(contact, ground.bodies, start.bodies.body)
-        return contact, ground, pushed
+        return contact, ground, hold_change
 
     def _resolve_contacts(self, start: BodyState, h: float) -> SubcycledMotion | None:
         """Take the fragments that may touch each other within ``h`` s through sub-steps."""

@@ -31,7 +31,7 @@ The second half takes all drag implicitly. Where the step resolves drag, D is 0.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,6 +160,15 @@ def allocate_forcing(el: Elements, p: KernelParameters, sides: Floats | None = N
     return ElementForcing(
         np.empty((count, len(MEDIA), len(Medium._fields))), np.empty(count), body.mass, inertia, aground, drag, water_spin,
         sides, side_drag, body.load_x, body.load_y, not p.only_interactions,
+    )  # fmt: skip
+
+
+@kernel
+def take_elements(f: ElementForcing, rows: Any) -> ElementForcing:
+    """Forcing of some elements; ``rows``: their numbers, or a slice."""
+    return ElementForcing(
+        f.media[rows], f.coriolis[rows], f.mass[rows], f.inertia[rows], f.aground[rows], f.spin_drag[rows], f.water_spin[rows],
+        f.sides[rows], f.side_drag[rows], f.push_x[rows], f.push_y[rows], f.media_act,
     )  # fmt: skip
 
 

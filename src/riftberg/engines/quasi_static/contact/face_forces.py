@@ -89,7 +89,7 @@ MAX_SWEEPS: Final = 400
 SWEEP_RTOL: Final = 1e-8
 """Change of the velocities in a sweep, as a part of the largest, at which the sweeps end."""
 
-OVER: Final = 1.3
+RELAXATION: Final = 1.3
 """Factor by which a sweep goes beyond the force that suits a face alone (successive over-relaxation). Twenty pieces that grind on
 each other then take two thirds of the sweeps; with 1.7 those of some no longer end."""
 
@@ -300,7 +300,7 @@ def sweep_faces(
                 row[AREA] + row[AREA_PER_SPEED] * free, state[TOUCHED], state[CRUSHED], law.strength * thickness / law.depth,
                 law.ratio, law.strength * thickness * state[CHORD], row[AREA_PER_SPEED] * mobility,
             )  # fmt: skip
-            force = max(state[FORCE] + OVER * (force - state[FORCE]), 0.0)
+            force = max(state[FORCE] + RELAXATION * (force - state[FORCE]), 0.0)
             change = force - state[FORCE]
             state[FORCE] = force
             _push(row, ROW_N, h * change, compliance_1, compliance_2, v, w)
@@ -309,7 +309,7 @@ def sweep_faces(
                 mobility = h * row[MOBILITY_T]
                 slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / mobility, force, law.friction)
                 most = law.friction * force
-                slide = min(max(state[FRICTION] + OVER * (slide - state[FRICTION]), -most), most)
+                slide = min(max(state[FRICTION] + RELAXATION * (slide - state[FRICTION]), -most), most)
                 change = slide - state[FRICTION]
                 state[FRICTION] = slide
                 _push(row, ROW_T, h * change, compliance_1, compliance_2, v, w)

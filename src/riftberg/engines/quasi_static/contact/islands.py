@@ -35,6 +35,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
     assemble_force_and_jacobian,
     drag_and_jacobian,
     outline_force,
+    take_elements,
 )
 from riftberg.engines.quasi_static.contact.anchors import ANCHOR_X, ANCHOR_Y, ARM_X, ARM_Y, SLOPE_X, SLOPE_Y, STIFFNESS
 from riftberg.parameters import KernelParameters
@@ -254,11 +255,11 @@ def _correct_by_media(
     number = np.zeros(end.matrices.mobility.shape[0], np.int64)
     for k in range(bodies.size):
         number[bodies[k]] = k
-    body, levers, forcing = number[end.body[rows]], end.levers[rows], _take_rows(end.forcing, rows)
+    body, levers, forcing = number[end.body[rows]], end.levers[rows], take_elements(end.forcing, rows)
     everyone, shape = np.ones(bodies.size, np.bool_), (rows.size, len(FORCES), 2)
     rate, force = np.empty((rows.size, 3)), np.empty((rows.size, 3))
     at_start, at_end, net_start = np.zeros(shape), np.zeros(shape), np.zeros(twist.shape)
-    add_forces(body, start.levers[rows], twist, _take_rows(start.forcing, rows), at_start, rate, force, net_start)
+    add_forces(body, start.levers[rows], twist, take_elements(start.forcing, rows), at_start, rate, force, net_start)
     first, matrix, right = twist.copy(), np.empty((3, 3)), np.empty(3)
     net, jacobian = np.empty(twist.shape), np.empty((bodies.size, 3, 3))
     for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
@@ -283,15 +284,6 @@ def _correct_by_media(
                 applied[e, k, i] += half_dt * (at_end[e, k, i] - at_start[e, k, i])
 
 
-@kernel
-def _take_rows(f: ElementForcing, rows: Ints) -> ElementForcing:
-    """Forcing of some elements."""
-    return ElementForcing(
-        f.media[rows], f.coriolis[rows], f.mass[rows], f.inertia[rows], f.aground[rows], f.spin_drag[rows], f.water_spin[rows],
-        f.sides[rows], f.side_drag[rows], f.push_x[rows], f.push_y[rows], f.media_act,
-    )  # fmt: skip
-
-
 def select_forcing(rows: Ints, forcing: ElementForcing) -> ElementForcing:
     """Return the forcing of some elements, each once; if they are all elements, the same object."""
     if rows.size == forcing.mass.size and (np.diff(rows) > 0).all():
@@ -312,14 +304,11 @@ def scatter_peak_load(peak: PeakContactLoad, elements: int, bodies: int) -> tupl
 def select_island(lists: Islands, k: int, all_islands: Island) -> Island:
     """Return island ``k`` of all."""
     b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
-    n, f, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), all_islands.forcing, all_islands.matrices
-    forcing = ElementForcing(
-        f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.aground[e], f.spin_drag[e], f.water_spin[e],
-        f.sides[e], f.side_drag[e], f.push_x[e], f.push_y[e], f.media_act,
-    )  # fmt: skip
+    n, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), all_islands.matrices
     return Island(
-        all_islands.body_of[e], all_islands.levers[e], forcing, BodyMatrices(m.inertia[b], m.mobility[b]),
-        all_islands.bonded[b], all_islands.first[n], all_islands.second[n], all_islands.separation[n],
+        all_islands.body_of[e], all_islands.levers[e], take_elements(all_islands.forcing, e),
+        BodyMatrices(m.inertia[b], m.mobility[b]), all_islands.bonded[b], all_islands.first[n], all_islands.second[n],
+        all_islands.separation[n],
     )  # fmt: skip
 
 

@@ -27,6 +27,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
     ElementForcing,
     add_forces,
     assemble_force_and_jacobian,
+    take_elements,
 )
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, move_poses
 from riftberg.engines.quasi_static.ground.pads import ORIGIN_X, ORIGIN_Y, Pads, fill_hulls, place_points
@@ -137,15 +138,6 @@ def prepare(pads: Pads, plates: Plates, polygons: Ints, start: Ints, pose: Float
 
 
 @kernel
-def _slice_forcing(f: ElementForcing, a: int, z: int) -> ElementForcing:
-    """Forcing of the elements ``a`` to ``z``."""
-    return ElementForcing(
-        f.media[a:z], f.coriolis[a:z], f.mass[a:z], f.inertia[a:z], f.aground[a:z], f.spin_drag[a:z], f.water_spin[a:z],
-        f.sides[a:z], f.side_drag[a:z], f.push_x[a:z], f.push_y[a:z], f.media_act,
-    )  # fmt: skip
-
-
-@kernel
 def write_points(
     pads: Pads, b: int, polygons: Ints, pose: Floats, latlon: bool, radius: float, at: int, lon: Floats, lat: Floats
 ) -> int:  # fmt: skip
@@ -200,7 +192,7 @@ def _solve_friction(fragments: Landing, a: int, forcing: ElementForcing, bed: Be
     """
     first, number, motion = fragments.pads.row_start[a], fragments.number[a], fragments.motion[a]
     count = fragments.pads.row_start[a + 1] - first
-    mass = _slice_forcing(forcing, first, first + count)
+    mass = take_elements(forcing, slice(first, first + count))
     levers, always, body = fragments.levers[first : first + count], np.ones(1, np.bool_), np.zeros(count, np.int64)
     loaded, n = np.empty(count, np.int64), 0
     for e in range(count):
@@ -398,16 +390,15 @@ def _go_through_middle(
         if not _solve_friction(fragments, a, forcing, bed, dt):
             _refuse(fragments, a, dt, 0.5, h, latlon, radius)
             return
-    stays = flag[MIDDLE_TOUCHES] == 1 and _is_held(fragments, a, bed, dt)
-    if stays and _interpolate_level(number, (number[TIME] + 0.5 * dt) / h) == _interpolate_level(
-        number, (number[TIME] + dt) / h
-    ):
+    middle, end = number[TIME] + 0.5 * dt, number[TIME] + dt
+    is_level = _interpolate_level(number, middle / h) == _interpolate_level(number, end / h)
+    if is_level and flag[MIDDLE_TOUCHES] == 1 and _is_held(fragments, a, bed, dt):
         # A berg that stands still in water that does not rise or fall is pressed at the end as it is in the middle.
         _end_substep(fragments, a, forcing, bed, h, True, latlon, radius)
         return
     for k in range(3):
         motion[WAY, k] = motion[PATH, k] + 0.5 * dt * (motion[VELOCITY, k] + motion[NEXT, k])
-    _request_depth(fragments, a, number[TIME] + dt, END, latlon, radius)
+    _request_depth(fragments, a, end, END, latlon, radius)
 
 
 @kernel
@@ -515,7 +506,7 @@ def _accept(fragments: Landing, a: int, forcing: ElementForcing, dt: float) -> N
         np.empty((count, 3)),
         np.zeros((1, 3)),
     )
-    mass, levers = _slice_forcing(forcing, first, last), fragments.levers[first:last]
+    mass, levers = take_elements(forcing, slice(first, last)), fragments.levers[first:last]
     add_forces(np.zeros(count, np.int64), levers, mean, mass, accelerations, rate, force, net)
     size = 0.0
     for e in range(count):

@@ -274,7 +274,7 @@ class Seabed:
                 continue
             if not beyond:
                 model.bonds.flexural_stress[:] = flexure
-                return self._finish(model, *prepared, h), _change_of_hold(contact, *prepared)
+                return self._finish(model, *prepared, h), _largest_hold_change(contact, *prepared)
             further *= 8.0  # a light berg may be taken up by the water
             if further > FARTHEST:
                 raise RunError(
@@ -444,7 +444,7 @@ def _carry(
         )  # fmt: skip
 
 
-def _change_of_hold(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> float:
+def _largest_hold_change(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> float:
     """Largest `landing.CHANGE` of the fragments; endless where contact has taken one down onto the floor."""
     if contact is None:
         return 0.0
