@@ -386,7 +386,7 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
     stepping = parameters.stepping
     half: dict[str, object] = {"time_step": parameters.time_step / 2.0}
     substeps = getattr(stepping, "substeps", None)
-    if substeps is not None and parameters.has_substeps:  # the sub-step stays
+    if substeps is not None and parameters.stepping.has_substeps:  # the sub-step stays
         half["substeps"] = max(1, round(substeps / 2))
     changes["with half the long step"] = [w for name in half for w in ("--set", f"stepping.{name}={half[name]}")]
     days = float((run["time"].values[-1] - np.datetime64(run.attrs["start"])) / np.timedelta64(1, "s")) / 86400.0

@@ -224,6 +224,14 @@ class Stepping(Group):
         "landing_steps": "Leave it out: on a bed of sediment a landing takes the sub-steps that it needs"
     }
 
+    in_equilibrium: ClassVar[bool] = False
+    """Whether the ice of rigid bodies stands in equilibrium with its loads after each step; otherwise its elements vibrate."""
+
+    @property
+    def has_substeps(self) -> bool:
+        """Whether forces between elements act in sub-steps of the time step, as with multiple time steps."""
+        return self.scheme == "mts"
+
     scheme: Scheme = quantity(
         "quasi_static", "",
         "quasi_static, mts, verlet or runge_kutta; mts where sub-steps or spring bonds are set and no scheme is named",

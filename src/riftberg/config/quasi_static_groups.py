@@ -218,6 +218,8 @@ class Damage(Group):
 class QuasiStaticStepping(Stepping):
     """Time steps at whose ends the ice is in equilibrium with its loads."""
 
+    in_equilibrium: ClassVar[bool] = True
+
     scheme: Literal["quasi_static"] = quantity(
         "quasi_static", "", "of quasi_static, mts, verlet and runge_kutta; the last three are of the other engine", "Riftberg",
     )  # fmt: skip

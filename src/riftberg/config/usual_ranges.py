@@ -83,7 +83,7 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
                 f"the long step of {step / 3600.0:g} h is too long for {change} {seconds / 3600.0:.4g} h, which it passes over: "
                 f"set stepping.time_step to {most:g} s or less"
             )
-    if parameters.in_equilibrium and _lacks_concentration(forcing):
+    if parameters.stepping.in_equilibrium and _lacks_concentration(forcing):
         sentences["sea_ice"] = "sea ice without its concentration (ice_fraction) exerts no force in the default scheme"
     return {**sentences, **without_effect(parameters)}
 

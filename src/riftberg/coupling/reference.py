@@ -225,7 +225,7 @@ class ReferenceExchange:
             self.model.append(elements, ids=ids)
             # With multiple time steps a berg belongs to no conglomerate, and does not move, until the end of the step in which
             # it is born; in the first step conglomerates are found after the births (files, 5.2).
-            if self.model.parameters.has_substeps and self.model.step_number > 0:
+            if self.model.parameters.stepping.has_substeps and self.model.step_number > 0:
                 self._held = ids
                 self.model.elements.static[-ids.size :] = 1.0
         try:

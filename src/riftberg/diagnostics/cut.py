@@ -380,7 +380,7 @@ class Cut:
             first_bonds=[self.first_bond(int(b)) for b in self.bonds[:FIRST_BONDS]],
             by_strength=self.by_strength(),
             highest=self.highest_stress(),
-            in_equilibrium=scene.parameters.in_equilibrium,
+            in_equilibrium=scene.parameters.stepping.in_equilibrium,
             sudden=self.highest_stress(over_strength=True) < SUDDEN,
             hours_since_start=float((first_break - scene.times[0]) / np.timedelta64(1, "h")),
             peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,

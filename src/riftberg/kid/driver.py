@@ -278,7 +278,7 @@ def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path
     life.draws = ReferenceDraws(seed, group.flag("fl_init_child_xy_by_pe"))
     life.ranks = ranks
     life.names = IdentifierCounter.beside(restarts, grid, model.elements.id).take
-    single = not model.parameters.has_substeps
+    single = not model.parameters.stepping.has_substeps
 
     def born(m: LifeModel) -> tuple[int, float]:
         date = clock.date((m.step_number - 1) * clock.dt)

@@ -343,7 +343,7 @@ def write_restart(path: Path, elements: Elements, grid: Grid, parameters: Parame
     layout += _VERLET if parameters.stepping.scheme != "runge_kutta" else ()
     layout += _BERG
     layout += _FOOTLOOSE if parameters.footloose.enabled else ()
-    layout += _FAST if parameters.has_substeps else ()
+    layout += _FAST if parameters.stepping.has_substeps else ()
     layout += _SPIN if parameters.bonds.law == "dem" else ()
     layout += _STATIC if (elements.static >= 0.5).any() else ()
     write_restart_file(Path(path), [(c, values[c.name]) for c in layout], len(elements.id), counter=True)

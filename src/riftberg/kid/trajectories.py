@@ -111,7 +111,7 @@ def trajectory_columns(group: NamelistGroup, parameters: Parameters) -> list[Col
     columns += _FOOTLOOSE if group.flag("save_fl_traj") and group.flag("footloose") else ()
     if not group.flag("save_short_traj"):
         # KID describes the velocities of its long step only where it takes such steps (quirk T35).
-        plain = not parameters.has_substeps
+        plain = not parameters.stepping.has_substeps
         columns += [c._replace(long_name="", units="") if plain and c.name.endswith("_prev") else c for c in _LONG]
         columns += () if plain else _FAST
         columns += _COUNT if parameters.bonds.law != "none" else ()
@@ -209,7 +209,7 @@ class TrajectoryRecorder(_Sampler):
 
     def _records(self, model: BareModel, date: Date) -> dict[str, NDArray[Any]]:
         # The multiple-time-step scheme of KID writes what its step has seen; the others sample again after the move.
-        if not model.parameters.has_substeps:
+        if not model.parameters.stepping.has_substeps:
             resample_environment(model, (model.step_number - 1) * self.clock.dt, self.group)
         e = model.elements
         rows = np.flatnonzero(recorded(model, self.group, date.year))

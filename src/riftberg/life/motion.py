@@ -158,7 +158,9 @@ class _Moving(NamedTuple):
 
 
 def _ice(el: Elements, p: Parameters) -> _Ice:
-    return _Ice(el.body.mass, el.life.mass_scaling, el.body.sides, el.body.length, el.body.width, p.in_equilibrium)
+    return _Ice(
+        el.body.mass, el.life.mass_scaling, el.body.sides, el.body.length, el.body.width, p.stepping.in_equilibrium
+    )
 
 
 def _moving(el: Elements) -> _Moving:
@@ -168,7 +170,7 @@ def _moving(el: Elements) -> _Moving:
 def stock(elements: Elements, p: Parameters) -> Floats:
     """Return momentum east and north (N s) and kinetic energy (J), each the sum over all bergs."""
     motion, kicks, dt, out = elements.motion, elements.kicks, p.time_step, np.zeros(3)
-    if p.has_substeps:
+    if p.stepping.has_substeps:
         fast = _Moving(motion.u, motion.v, kicks.ax_fast, kicks.ay_fast, motion.spin)
         implicit = kicks.bx_fast, kicks.by_fast, kicks.spin_rate
         _vibrating(_ice(elements, p), fast, *implicit, elements.body.substeps, dt, out)
@@ -315,7 +317,7 @@ class MotionLedger:
         self, start: Elements, end: Elements, applied: Floats, run: RunState, has_loads: bool
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """Return stock before and after a step, sums by force, and the rows of `GIVERS` that precede the elements."""
-        entries = _entries_in_substeps if self.parameters.has_substeps else _entries_in_steps
+        entries = _entries_in_substeps if self.parameters.stepping.has_substeps else _entries_in_steps
         start_stock, end_stock, forces = entries(start, end, applied, run)
         sums = np.zeros((ELEMENTS, 3))
         sums[: len(FORCES)] = forces[: len(FORCES)]
@@ -357,7 +359,7 @@ class MotionLedger:
         broke = (start_bonds.status == 0) & (bonds.status != 0)
         if not broke.any():
             return
-        if self.parameters.in_equilibrium:
+        if self.parameters.stepping.in_equilibrium:
             ledger[BONDS, 1] += float((bonds.released_energy - start_bonds.released_energy)[broke].sum())
             return
         unbroken = start_bonds.copy()
@@ -463,7 +465,7 @@ def _enter_difference(ledger: Floats, giver: str, stock_now: Floats) -> None:
 
 def bonds_vibrate(run: RunState) -> bool:
     """Return whether bonds store elastic energy in the motion of the elements."""
-    return run.parameters.has_substeps and bool(run.constants.dem and run.constants.bonds_on)
+    return run.parameters.stepping.has_substeps and bool(run.constants.dem and run.constants.bonds_on)
 
 
 BLOCK: Final = 2**17

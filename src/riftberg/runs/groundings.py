@@ -423,7 +423,7 @@ class GroundTeller:
     def _deep_keel(self, model: BareModel) -> list[str]:
         """Return once that a law of drag lets a keel far below the floor."""
         p, el = model.parameters, model.elements
-        if self._deep or p.in_equilibrium:
+        if self._deep or p.stepping.in_equilibrium:
             return []
         below = draft_of(el.thickness, p.ice.density) - el.environment.depth
         if not (below > DEEP_KEEL).any():

@@ -307,7 +307,7 @@ def check_restart(state: RestartState, path: Path) -> None:
     broken_at = bonds.break_time[~np.isnan(bonds.break_time)]  # NaN: the bond holds
     if ((broken_at < 0.0) | (broken_at > state.time + dt)).any():
         raise _damage_error("a bond that broke before the start, or later than now", path, "variable bond_break_time")
-    if state.parameters.has_substeps:
+    if state.parameters.stepping.has_substeps:
         _check_values(state.elements.substeps, Rule.between("element_substeps", 1, MOST_SUBSTEPS, whole=True), path)
     check_extra(state, path)
 
