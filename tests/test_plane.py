@@ -70,3 +70,12 @@ def test_directions_and_scale_are_those_of_small_steps(plane: ConformalPlane) ->
 def test_metres_stay_metres() -> None:
     plane = ConformalPlane(1000.0, 2000.0, 6.37e6, latlon=False)
     assert plane.forward(np.array([3000.0]), np.array([2500.0])) == (np.array([2000.0]), np.array([500.0]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("lat0", [90.0, -90.0, 89.9999])
+def test_points_beside_a_pole_come_back(kind: type[AzimuthalPlane], lat0: float) -> None:
+    """Bug: by the arc of the sine a point 1.25 m from a pole came back 1.5 mm off."""
+    y = np.array([-20.0, -1.25, 1e-3, 1.25, 20.0])
+    plane = kind(0.0, lat0, RADIUS)
+    np.testing.assert_allclose(plane.forward(*plane.inverse(0.3 * y, y)), (0.3 * y, y), rtol=0, atol=1e-8)

@@ -56,9 +56,10 @@ class AzimuthalPlane:
         rho = np.hypot(x, y) / self.radius
         c = self._angle(rho)
         ratio = np.where(rho > 0, np.sin(c) / np.where(rho > 0, rho, 1.0), 1.0) / self.radius
-        # Beside a pole the sine may exceed 1 by a rounding error.
-        phi = np.arcsin(np.clip(np.cos(c) * np.sin(phi0) + y * ratio * np.cos(phi0), -1.0, 1.0))
-        dlon = np.arctan2(x * ratio, np.cos(phi0) * np.cos(c) - y * ratio * np.sin(phi0))
+        up = np.cos(c) * np.sin(phi0) + y * ratio * np.cos(phi0)
+        east, along = x * ratio, np.cos(phi0) * np.cos(c) - y * ratio * np.sin(phi0)
+        # Not by the arc of the sine, which is flat at a pole: half of the digits would be lost there.
+        phi, dlon = np.arctan2(up, np.hypot(east, along)), np.arctan2(east, along)
         return self.lon0 + dlon / DEGREE, phi / DEGREE
 
     def moved(self, dlon: float, dlat: float) -> Self:
