@@ -366,7 +366,7 @@ def test_a_piece_that_the_floor_holds_bears_what_stands_behind_it_at_once(dt: fl
     assert 2e3 - float(np.ptp(model.elements.lon)) == pytest.approx(depth, abs=0.1)
 
 
-def strike(how: str, speed: float, dt: float) -> tuple[float, float]:
+def strike(how: str, speed: float, dt: float, friction: float = 0.0) -> tuple[float, float]:
     """Largest force on the faces (N), and tension (Pa), of a berg of 4 x 2 km that runs into another one; ``how`` that stands."""
     shape = {"radius": 500.0, "latlon": False}
     bergs = [
@@ -375,7 +375,7 @@ def strike(how: str, speed: float, dt: float) -> tuple[float, float]:
     ]
     parameters = Parameters(
         earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt, "only_interactions": True},
-        contact={"friction": 0.0}, fracture={"enabled": False},
+        contact={"friction": friction}, fracture={"enabled": False},
     )  # fmt: skip
     model = Model(Iceberg.join(bergs), Forcing.uniform(depth=244.0 if how == "aground" else 1000.0), parameters)
     model.elements.static[8:] = 1.0 if how == "fixed" else 0.0
@@ -400,6 +400,14 @@ def test_a_berg_that_the_bed_holds_is_struck_like_one_of_endless_mass(speed: flo
         assert strike(how, speed, 60.0)[1] == pytest.approx(tension, rel=0.005)
         tensions.append(tension / math.sqrt(reduced))
     np.testing.assert_allclose(tensions, tensions[0], rtol=0.02)
+
+
+@pytest.mark.parametrize("how", ["fixed", "afloat"])
+@pytest.mark.parametrize("speed", [0.05, 0.3])
+def test_friction_pulls_at_no_ice_that_is_struck_head_on(how: str, speed: float) -> None:
+    """Faces in one line locked with opposite frictions: 3.3 times the tension."""
+    for dt in (2.0, 60.0):
+        assert strike(how, speed, dt, friction=0.2)[1] == pytest.approx(strike(how, speed, dt)[1], rel=0.005)
 
 
 class Converging(Forcing.uniform):

@@ -30,7 +30,7 @@ from riftberg.engines.quasi_static.contact.face_pairs import (
 from riftberg.engines.quasi_static.contact.islands import Island, IslandResult, record_loads, spin_lever
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.physics.geometry import solve
-from riftberg.state import Floats
+from riftberg.state import Floats, Ints
 
 (
     TOUCHED,
@@ -92,6 +92,8 @@ SWEEP_RTOL: Final = 1e-8
 RELAXATION: Final = 1.3
 """Factor by which a sweep goes beyond the force that suits a face alone (successive over-relaxation). Twenty pieces that grind on
 each other then take two thirds of the sweeps; with 1.7 those of some no longer end."""
+IN_LINE: Final = 0.02
+"""Part of their distance, or angle (rad), up to which faces count as in one line where they share their friction."""
 
 
 class CrushingLaw(NamedTuple):
@@ -121,7 +123,8 @@ def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
         np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
         PairWorkspace(np.empty((corners, 2)), np.empty((corners, 2)), np.empty((2, 4 * corners, 3))),
         np.empty((4, 3, 3)), np.zeros(1), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.empty((bodies, 3)),
-        np.zeros(bodies, np.int64), np.full(bodies, np.inf),
+        np.zeros(bodies, np.int64), np.full(bodies, np.inf), np.zeros(pairs, np.bool_), np.empty(pairs, np.int64),
+        np.empty((3, pairs)), np.empty(pairs),
     )  # fmt: skip
 
 
@@ -318,7 +321,96 @@ def sweep_faces(
                 work.changed[a] = work.changed[b] = sweep
             largest_change = max(largest_change, largest)
         if largest_change <= SWEEP_RTOL * scale:
-            return
+            break
+    if law.friction > 0.0:
+        _share_friction(island, pair_state, count, h, scale, law, work)
+
+
+@borrower
+def _share_friction(
+    island: Island, pair_state: Floats, count: int, h: float, scale: float, law: CrushingLaw, work: CrushingWorkspace
+) -> None:  # fmt: skip
+    """Share the friction between two bodies among their faces that stick.
+
+    On faces in one line rigid bodies leave it open, and sweeps end with opposite frictions which pull at the ice between. Ice
+    gives way along a face as it does across; so a face sticks up to a speed of the friction times the closing speed.
+    """
+    work.shared[:count] = False
+    for f in range(count):
+        a, b = island.body_of[island.first[work.active[f]]], island.body_of[island.second[work.active[f]]]
+        sticking = 0
+        for g in range(f, count):
+            k, row = work.active[g], work.face[g]
+            if work.shared[g] or island.body_of[island.first[k]] != a or island.body_of[island.second[k]] != b:
+                continue
+            work.shared[g] = True
+            if pair_state[k, FORCE] > 0.0 and abs(_speed(row, ROW_T, work.new[a], work.new[b])) < law.friction * scale:
+                work.sticking[sticking] = g
+                sticking += 1
+        if sticking > 1:
+            _share_evenly(work.sticking[:sticking], pair_state, law.friction, work)
+            for m, g in enumerate(work.sticking[:sticking]):
+                state = pair_state[work.active[g]]
+                impulse = h * (work.friction[m] - state[FRICTION])
+                state[FRICTION] = work.friction[m]
+                _push(work.face[g], ROW_T, impulse, work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+
+
+@borrower
+def _share_evenly(sticking: Ints, pair_state: Floats, friction: float, work: CrushingWorkspace) -> None:
+    """Find frictions T with the resultants of the present ones, but the least ``sum T^2 / F``, as far as each face bears them.
+
+    Faces nearly in one line have the resultants of faces in line.
+    """
+    basis, even, towards = work.resultants, work.friction, 1.0
+    force = moment = 0.0
+    for m, g in enumerate(sticking):
+        row, pressed = work.face[g], pair_state[work.active[g], FORCE]
+        force += pressed
+        moment += pressed * (row[ROW_T + 2] ** 2 + row[ROW_N + 2] ** 2)
+        even[m] = 0.0
+    for n in range(3):
+        # What a resultant takes of each T / F^(1/2), made orthogonal to the resultants so far: little is left for faces in line.
+        for m, g in enumerate(sticking):
+            basis[n, m] = work.face[g, ROW_T + n] * math.sqrt(pair_state[work.active[g], FORCE])
+        for i in range(n):
+            _add_times(basis[n], basis[i], -_dot(basis[i], basis[n], sticking.size), sticking.size)
+        size = _dot(basis[n], basis[n], sticking.size)
+        if size <= IN_LINE**2 * (moment if n == 2 else force):
+            basis[n, : sticking.size] = 0.0
+            continue
+        resultant = 0.0
+        for m, g in enumerate(sticking):
+            basis[n, m] /= math.sqrt(size)
+            resultant += (
+                basis[n, m] * pair_state[work.active[g], FRICTION] / math.sqrt(pair_state[work.active[g], FORCE])
+            )
+        _add_times(even, basis[n], resultant, sticking.size)
+    for m, g in enumerate(sticking):
+        state = pair_state[work.active[g]]
+        even[m] *= math.sqrt(state[FORCE])
+        room, way = friction * state[FORCE] - abs(state[FRICTION]), abs(even[m]) - abs(state[FRICTION])
+        if way > room:
+            towards = min(towards, max(room, 0.0) / way)
+    for m, g in enumerate(sticking):
+        present = pair_state[work.active[g], FRICTION]
+        even[m] = present + towards * (even[m] - present)
+
+
+@kernel
+def _dot(a: Floats, b: Floats, count: int) -> float:
+    """Product of the first ``count`` numbers of two rows."""
+    total = 0.0
+    for m in range(count):
+        total += a[m] * b[m]
+    return total
+
+
+@kernel
+def _add_times(a: Floats, b: Floats, factor: float, count: int) -> None:
+    """Add ``factor`` times a row to another."""
+    for m in range(count):
+        a[m] += factor * b[m]
 
 
 @kernel

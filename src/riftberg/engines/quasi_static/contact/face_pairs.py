@@ -72,6 +72,10 @@ class CrushingWorkspace(NamedTuple):
     guess: Floats  # Twists of the turn before; shape (bodies, 3)
     floor: Ints  # Whether the floor holds a body or brakes it (`anchors`); shape (bodies,)
     stop: Floats  # Time in which bodies that slide would stop, s; shape (bodies,)
+    shared: NDArray[np.bool_]  # Whether the friction of a face is shared already; shape (pairs,)
+    sticking: Ints  # Faces between two bodies that stick; shape (pairs,)
+    resultants: Floats  # Directions of the three resultants of their friction; shape (3, pairs)
+    friction: Floats  # As they share it, N; shape (pairs,)
 
 
 @kernel
