@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 import xarray as xr
-from shapely.affinity import translate
+from shapely.affinity import rotate, translate
 from shapely.geometry import mapping
 
 from riftberg.bergs.iceberg import Iceberg
@@ -398,3 +398,23 @@ def test_no_outline_is_lost_with_its_margin() -> None:
     assert shrink(square, 6.0).is_empty
     turned = shapely.box(0.0, 0.0, 10.0, 10.0, ccw=False)
     assert join_polygons([square, shapely.box(10.0 + 1e-4, 0.0, 20.0, 10.0), turned], 1e-3).area == pytest.approx(200.0)
+
+
+def test_a_margin_is_taken_from_an_outline_that_geos_loses() -> None:
+    """Bug: of ten elements with edges nearly in line nothing was left, and a run of a berg that shattered ended."""
+    corners = [
+        -1002.7320404228468, -1732.782864372068, -2734.7823268284646, -732.7831652658167, -2800.1109817114125, -695.0656487833505,
+        -2233.739597116337, 135.04801511799417, -2233.7395971163364, 135.04801511799516, -1667.4648070389924, 965.0201033126443,
+        -1104.0479105374122, 1790.8034620415315, -1105.3067437018356, 1792.8496849063763, -1104.496776664628, 1792.8270636236089,
+        -1168.8108385122907, 1979.5595793172658, -733.8580326761786, 2732.920673839323, -733.0634682239902, 2734.9442064671143,
+        -732.7831769906845, 2734.782380316007, -728.8440472804708, 2741.60515977652, -726.5790415436849, 2740.514160237885,
+        -729.5603254737315, 2732.9216669057914, 130.79319920742188, 2236.1965362319884, 130.79319920741375, 2236.196536232019,
+        134.9878881995711, 2233.7747324292627, 135.69217831683352, 2233.3681105110704, 135.69745031488105, 2233.3484351464995,
+        964.1152301824148, 1735.0535308827132, 964.115230182415, 1735.0535308827132, 990.3234479852673, 1719.2892369499043,
+        990.3234479852676, 1719.2892369499048, 1849.130004715746, 1202.7154243555465, 2707.875531746694, 686.1783212440415,
+        1733.7820506126957, -1001.0002768149814, 732.7828588624068, -2734.782858657015,
+    ]  # fmt: skip
+    outline = shapely.Polygon(np.reshape(corners, (-1, 2)))
+    for turn in (0.0, 30.0):
+        berg = rotate(outline, turn, origin=(0.0, 0.0))
+        assert shrink(berg, 2.0).area == pytest.approx(berg.area - 2.0 * berg.length, rel=1e-4)
