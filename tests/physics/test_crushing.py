@@ -61,10 +61,29 @@ def test_what_comes_back_is_one_over_the_ratio() -> None:
 
 
 def test_friction_stops_and_does_not_reverse() -> None:
-    assert sliding_force(5.0, 100.0, 0.2) == 5.0
-    assert sliding_force(50.0, 100.0, 0.2) == 20.0
-    assert sliding_force(-50.0, 100.0, 0.2) == -20.0
-    assert sliding_force(1.0, 0.0, 0.2) == 0.0
+    """Of a stiff face: what brings both to rest within the step, up to its limit."""
+    for stop in (5.0, -5.0):
+        assert sliding_force(0.0, 0.1 * stop, 1e12, 0.1, 20.0) == pytest.approx(stop)
+    assert sliding_force(0.0, 5.0, 1e12, 0.1, 20.0) == 20.0
+    assert sliding_force(0.0, -5.0, 1e12, 0.1, 20.0) == -20.0
+    assert sliding_force(3.0, 1.0, 1e12, 0.1, 0.0) == 0.0
+
+
+def test_friction_grows_by_the_way_along_the_face_and_is_given_back() -> None:
+    """A slow plain twin: the force at which law and motion agree, by bisection."""
+    for last, way in ((0.0, 1.0), (4.0, 1.0), (4.0, -3.0), (-4.0, 1.0), (6.0, 9.0)):
+        low, high = -100.0, 100.0
+        for _ in range(80):
+            friction = 0.5 * (low + high)
+            if last + 3.0 * (way - 0.2 * friction) > friction:
+                low = friction
+            else:
+                high = friction
+        limited = min(max(low, -7.0), 7.0)
+        assert sliding_force(last, way, 3.0, 0.2, 7.0) == pytest.approx(limited)
+        assert sliding_force(-last, -way, 3.0, 0.2, 7.0) == pytest.approx(-limited)
+    there = sliding_force(0.0, 1.0, 3.0, 0.0, 7.0)
+    assert sliding_force(there, -1.0, 3.0, 0.0, 7.0) == 0.0
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -151,7 +151,25 @@ def crushing_force(
 
 
 @kernel
-def sliding_force(stop: float, force: float, friction: float) -> float:
-    """Coulomb friction between two faces, N: what stops the sliding, ``stop``, up to ``friction`` times the force on the face."""
-    most = friction * force
-    return min(max(stop, -most), most)
+def sliding_force(last: float, way: float, stiffness: float, compliance: float, most: float) -> float:
+    """Friction between two faces at the end of a step, N: what stops the sliding, up to Coulomb's.
+
+    Parameters
+    ----------
+    last : float
+        Friction at the end of the last step, N.
+    way : float
+        Way along the face within the step without friction, m.
+    stiffness : float
+        Of the ice along the face, N m-1.
+    compliance : float
+        How far friction takes the faces back within the step, m N-1: the law is taken at ``way - compliance T``.
+    most : float
+        The coefficient of friction times the force on the face, N.
+
+    Notes
+    -----
+    Between rigid bodies friction is open where several faces lie in one line; ice that gives way shares it among them.
+    """
+    friction = (last + stiffness * way) / (1.0 + stiffness * compliance)
+    return min(max(friction, -most), most)

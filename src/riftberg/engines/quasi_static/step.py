@@ -39,6 +39,9 @@ from riftberg.state import Bonds, Elements, Ints
 MAX_CRACKS_PER_STEP = 64
 """Cracks begin at most this often in a time step: overloads that follow each other sooner are found together."""
 
+SHORTEST_BLOW = 1e-3
+"""Shortest sub-step (s) that decides how closely a crack by contact is located: shorter ones only close a gap."""
+
 EVENT_TOLERANCE = 1.0 / 64.0
 """Events are located to this part of the shortest interval between two of them: the shortest sub-step for fracture by contact,
 the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
@@ -160,7 +163,7 @@ class TimeStep:
         least = self.dt / MAX_CRACKS_PER_STEP if self.cracked else 0.0
         if trial.contact is not None and self.lattice.overload(self._peak_equilibrium(trial)) > 0.0:
             # Cracks by contact may follow each other as quickly as its sub-steps.
-            shortest = trial.contact.shortest_substep
+            shortest = max(trial.contact.shortest_substep, SHORTEST_BLOW)
             trial = self._locate_event(trial, self._find_overload, shortest * EVENT_TOLERANCE, min(least, shortest))
             if self._peak_equilibrium(trial) is not None and self._overload_at_end(trial) <= 0.0:
                 # Contact presses harder within the step than at its end: the crack runs under the peak loads.

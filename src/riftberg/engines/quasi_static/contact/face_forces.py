@@ -20,6 +20,28 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.quasi_static.contact.anchors import HELD
+from riftberg.engines.quasi_static.contact.face_newton import (
+    CLOSING_NOW,
+    CRUSHING,
+    DRAG,
+    LOADING,
+    LOADING_RATE,
+    MOST_ITERATIONS,
+    NEXT_CLOSING,
+    NEXT_SLIDING,
+    PUSH,
+    SHEAR_RATE,
+    SLIDING_NOW,
+    STICKING,
+    UNLOADING,
+    UNLOADING_RATE,
+    add_face,
+    allocate_newton,
+    approach_solution,
+    begin_system,
+    find_pieces,
+    solve_system,
+)
 from riftberg.engines.quasi_static.contact.face_pairs import (
     CrushingWorkspace,
     Faces,
@@ -30,7 +52,7 @@ from riftberg.engines.quasi_static.contact.face_pairs import (
 from riftberg.engines.quasi_static.contact.islands import Island, IslandResult, record_loads, spin_lever
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.physics.geometry import solve
-from riftberg.state import Floats, Ints
+from riftberg.state import Floats
 
 (
     TOUCHED,
@@ -86,14 +108,15 @@ LEAST_FACE: Final = 1.0
 MAX_SWEEPS: Final = 400
 """Sweeps over the faces; impulses are equal and opposite after each of them, so momentum does not depend on their number."""
 
+SWEEPS_BY_NEWTON: Final = 10
+"""Sweeps after which Newton's method takes all faces at once; the sweeps that follow say whether it has found the forces."""
+
 SWEEP_RTOL: Final = 1e-8
 """Change of the velocities in a sweep, as a part of the largest, at which the sweeps end."""
 
-RELAXATION: Final = 1.3
-"""Factor by which a sweep goes beyond the force that suits a face alone (successive over-relaxation). Twenty pieces that grind on
-each other then take two thirds of the sweeps; with 1.7 those of some no longer end."""
-IN_LINE: Final = 0.02
-"""Part of their distance, or angle (rad), up to which faces count as in one line where they share their friction."""
+SHEAR_OVER_CRUSHING: Final = 10.0
+"""Stiffness of a face along it over that of loading across it. Chosen: with 1 a brief impact would meet hardly any friction, and
+with 100 faces nearly in line load the ice between them against each other (3 % more tension head on, rigid ones 3.3 times)."""
 
 
 class CrushingLaw(NamedTuple):
@@ -106,7 +129,7 @@ class CrushingLaw(NamedTuple):
 
 
 NX, NY, AREA, AREA_PER_SPEED, ROW_N, ROW_T = 0, 1, 2, 3, 4, 10
-MOBILITY_N, MOBILITY_T, OFFSET, SLIDING, CLOSING, BEFORE = 16, 17, 18, 22, 23, 24
+MOBILITY_N, MOBILITY_T, OFFSET, SLIDING, CLOSING, LAST_FORCE, LAST_FRICTION = 16, 17, 18, 22, 23, 24, 25
 """Columns of ``face``."""
 
 
@@ -118,13 +141,12 @@ def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
         np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((bodies, 3)),
         np.empty((bodies, 3)), np.empty((bodies, 3)), np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies),
         np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.empty(pairs),
-        np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 25)),
+        np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 26)),
         np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
         np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
         PairWorkspace(np.empty((corners, 2)), np.empty((corners, 2)), np.empty((2, 4 * corners, 3))),
         np.empty((4, 3, 3)), np.zeros(1), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.empty((bodies, 3)),
-        np.zeros(bodies, np.int64), np.full(bodies, np.inf), np.zeros(pairs, np.bool_), np.empty(pairs, np.int64),
-        np.empty((3, pairs)), np.empty(pairs),
+        np.zeros(bodies, np.int64), np.full(bodies, np.inf), allocate_newton(bodies, pairs),
     )  # fmt: skip
 
 
@@ -132,6 +154,12 @@ def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
 def unloading_rate(thickness: float, law: CrushingLaw) -> float:
     """Force (N m-2) that a face loses with its overlap as it is unloaded; ``thickness`` (m): of the thinner element."""
     return law.ratio * law.strength * thickness / law.depth
+
+
+@kernel
+def shear_stiffness(thickness: float, chord: float, law: CrushingLaw) -> float:
+    """Stiffness (N m-1) along a face of a chord (m); ``thickness`` (m): of the thinner element."""
+    return SHEAR_OVER_CRUSHING * face_stiffness(law.strength, thickness, chord, law.depth)
 
 
 @kernel
@@ -208,7 +236,8 @@ def find_faces(
         state[CHORD] = chord
         row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
         row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
-        row[SLIDING], row[CLOSING], row[BEFORE] = _speed(row, ROW_T, twist[a], twist[b]), closing, state[FORCE]
+        row[SLIDING], row[CLOSING] = _speed(row, ROW_T, twist[a], twist[b]), closing
+        row[LAST_FORCE], row[LAST_FRICTION] = state[FORCE], state[FRICTION]
         row[AREA] = area - 0.5 * h * closing * chord if state[PHASE] == REST else area
         if _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b]) > 0.0:  # else both are held
             work.active[count] = k
@@ -275,17 +304,19 @@ def _speed(row: Floats, column: int, v: Floats, w: Floats) -> float:
 def sweep_faces(
     island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> None:
-    """Find the forces of the faces and the velocities that they lead to (projected Gauss-Seidel, over-relaxed)."""
+    """Find the forces of the faces and the velocities that they lead to (projected Gauss-Seidel)."""
     scale = 1e-9
     for f in range(count):
         k, row = work.active[f], work.face[f]
         a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
         scale = max(scale, abs(_speed(row, ROW_N, work.new[a], work.new[b])), abs(row[SLIDING]))
-        # The forces of the sub-step before are a first guess.
-        _push(row, ROW_N, h * pair_state[k, FORCE], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
-        _push(row, ROW_T, h * pair_state[k, FRICTION], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+    _copy(work.new, work.newton.free)
+    _push_all(island, pair_state, count, h, work)  # the forces of the sub-step before are a first guess
     work.changed[:] = 0
     for sweep in range(1, MAX_SWEEPS + 1):
+        if sweep % SWEEPS_BY_NEWTON == 0 and work.newton.right.shape[0] > 0:
+            _solve_for_forces(island, faces, pair_state, count, h, law, work)
+            work.changed[:] = sweep
         largest_change = 0.0
         for f in range(count):
             k, row = work.active[f], work.face[f]
@@ -303,16 +334,15 @@ def sweep_faces(
                 row[AREA] + row[AREA_PER_SPEED] * free, state[TOUCHED], state[CRUSHED], law.strength * thickness / law.depth,
                 law.ratio, law.strength * thickness * state[CHORD], row[AREA_PER_SPEED] * mobility,
             )  # fmt: skip
-            force = max(state[FORCE] + RELAXATION * (force - state[FORCE]), 0.0)
             change = force - state[FORCE]
             state[FORCE] = force
             _push(row, ROW_N, h * change, compliance_1, compliance_2, v, w)
             largest = max(largest, abs(mobility * change))
             if law.friction > 0.0:
                 mobility = h * row[MOBILITY_T]
-                slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / mobility, force, law.friction)
-                most = law.friction * force
-                slide = min(max(state[FRICTION] + RELAXATION * (slide - state[FRICTION]), -most), most)
+                free = _speed(row, ROW_T, v, w) + mobility * state[FRICTION]
+                stiffness = shear_stiffness(thickness, state[CHORD], law)
+                slide = sliding_force(row[LAST_FRICTION], h * free, stiffness, h * mobility, law.friction * force)
                 change = slide - state[FRICTION]
                 state[FRICTION] = slide
                 _push(row, ROW_T, h * change, compliance_1, compliance_2, v, w)
@@ -321,96 +351,85 @@ def sweep_faces(
                 work.changed[a] = work.changed[b] = sweep
             largest_change = max(largest_change, largest)
         if largest_change <= SWEEP_RTOL * scale:
-            break
-    if law.friction > 0.0:
-        _share_friction(island, pair_state, count, h, scale, law, work)
+            return
 
 
 @borrower
-def _share_friction(
-    island: Island, pair_state: Floats, count: int, h: float, scale: float, law: CrushingLaw, work: CrushingWorkspace
+def _solve_for_forces(
+    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> None:  # fmt: skip
-    """Share the friction between two bodies among their faces that stick.
-
-    On faces in one line rigid bodies leave it open, and sweeps end with opposite frictions which pull at the ice between. Ice
-    gives way along a face as it does across; so a face sticks up to a speed of the friction times the closing speed.
-    """
-    work.shared[:count] = False
+    """Find the forces of all faces at once, by Newton's method from the present velocities."""
+    newton, share = work.newton, 0.0
     for f in range(count):
-        a, b = island.body_of[island.first[work.active[f]]], island.body_of[island.second[work.active[f]]]
-        sticking = 0
-        for g in range(f, count):
-            k, row = work.active[g], work.face[g]
-            if work.shared[g] or island.body_of[island.first[k]] != a or island.body_of[island.second[k]] != b:
-                continue
-            work.shared[g] = True
-            if pair_state[k, FORCE] > 0.0 and abs(_speed(row, ROW_T, work.new[a], work.new[b])) < law.friction * scale:
-                work.sticking[sticking] = g
-                sticking += 1
-        if sticking > 1:
-            _share_evenly(work.sticking[:sticking], pair_state, law.friction, work)
-            for m, g in enumerate(work.sticking[:sticking]):
-                state = pair_state[work.active[g]]
-                impulse = h * (work.friction[m] - state[FRICTION])
-                state[FRICTION] = work.friction[m]
-                _push(work.face[g], ROW_T, impulse, work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+        k, row = work.active[f], work.face[f]
+        _set_law(
+            newton.law[f],
+            row,
+            pair_state[k],
+            min(faces.thickness[island.first[k]], faces.thickness[island.second[k]]),
+            h,
+            law,
+        )
+        newton.course[f, PUSH], newton.course[f, DRAG] = pair_state[k, FORCE], pair_state[k, FRICTION]
+        newton.piece[f, 0] = newton.piece[f, 1] = -1
+    _find_speeds(island, count, work, newton.course, CLOSING_NOW, SLIDING_NOW)
+    for _ in range(MOST_ITERATIONS):
+        if not find_pieces(newton, count, law.friction) and share == 1.0:
+            break
+        begin_system(newton)
+        for f in range(count):
+            k, row = work.active[f], work.face[f]
+            a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
+            add_face(newton, f, row[ROW_N : ROW_N + 6], row[ROW_T : ROW_T + 6], a, b, h, work.compliance)
+        solve_system(newton, work.new)
+        _find_speeds(island, count, work, newton.course, NEXT_CLOSING, NEXT_SLIDING)
+        share = approach_solution(newton, count, law.friction)
+        if share == 0.0:
+            break
+    for f in range(count):
+        state = pair_state[work.active[f]]
+        state[FORCE] = max(newton.course[f, PUSH], 0.0)
+        most = law.friction * state[FORCE]
+        state[FRICTION] = min(max(newton.course[f, DRAG], -most), most)
+    _copy(newton.free, work.new)
+    _push_all(island, pair_state, count, h, work)
+
+
+@kernel
+def _set_law(out: Floats, row: Floats, state: Floats, thickness: float, h: float, law: CrushingLaw) -> None:
+    """Write down the law of a face by its closing and sliding speed."""
+    loading, unloading = law.strength * thickness / law.depth, unloading_rate(thickness, law)
+    out[UNLOADING], out[UNLOADING_RATE] = unloading * (row[AREA] - state[CRUSHED]), unloading * row[AREA_PER_SPEED]
+    out[LOADING], out[LOADING_RATE] = loading * (row[AREA] - state[TOUCHED]), loading * row[AREA_PER_SPEED]
+    out[CRUSHING] = law.strength * thickness * state[CHORD]
+    out[STICKING], out[SHEAR_RATE] = row[LAST_FRICTION], h * shear_stiffness(thickness, state[CHORD], law)
 
 
 @borrower
-def _share_evenly(sticking: Ints, pair_state: Floats, friction: float, work: CrushingWorkspace) -> None:
-    """Find frictions T with the resultants of the present ones, but the least ``sum T^2 / F``, as far as each face bears them.
+def _find_speeds(island: Island, count: int, work: CrushingWorkspace, out: Floats, closing: int, sliding: int) -> None:
+    """Put the closing and the sliding speed of each face into two columns."""
+    for f in range(count):
+        k, row = work.active[f], work.face[f]
+        v, w = work.new[island.body_of[island.first[k]]], work.new[island.body_of[island.second[k]]]
+        out[f, closing], out[f, sliding] = _speed(row, ROW_N, v, w), _speed(row, ROW_T, v, w)
 
-    Faces nearly in one line have the resultants of faces in line.
-    """
-    basis, even, towards = work.resultants, work.friction, 1.0
-    force = moment = 0.0
-    for m, g in enumerate(sticking):
-        row, pressed = work.face[g], pair_state[work.active[g], FORCE]
-        force += pressed
-        moment += pressed * (row[ROW_T + 2] ** 2 + row[ROW_N + 2] ** 2)
-        even[m] = 0.0
-    for n in range(3):
-        # What a resultant takes of each T / F^(1/2), made orthogonal to the resultants so far: little is left for faces in line.
-        for m, g in enumerate(sticking):
-            basis[n, m] = work.face[g, ROW_T + n] * math.sqrt(pair_state[work.active[g], FORCE])
-        for i in range(n):
-            _add_times(basis[n], basis[i], -_dot(basis[i], basis[n], sticking.size), sticking.size)
-        size = _dot(basis[n], basis[n], sticking.size)
-        if size <= IN_LINE**2 * (moment if n == 2 else force):
-            basis[n, : sticking.size] = 0.0
-            continue
-        resultant = 0.0
-        for m, g in enumerate(sticking):
-            basis[n, m] /= math.sqrt(size)
-            resultant += (
-                basis[n, m] * pair_state[work.active[g], FRICTION] / math.sqrt(pair_state[work.active[g], FORCE])
-            )
-        _add_times(even, basis[n], resultant, sticking.size)
-    for m, g in enumerate(sticking):
-        state = pair_state[work.active[g]]
-        even[m] *= math.sqrt(state[FORCE])
-        room, way = friction * state[FORCE] - abs(state[FRICTION]), abs(even[m]) - abs(state[FRICTION])
-        if way > room:
-            towards = min(towards, max(room, 0.0) / way)
-    for m, g in enumerate(sticking):
-        present = pair_state[work.active[g], FRICTION]
-        even[m] = present + towards * (even[m] - present)
+
+@borrower
+def _push_all(island: Island, pair_state: Floats, count: int, h: float, work: CrushingWorkspace) -> None:
+    """Change the velocities by the forces of all faces."""
+    for f in range(count):
+        k, row = work.active[f], work.face[f]
+        a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
+        _push(row, ROW_N, h * pair_state[k, FORCE], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+        _push(row, ROW_T, h * pair_state[k, FRICTION], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
 
 
 @kernel
-def _dot(a: Floats, b: Floats, count: int) -> float:
-    """Product of the first ``count`` numbers of two rows."""
-    total = 0.0
-    for m in range(count):
-        total += a[m] * b[m]
-    return total
-
-
-@kernel
-def _add_times(a: Floats, b: Floats, factor: float, count: int) -> None:
-    """Add ``factor`` times a row to another."""
-    for m in range(count):
-        a[m] += factor * b[m]
+def _copy(a: Floats, out: Floats) -> None:
+    """Copy rows of three numbers."""
+    for b in range(a.shape[0]):
+        for i in range(3):
+            out[b, i] = a[b, i]
 
 
 @kernel
@@ -470,7 +489,7 @@ def update_faces(
             result.impulse[b, n] -= h * (force * row[ROW_N + 3 + n] + slide * row[ROW_T + 3 + n])
         crushed = area - force / unloading
         if force > 0.0 and crushed > state[CRUSHED]:
-            stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (unloading * state[CHORD])
+            stored = 0.5 * (force * force - row[LAST_FORCE] * row[LAST_FORCE]) / (unloading * state[CHORD])
             work.dissipated[0] += max(h * force * approach_speed - stored, 0.0)
             state[CRUSHED] = crushed
         if state[PHASE] == REST and force > 0.0:
@@ -479,7 +498,10 @@ def update_faces(
             drift = h * (approach_speed - closing) * state[CHORD]
             state[TOUCHED] += drift
             state[CRUSHED] += drift
-        work.dissipated[0] += max(h * slide * _speed(row, ROW_T, work.path_twist[a], work.path_twist[b]), 0.0)
+        sliding = _speed(row, ROW_T, work.path_twist[a], work.path_twist[b])
+        stiffness = shear_stiffness(min(faces.thickness[i], faces.thickness[j]), state[CHORD], law)
+        stored = 0.5 * (slide * slide - row[LAST_FRICTION] * row[LAST_FRICTION]) / stiffness
+        work.dissipated[0] += max(h * slide * sliding - stored, 0.0)
         state[SINCE] += h
         nx, ny = row[NX], row[NY]
         fx, fy = force * nx - slide * ny, force * ny + slide * nx
@@ -494,7 +516,7 @@ def update_faces(
                 state[PHASE], state[SINCE] = IMPACT, 0.0
         else:
             # Faces that were unloaded and are struck again begin a new impact.
-            if force > 0.0 and row[BEFORE] == 0.0 and row[CLOSING] > STRUCK_AT_REST and state[SINCE] > h:
+            if force > 0.0 and row[LAST_FORCE] == 0.0 and row[CLOSING] > STRUCK_AT_REST and state[SINCE] > h:
                 state[SINCE], state[SPEED] = h, row[CLOSING]
             since = state[SINCE] * math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
             slow = closing < max(IMPACT_OVER * state[SPEED], SLOW)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
+from riftberg.engines.quasi_static.contact.face_newton import NewtonWorkspace
 from riftberg.engines.quasi_static.contact.islands import Island, element_path
 from riftberg.physics.geometry import gap, overlap
 from riftberg.state import Floats, Ints
@@ -55,8 +56,8 @@ class CrushingWorkspace(NamedTuple):
     active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
     # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
-    # closing speed (m s-1) and force across (N) before
-    face: Floats  # shape (pairs, 25)
+    # closing speed (m s-1), force across and along (N) in the last sub-step
+    face: Floats  # shape (pairs, 26)
     accelerations: Floats  # By each force, m s-2; shape (elements, forces, 2)
     drag_rate: Floats  # Of `ForceTerms`; shape (elements, 3)
     force: Floats
@@ -72,10 +73,7 @@ class CrushingWorkspace(NamedTuple):
     guess: Floats  # Twists of the turn before; shape (bodies, 3)
     floor: Ints  # Whether the floor holds a body or brakes it (`anchors`); shape (bodies,)
     stop: Floats  # Time in which bodies that slide would stop, s; shape (bodies,)
-    shared: NDArray[np.bool_]  # Whether the friction of a face is shared already; shape (pairs,)
-    sticking: Ints  # Faces between two bodies that stick; shape (pairs,)
-    resultants: Floats  # Directions of the three resultants of their friction; shape (3, pairs)
-    friction: Floats  # As they share it, N; shape (pairs,)
+    newton: NewtonWorkspace
 
 
 @kernel
