@@ -246,7 +246,8 @@ def test_a_berg_that_the_bed_holds_stands_like_a_wall_when_it_is_struck(dt: floa
     """Bug: in the sub-steps of the impact it went as if it were afloat, and the other came 73 m into it in a step of ten minutes.
 
     In half an hour it was 196 m. The other comes back at a seventh of its speed: a tenth is what ice gives back, the rest comes
-    from the elastic anchors. Both bear the largest force, and the floor takes the impulse.
+    from the elastic anchors. Both bear the largest force, and the floor takes the impulse. Friction along the faces takes a tenth
+    off the tension (11.9 and 9.2 kPa without); where they locked it added 8.6 kPa, and twice as much with twice the coefficient.
     """
     model = struck(dt, 0.6)
     first, stress, gap = model.bonds.first < 50, np.zeros(2), math.inf
@@ -258,7 +259,7 @@ def test_a_berg_that_the_bed_holds_stands_like_a_wall_when_it_is_struck(dt: floa
     assert 0.1 < -el.u[:50].mean() / 0.2 < 0.2
     assert np.abs(el.u[50:]).max() < 1e-6
     assert gap > -5.0
-    assert stress == pytest.approx([20.48e3, 9.25e3], rel=0.01)
+    assert stress == pytest.approx([10.72e3, 8.70e3], rel=0.01)
     ledger = model.motion.balance(model, model.remembered)
     given = (el.mass[:50] * (el.u[:50] - 0.2)).sum()
     water, floor = (ledger.impulse[name][0] for name in ("water", "sea_floor"))
