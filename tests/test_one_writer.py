@@ -87,7 +87,7 @@ def test_a_second_kid_leaves_the_first_alone(tmp_path: Path, times: int) -> None
 
 
 def test_a_second_run_or_one_that_goes_on_leaves_the_first_alone(tmp_path: Path) -> None:
-    from riftberg.runs.run_file import open_run
+    from riftberg import open_run
 
     (tmp_path / "slab.yaml").write_text(SLAB)
     words = ("run", str(tmp_path / "slab.yaml"), "--days", "80000", "--allow-large", "--every", "24", "--no-map", "-q")

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from riftberg import Parameters
+from riftberg import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.config.values import field_extra
 from riftberg.ensembles.vary import read_varied
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed, parse_settings
 from riftberg.experiments.yaml_file import read_file
-from riftberg.parameters import A68A_2022, A68A_2022_KID, ExplicitParameters, QuasiStaticParameters, fields_by_path
+from riftberg.parameters import ExplicitParameters, QuasiStaticParameters, fields_by_path
 from riftberg.runs.layout import read_parameters
 
 ELASTIC = "the ice is elastic, alike in all directions; with stepping.scheme = 'mts' its bonds are"

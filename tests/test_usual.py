@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022, Forcing, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
 from riftberg.config.usual_ranges import LAWS, USUAL, of_length, without_effect
 from riftberg.config.values import field_extra
 from riftberg.ocean import formulas
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import QuasiStaticParameters, fields_by_path
 
 MTS = {"scheme": "mts"}

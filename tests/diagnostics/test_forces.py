@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Model
+from riftberg import Forcing, Iceberg, Model, open_run
 from riftberg.diagnostics.cut import FORCES, accelerations, external_forces
 from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.derived import force_variables
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 
 P = A68A_2022_MTS.changed(stepping={"substeps": None}, bonds={"constant_size": False})
 

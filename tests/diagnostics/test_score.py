@@ -15,6 +15,7 @@ import xarray as xr
 from matplotlib.image import imread
 
 from fakes import FakeModel
+from riftberg import open_run
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import (
     WORST,
@@ -30,7 +31,7 @@ from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
 from riftberg.ocean.grid import haversine
 from riftberg.plane import ConformalPlane
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.tracks import axis_difference
 from riftberg.viz.score import draw_score
 

@@ -16,11 +16,11 @@ import xarray as xr
 from matplotlib.image import imread
 
 from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.diagnostics import why
 from riftberg.diagnostics.cut import FORCES, Breakup
 from riftberg.experiments import build
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.viz.score import draw_reasons
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
+from riftberg import Parameters
 from riftberg.engines.common.broad_phase import excluding
 from riftberg.engines.common.forces.media import allocate_surroundings
 from riftberg.engines.common.forces.pair_law import NeighbourLists
@@ -13,7 +14,6 @@ from riftberg.engines.explicit.breaking import allocate_pairs, pairs_from_list
 from riftberg.engines.explicit.mts import StepReport, take_long_step
 from riftberg.engines.explicit.substeps import StepPlan, Workspace, allocate_fields
 from riftberg.engines.explicit.tiles import AT_ONCE, allocate_tiles
-from riftberg.parameters import Parameters
 from riftberg.state import new_bonds, new_elements
 from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
 

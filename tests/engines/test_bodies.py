@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import Parameters
 from riftberg.compiled.kernels import plain
 from riftberg.engines.common.broad_phase import contact_cells
 from riftberg.engines.common.forces.media import CORIOLIS, FORCES, LIMIT, MEDIA, SEA_FLOOR, Medium
@@ -18,7 +19,6 @@ from riftberg.engines.quasi_static.bodies.pose import mean_displacement, subtrac
 from riftberg.engines.quasi_static.contact import anchors
 from riftberg.engines.quasi_static.contact.islands import accumulate_floor_impulse, accumulate_impulse, element_path
 from riftberg.ocean.grid import Grid
-from riftberg.parameters import Parameters
 
 
 def levers(places: Any) -> np.ndarray:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from riftberg import Parameters
 from riftberg.engines.common.fragments.contact_log import SEPARATION_TIME, ContactEvent, ContactLog
 from riftberg.engines.common.fragments.tree import Fragment, FragmentTree
-from riftberg.parameters import Parameters
 from riftberg.state import Elements, new_elements
 
 P = Parameters().kernel_values()

@@ -7,11 +7,8 @@ import logging
 import pytest
 
 from engines.test_cells import bent
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.slenderness import ENOUGH, SAG, narrow_warning
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 
 FLAT = {"latlon": False, "period": 0.0}
 

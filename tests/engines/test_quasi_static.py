@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from engines.test_elastic_cells import dense_matrix, loads, stiffness_of
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.quasi_static.bodies.dynamics import (
     NEWTON_RTOL,
@@ -31,8 +30,6 @@ from riftberg.engines.quasi_static.lattice.cells import add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, bond_deformations, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.errors import RunError
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 from scripts import loaded
 from twins import equilibrium as twin
 

@@ -7,12 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.media import SPIN_QUADRATIC, WATER, allocate_surroundings, find_surroundings
 from riftberg.engines.common.forces.sizes import interaction_sizes
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 from twins import drag as twin
 
 FLAT: dict[str, Any] = {"latlon": False, "period": 0.0}

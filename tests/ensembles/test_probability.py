@@ -13,7 +13,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import riftberg
-from riftberg import Forcing, Iceberg, Model, Parameters, open_sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run, open_sweep
 from riftberg.cli.main import app
 from riftberg.config.units import place_text
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
@@ -23,7 +23,6 @@ from riftberg.ensembles.probability import CONES, scenarios, sources, told, wils
 from riftberg.ensembles.result import MOST_LISTED
 from riftberg.ensembles.vary import read_varied
 from riftberg.errors import InputError
-from riftberg.runs.run_file import open_run
 from riftberg.viz.ensemble import draw_forecast
 
 from .made import forecast_of, outcome, small_berg

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from riftberg import A68A_2022_KID, Parameters
 from riftberg.errors import NamelistError
 from riftberg.kid.parameters import NEVER, read_namelist, to_parameters
-from riftberg.parameters import A68A_2022_KID, Parameters
 
 from .conftest import namelist_text
 

@@ -12,16 +12,12 @@ import pytest
 from cases import CASES
 from engines.test_media import SCHEMES
 from engines.test_media import model as adrift
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.cli.run import ledger_lines
 from riftberg.diagnostics.summary import summarize
 from riftberg.engines.common.forces.media import FORCES
 from riftberg.errors import InputError
 from riftberg.life.motion import CLOSES, GIVERS, MotionBalance, energy_in_bonds, stock
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
-from riftberg.runs.run_file import open_run
 from riftberg.system.atomic_files import write_json
 from verification.setups import energy, lattice, parameters, shake
 

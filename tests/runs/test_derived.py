@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Model
+from riftberg import Forcing, Iceberg, Model, open_run
 from riftberg.diagnostics.cut import FORCES, applied_forces, external_forces, forces_recorded
 from riftberg.errors import RunError
 from riftberg.experiments import Options, build
 from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.derived import force_variables
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 
 P = A68A_2022_MTS.changed(stepping={"substeps": 90, "time_step": 1800.0}, bonds={"constant_size": False})
 SEA = {

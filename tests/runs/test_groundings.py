@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fakes import FakeForcing, FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.constants import GRAVITY
 from riftberg.diagnostics.summary import summarize
 from riftberg.diagnostics.why import explain, reason_lines
@@ -27,7 +27,7 @@ from riftberg.runs.groundings import (
     title_lines,
 )
 from riftberg.runs.restart import load_state
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 
 HOUR = 3600.0

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fakes import FakeModel
+from riftberg import A68A_2022
 from riftberg.errors import InputError
-from riftberg.parameters import A68A_2022
 from riftberg.runs import restart
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engines.test_elastic_cells import dense_matrix
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.crack_tips import TIP_NAMES
 from riftberg.engines.quasi_static.lattice.equilibrium import elastic_energy
 from riftberg.engines.quasi_static.lattice.triangles import (
@@ -21,8 +20,6 @@ from riftberg.engines.quasi_static.lattice.triangles import (
     find_open_edges,
     find_triangles,
 )
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 from verification.test_crack_lines import QUICK, RADIUS, SPACING, THICKNESS, Plate
 
 LENGTH, WIDTH = 36e3, 12e3

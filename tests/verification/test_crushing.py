@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters
 from riftberg.diagnostics.summary import fragment_areas
 from riftberg.engines.quasi_static.contact import faces
 from riftberg.engines.quasi_static.contact.crushing_step import integrate_faces
@@ -35,7 +35,7 @@ from riftberg.engines.quasi_static.step import TimeStep
 from riftberg.engines.quasi_static.trial import LawsWithMemory
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
-from riftberg.parameters import A68A_2022, PUBLISHED_DRAG
+from riftberg.parameters import PUBLISHED_DRAG
 
 LONG = 50  # Elements of the first berg
 

@@ -10,7 +10,8 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from fakes import FakeModel
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg import open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.viz.animate import COLOURS, GIF_FPS, film_palette, write_film
 from riftberg.viz.colours import FRAGMENTS as FRAGMENT_COLOURS
 

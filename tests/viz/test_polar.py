@@ -14,14 +14,14 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from fakes import SIDE, FakeModel
+from riftberg import draw_map, draw_tracks, open_run
 from riftberg.cli.main import app
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Box
 from riftberg.viz import colours, style
 from riftberg.viz.coast import SIZE, project_coast
-from riftberg.viz.map import draw_map, draw_tracks
 from riftberg.viz.panels import Map, PolarScene, PolarWater, depth_bar, project_run
 
 SOUTH = ConformalPlane(-40.0, -90.0, 6.37e6)

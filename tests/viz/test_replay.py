@@ -14,8 +14,9 @@ from matplotlib.image import imread
 
 from ensembles.made import forecast_of, outcome
 from fakes import FakeModel
+from riftberg import open_run
 from riftberg.experiments import build
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.viz import colours
 from riftberg.viz.ensemble import choose_tracks
@@ -234,7 +235,7 @@ def test_keys_zoom_and_settings_work_in_a_browser(page: Path) -> None:
 @pytest.mark.slow
 def test_the_page_draws_every_shape_and_place(tmp_path: Path) -> None:
     """Hexagons, metres, no water: no browser error either."""
-    from riftberg.parameters import A68A_2022
+    from riftberg import A68A_2022
 
     hexagonal = A68A_2022.changed(bonds={"packing": "hexagonal"})
     writer = RunWriter(tmp_path / "run.nc", every_hours=6, background=False)

@@ -20,16 +20,15 @@ from matplotlib.lines import Line2D
 from matplotlib.quiver import QuiverKey
 
 from fakes import SIDE, FakeForcing, FakeModel
+from riftberg import A68A_2022, Parameters, draw_map, open_run
 from riftberg.cli.pictures import usual_kinds
 from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.engines.common.fragments.tree import Fragment
 from riftberg.errors import InputError
-from riftberg.parameters import A68A_2022, Parameters
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene, stored_water, stretch
 from riftberg.viz import animate, colours, ensemble, plots, style
 from riftberg.viz import score as score_picture
-from riftberg.viz.map import draw_map
 from riftberg.viz.panels import DOT, arrow_key, common_boxes, fragment_colours
 from riftberg.viz.replay import ReplayContent
 from riftberg.viz.score import _failures
