@@ -206,7 +206,7 @@ def test_forces_by_element_stay_where_the_reference_asks_for_them():
     """The reference's waves push inner elements too (Q34)."""
     by_element = Parameters(stepping={"scheme": "mts"}, compatibility={"forces_by_element": True})
     assert by_element.kernel_values().forces_by_element
-    assert Parameters(drag={"sides_by_bonds": False}).kernel_values().forces_by_element
+    assert Parameters(stepping={"scheme": "mts"}, drag={"sides_by_bonds": False}).kernel_values().forces_by_element
     assert not Parameters().kernel_values().forces_by_element
 
 
