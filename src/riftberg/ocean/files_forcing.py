@@ -171,10 +171,8 @@ def forcing_from_files(
     fields_read = {str(name) for ds in datasets for name in ds.data_vars}
     notices = [*records.named_remarks(datasets), *records.doubtful_units(datasets)]
     if not fields_read & {"ua", "taux"} and settings.wind == "files":
-        fields = ", ".join(WIND.fields)
-        notices.append(
-            f"no file gives the wind ({fields}): the air is calm. With wind: none in forcing this is not said"
-        )
+        wind = ", ".join(WIND.fields)
+        notices.append(f"no file gives the wind ({wind}): the air is calm. With wind: none in forcing this is not said")
     notices += [
         f"{records.named(ds)} has no dates: its {', '.join(moving)} are held constant for the whole run"
         for ds in datasets
