@@ -302,7 +302,7 @@ def test_newtons_method_ends_where_another_pass_would_bring_nothing(guess) -> No
     model = square_berg(30, lambda p: p.adapted(stepping={"scheme": "quasi_static"})[0])
     model.forcing = Forcing.uniform(current=(0.2, -0.1), wind=(9.0, 4.0))
     model.advance(steps=2)
-    now = model._stepper._state  # type: ignore[attr-defined]
+    now = model._stepper.memory.state  # type: ignore[attr-defined]
     op, middle, work = now.operators, now.bodies.twist, allocate_body_workspace(1)
     twist = middle + guess * np.array([[0.1, -0.3, 1e-6]])
     work.active[:] = True

@@ -80,7 +80,7 @@ def test_excess_drag_is_the_plain_sum_over_the_media() -> None:
     """And what the ledger takes from it is what it takes from the berg."""
     model = made(60.0, 50.0, 1800.0)
     model.step()
-    state = model._stepper._state
+    state = model._stepper.memory.state
     op, terms, half_dt, before, media = (
         state.operators,
         state.terms,

@@ -295,7 +295,7 @@ def on_a_bed(*, current: float, depth: float = 0.5, bending: bool = False) -> Mo
 
 def stored(model: Model) -> tuple[float, np.ndarray]:
     """Elastic energy (J) at the end of the last step, and which faces are closed."""
-    state, cells = model._stepper._state, model._stepper._lattice.cells
+    state, cells = model._stepper.memory.state, model._stepper.memory.lattice.cells
     moved = state.bodies.displacement
     return elastic_energy(moved, state.load), cells.faces.closed(cells.displacements(moved))
 
