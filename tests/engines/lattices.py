@@ -10,7 +10,7 @@ from riftberg.engines.common.broad_phase import excluding
 from riftberg.engines.common.forces.media import allocate_surroundings
 from riftberg.engines.common.forces.pair_law import NeighbourLists
 from riftberg.engines.common.forces.sizes import interaction_sizes
-from riftberg.engines.explicit.breaking import allocate_pairs, pairs_from_list
+from riftberg.engines.explicit.contact import allocate_pairs, pairs_from_list
 from riftberg.engines.explicit.mts import StepReport, take_long_step
 from riftberg.engines.explicit.substeps import StepPlan, Workspace, allocate_fields
 from riftberg.engines.explicit.tiles import AT_ONCE, allocate_tiles

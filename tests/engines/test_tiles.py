@@ -15,7 +15,7 @@ from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.explicit import tile_kernels
 from riftberg.engines.explicit import tiles as tile
 from riftberg.engines.explicit.beams import pack_elements
-from riftberg.engines.explicit.breaking import store_bonds
+from riftberg.engines.explicit.fracture import store_bonds
 from riftberg.engines.explicit.substeps import allocate_fields
 from riftberg.engines.explicit.tile_kernels import drift_tile, sum_over_bonds
 from riftberg.engines.explicit.tiles import BondTiles, allocate_tiles, may_cross_seam, pack_bonds
