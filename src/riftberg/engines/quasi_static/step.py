@@ -138,13 +138,13 @@ class TimeStep:
     def _advance_to_event(self, h: float, may_break: bool) -> float:
         """Take one step of at most ``h`` s that ends at the first event in it; returns the longest step to come next (s).
 
-        The order in which events are looked for is the order in which one invalidates what the trial shows about the next:
+        Events are looked for in this order, since each invalidates what the trial shows of those after it; a new kind of event
+        takes its place here:
 
-        1. Fragments touch each other or the bed in a step of hours, or push one to where the bed holds it otherwise. All loads of
-           the trial are then wrong, so it is rejected whatever else is in it, and shorter ones follow, in which all events are
-           looked for again; they grow again where nobody is pushed.
-        2. Fracture by contact or the sea floor. Their loads peak within the step, so it comes before what the end of the step
-           shows.
+        1. Fragments touch each other or the bed in a step of hours, or push one to where the hold of the bed changes. All loads
+           of the trial are then wrong: it is rejected, and shorter ones follow, in which all events are looked for again. Steps
+           grow again when nothing is pushed.
+        2. Fracture by contact or the sea floor. These loads peak within the step, so it comes before an overload at the end.
         3. Overload under the loads at the end, which grow evenly from the start of the step.
 
         A fracture always ends the step, as the pieces are other bodies. No bond is overloaded at its start, as the crack of the
