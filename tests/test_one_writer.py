@@ -216,11 +216,10 @@ def test_a_command_that_is_stopped_while_it_writes_leaves_the_file_that_was_ther
     """`riftberg rerun` and `riftberg new` wrote in place."""
     from riftberg.cli.compare import run_again
     from riftberg.errors import RiftbergError
-    from riftberg.runs.layout import COMMAND, FILE
 
     run = tmp_path / "run"
     run.mkdir()
-    kept = {COMMAND: "riftberg run slab.yaml", FILE: SLAB}
+    kept = {"command": "riftberg run slab.yaml", "experiment_file": SLAB}
 
     def full(self: Path, *_: Any, **__: Any) -> int:
         self.touch()

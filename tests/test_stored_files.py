@@ -14,7 +14,9 @@ import pytest
 
 from riftberg import open_run
 from riftberg.errors import InputError
-from riftberg.runs.restart import FORMAT, load_state
+from riftberg.runs.restart import load_state
+
+FORMAT = 7
 
 DATA = Path(__file__).parent / "data"
 RUNS = sorted(DATA.glob("run-*.nc.gz"))

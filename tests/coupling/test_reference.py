@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from riftberg import Parameters
-from riftberg.coupling.reference import RHO_SPREADING, NineCellRules, Spread, spread_nine
+from riftberg.coupling.reference import NineCellRules, Spread, spread_nine
 from riftberg.life.melt import bit_shape, life_values
+
+RHO_SPREADING = 1035.0
 
 
 @pytest.mark.parametrize("depth", [20.0, 1000.0])

@@ -18,7 +18,6 @@ from fakes import FakeModel
 from riftberg import open_run
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import (
-    WORST,
     Outline,
     aligned_overlap,
     group_fragments,
@@ -34,6 +33,8 @@ from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.tracks import axis_difference
 from riftberg.viz.score import draw_score
+
+WORST = 3.0
 
 START = datetime(2020, 12, 9, 13)
 RADIUS = 6_363_827.0

@@ -7,7 +7,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 from riftberg import Parameters
 from riftberg.engines.common.broad_phase import excluding
-from riftberg.engines.common.forces.media import allocate_surroundings
+from riftberg.engines.common.forces.media import MEDIA, Medium, Surroundings, allocate_surroundings, find_surroundings
 from riftberg.engines.common.forces.pair_law import NeighbourLists
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.explicit.contact import allocate_pairs, pairs_from_list
@@ -120,6 +120,13 @@ def _bonds(el, places, r):
     bonds.strength[:] = r.uniform(0.5, 1.5, first.size)
     el.bond_count[:] = np.bincount(np.concatenate([first, second]), minlength=el.mass.size)
     return bonds
+
+
+def surroundings_of(el, p) -> tuple[dict[str, Medium], Surroundings]:
+    """Return the rows of all elements by the name of the medium, each field over the elements, and what they stand in."""
+    around = allocate_surroundings(el.size)
+    find_surroundings(el, interaction_sizes(el, p), around, p)
+    return {name: Medium(*around.media[:, k].T) for k, name in enumerate(MEDIA)}, around
 
 
 def partners_of(el, bonds, p, *, multiple):

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from riftberg import FieldRules, Forcing, GriddedForcing, Iceberg, Model, Parameters
-from riftberg.engines.common.broad_phase import NEWBORN_CHILD
 from riftberg.engines.quasi_static.contact.islands import find_islands
 from riftberg.engines.quasi_static.step import TimeStep
 from riftberg.ocean.grid import Grid
+
+NEWBORN_CHILD = -1.0
 
 SIZE = 3000.0
 BARE: dict[str, Any] = {"only_interactions": True}

@@ -8,7 +8,10 @@ import pytest
 
 from engines.test_cells import bent
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.engines.common.slenderness import ENOUGH, SAG, narrow_warning
+from riftberg.engines.common.slenderness import narrow_warning
+
+ENOUGH = 6
+SAG = {1: "0.5", 2: "0.6 to 0.7", 3: "0.8 to 0.9"}
 
 FLAT = {"latlon": False, "period": 0.0}
 

@@ -17,12 +17,14 @@ import xarray as xr
 from riftberg import Forcing, Iceberg, Model, Parameters, forecast, open_run, open_sweep
 from riftberg.ensembles import sweep as module
 from riftberg.ensembles.forecast import forecast_plan
-from riftberg.ensembles.sweep import CONTROL, Store
+from riftberg.ensembles.sweep import Store
 from riftberg.ensembles.vary import Draws
 from riftberg.experiments import Options
 from riftberg.runs import progress
 
 from .made import outcome
+
+CONTROL = -1
 
 
 def drifting() -> Model:

@@ -9,7 +9,11 @@ import pytest
 
 from riftberg.config.parameter_groups import NORTHERN_CLASSES, SOUTHERN_CLASSES, ClassTable
 from riftberg.kid import parameters, trajectories
-from riftberg.kid.entries import DRIVER, GROUPS, HONOURED, ICEBERGS, REFUSED, REPORTED, Entry, convert, find_entry
+from riftberg.kid.entries import DRIVER, GROUPS, ICEBERGS, Entry, convert, find_entry
+
+HONOURED = "honoured"
+REFUSED = "refused"
+REPORTED = "reported"
 
 KINDS = {"L": "logical", "I": "integer", "I8": "integer", "R": "real", "R10": "reals"}
 

@@ -10,9 +10,11 @@ import pytest
 from riftberg import Forcing, Iceberg, Model, Parameters, draw_map, open_run
 from riftberg.diagnostics.summary import melt_by_fragment, melt_lines, summarize
 from riftberg.diagnostics.why import explain, reason_lines
-from riftberg.life.process import PROCESSES, read_melt
+from riftberg.life.process import read_melt
 from riftberg.viz.replay import write_replay
 from riftberg.viz.score import draw_reasons
+
+PROCESSES = ("base", "sides", "waves", "bergy_bits", "footloose_bits", "footloose_bergy_bits")
 
 SEA = Forcing.uniform(current=(0.4, -0.1), wind=(12.0, 2.0), slope=(0.0, 0.0))
 

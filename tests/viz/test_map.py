@@ -17,7 +17,9 @@ from riftberg import draw_map, open_run
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Box, Scene, corner_offsets, element_polygons
 from riftberg.viz.panels import Panel, speed_bar
-from riftberg.viz.style import LED, Labels, degree_label, new_figure, round_length
+from riftberg.viz.style import Labels, degree_label, new_figure, round_length
+
+LED = 11.0
 
 RADIUS = 6_363_827.0
 
