@@ -76,7 +76,7 @@ class Beams:
 
     def __init__(self, model: Model) -> None:
         p, el, first, second = model.parameters.bonds, model.elements, model.bonds.first, model.bonds.second
-        xy, number = model._stepper._lattice.xy, np.arange(first.size)  # type: ignore[attr-defined]
+        xy, number = model._stepper.memory.lattice.xy, np.arange(first.size)  # type: ignore[attr-defined]
         width, thickness = float(el.length[0]), float(el.thickness[0])
         away = xy[first] - xy[second]
         nx, ny = (away / np.hypot(*away.T)[:, None]).T
@@ -104,7 +104,7 @@ class Beams:
 
     def stress(self, model: Model) -> Floats:
         """Tensile stress (Pa) of each bond, at the edge where it is largest."""
-        load = model._stepper._state.load  # type: ignore[attr-defined]
+        load = model._stepper.memory.state.load  # type: ignore[attr-defined]
         extension, _, bend = (self._strain @ self._factors.solve(load.ravel())).reshape(-1, 3).T
         return np.asarray(self._modulus * (extension + 0.5 * self._width * np.abs(bend)))
 

@@ -323,9 +323,13 @@ def _type_name(kind: Any) -> str:
 
 def products_page() -> str:
     """Return the page of the data products and the canonical quantities."""
+    from riftberg.ocean.needs import NEEDS
     from riftberg.products.quantities import QUANTITIES
     from riftberg.products.registry import PRODUCTS
 
+    needs = [
+        (need.quantity, ", ".join(map(code, need.fields)), need.needed, f"{need.default:g}", need.without) for need in NEEDS
+    ]
     products = [
         (code(p.name), p.title, ", ".join(map(code, dict.fromkeys(p.gives))), p.checked(), "; ".join((*p.cautions, *p.notes)))
         for p in PRODUCTS
@@ -338,6 +342,10 @@ def products_page() -> str:
             "Riftberg recognises these files by what is in them; a file belongs to the first product that matches. `riftberg",
             "doctor FILES` says what a file is. How to use them: [forcing from products](../howto/forcing-from-products.md).\n",
             table(("name (`--product`)", "product", "gives", "reader checked against", "to know"), products),
+            "## What a run needs\n",
+            "Files should give current, wind and sea level, with a value wherever a berg starts. Without a quantity elements",
+            "have the value by default, and a notice, or the refusal of a run, says what follows.\n",
+            table(("quantity", "fields", "needed", "by default", "without it"), needs),
             "## Canonical quantities\n",
             "Every product becomes an `xarray.Dataset` with these names, units and signs.\n",
             table(("name", "units", "meaning", "positive means", "CF standard name"), quantities),
@@ -354,7 +362,7 @@ PAGES: dict[str, tuple[Callable[[], str], str]] = {
     "namelist.md": (namelist_page, "src/riftberg/kid/entries.py"),
     "summary.md": (summary_page, "src/riftberg/diagnostics/summary.py and speed.py"),
     "commands.md": (commands_page, "src/riftberg/cli and experiments"),
-    "products.md": (products_page, "src/riftberg/products"),
+    "products.md": (products_page, "src/riftberg/products and ocean/needs.py"),
 }
 
 

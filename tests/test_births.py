@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.errors import InputError, RunError
-from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
-from riftberg.runs.model import Model
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.parameters import A68A_2022_MTS
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, new_bonds, new_elements
 from riftberg.state.population import Population

@@ -10,15 +10,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.cli.main import app
 from riftberg.errors import InputError
 from riftberg.experiments.changes import reference_numerics
-from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.runs.layout import run_parameters
-from riftberg.runs.model import Model
-from riftberg.runs.run_file import open_run
 from test_resume import PHYSICS, bergs, differing, knoll
 from verification.setups import RADIUS, parameters
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from riftberg import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.config.explicit_groups import Beams
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
-from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
 EXPLICIT: dict[str, dict[str, Any]] = {
     "sub-steps": {"stepping": {"substeps": 100}},

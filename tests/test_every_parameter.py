@@ -13,16 +13,13 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.config.values import field_extra
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import RiftbergError
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import GriddedForcing
-from riftberg.parameters import Parameters, fields_by_path, kid_quirks
-from riftberg.runs.model import Model
+from riftberg.parameters import fields_by_path, kid_quirks
 
 Groups = dict[str, dict[str, Any]]
 

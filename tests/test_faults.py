@@ -17,13 +17,16 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from riftberg import allow_large
 from riftberg.cli.main import app
 from riftberg.cli.options import check_folder, check_output, results_folder
 from riftberg.compiled.kernels import cache_folder
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.system.atomic_files import OneWriter
-from riftberg.system.input_files import MOST_ELEMENTS, allow_large, check_elements, check_work
+from riftberg.system.input_files import check_elements, check_work
+
+MOST_ELEMENTS = 1_000_000
 
 EXPERIMENT = """\
 start: 2020-12-09 13:00

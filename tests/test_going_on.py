@@ -264,7 +264,7 @@ def test_states_are_kept_by_the_clock_and_a_full_disk_is_no_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """What is kept for a bad day does not end a good one."""
-    from riftberg.runs.model import Model
+    from riftberg import Model
 
     save, tried = Model.save, []
 

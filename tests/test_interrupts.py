@@ -21,15 +21,13 @@ import typer
 
 import riftberg
 from forked import Program
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.cli.options import EXIT_INTERRUPTED, report_errors
-from riftberg.parameters import A68A_2022
-from riftberg.runs.model import Model
+from riftberg import A68A_2022, Forcing, Iceberg, Model, open_run
+from riftberg.cli.options import report_errors
 from riftberg.runs.restart import load_state
-from riftberg.runs.run_file import open_run
 from riftberg.system import process as interrupts
 from riftberg.system.process import held, insisting
+
+EXIT_INTERRUPTED = 130
 
 SOURCES = Path(riftberg.__file__).parent
 

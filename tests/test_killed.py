@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from forked import Program
+from riftberg import open_run
 from riftberg.runs.restart import load_state
-from riftberg.runs.run_file import open_run
 from riftberg.system.atomic_files import replacing
 
 HERE = Path(__file__).parent

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from riftberg.compiled import kernels
+from scripts import ROOT
 
 LEVEL = kernels.LEVELS.get(platform.machine().lower(), ("", ()))[0]
 
@@ -175,7 +176,7 @@ for _ in sys.stdin:
 def test_a_changed_source_is_compiled_anew_with_its_callers_and_nothing_else(tmp_path: Path) -> None:
     """Numba freezes constants, laws and the order of fields into code: stale code would give old results in silence."""
     package = tmp_path / "riftberg"
-    shutil.copytree(Path(kernels.__file__).parents[1], package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "src" / "riftberg", package, ignore=shutil.ignore_patterns("__pycache__"))
     for name, text in FILES.items():
         (package / name).write_text(text, "utf-8")
     # Bytecode goes by the second in which a file was changed, and by its size: too coarse for what follows.

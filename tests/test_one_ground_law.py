@@ -8,11 +8,10 @@ from typing import Any
 
 import pytest
 
-from riftberg import Parameters
+from riftberg import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.errors import InputError
 from riftberg.experiments.changes import changed, parse_settings
 from riftberg.experiments.yaml_file import read_file
-from riftberg.parameters import A68A_2022, A68A_2022_KID
 from riftberg.runs.layout import read_parameters
 
 SLAB = """\

@@ -87,7 +87,7 @@ def test_a_second_kid_leaves_the_first_alone(tmp_path: Path, times: int) -> None
 
 
 def test_a_second_run_or_one_that_goes_on_leaves_the_first_alone(tmp_path: Path) -> None:
-    from riftberg.runs.run_file import open_run
+    from riftberg import open_run
 
     (tmp_path / "slab.yaml").write_text(SLAB)
     words = ("run", str(tmp_path / "slab.yaml"), "--days", "80000", "--allow-large", "--every", "24", "--no-map", "-q")
@@ -216,11 +216,10 @@ def test_a_command_that_is_stopped_while_it_writes_leaves_the_file_that_was_ther
     """`riftberg rerun` and `riftberg new` wrote in place."""
     from riftberg.cli.compare import run_again
     from riftberg.errors import RiftbergError
-    from riftberg.runs.layout import COMMAND, FILE
 
     run = tmp_path / "run"
     run.mkdir()
-    kept = {COMMAND: "riftberg run slab.yaml", FILE: SLAB}
+    kept = {"command": "riftberg run slab.yaml", "experiment_file": SLAB}
 
     def full(self: Path, *_: Any, **__: Any) -> int:
         self.touch()

@@ -13,10 +13,11 @@ import pytest
 import xarray as xr
 
 from fakes import FakeModel
+from riftberg import open_run, open_sweep
 from riftberg.ensembles.member import Outcome
-from riftberg.ensembles.result import build_dataset, open_sweep, write_blocks, write_sweep
+from riftberg.ensembles.result import build_dataset, write_blocks, write_sweep
 from riftberg.ensembles.vary import Varied
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.system.netcdf_lock import write_dataset
 
 START = datetime(2020, 12, 9)

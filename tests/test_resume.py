@@ -9,12 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import A68A_2022, A68A_2022_KID, FieldRules, Forcing, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import FieldRules, GriddedForcing
-from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
-from riftberg.runs.model import Model
+from riftberg.parameters import A68A_2022_MTS
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
 STEPS = 7

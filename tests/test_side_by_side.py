@@ -21,13 +21,9 @@ import pytest
 import xarray as xr
 
 import riftberg
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import A68A_2022, Forcing, Iceberg, Model, open_run
 from riftberg.errors import InputError
 from riftberg.kid.run import run_kid
-from riftberg.parameters import A68A_2022
-from riftberg.runs.model import Model
-from riftberg.runs.run_file import open_run
 from riftberg.system.netcdf_lock import NETCDF, NetcdfLock, open_lazily, open_netcdf
 from riftberg.system.process import own_filters
 

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from riftberg import open_run
 from riftberg.errors import InputError
-from riftberg.runs.restart import FORMAT, load_state
-from riftberg.runs.run_file import open_run
+from riftberg.runs.restart import load_state
+
+FORMAT = 7
 
 DATA = Path(__file__).parent / "data"
 RUNS = sorted(DATA.glob("run-*.nc.gz"))

@@ -10,10 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model
 from riftberg.parameters import A68A_2022_MTS
-from riftberg.runs.model import Model
 
 PROGRAM = """
 import hashlib

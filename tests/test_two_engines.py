@@ -6,16 +6,17 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from riftberg import Parameters
+from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters
 from riftberg.config.values import field_extra
 from riftberg.ensembles.vary import read_varied
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed, parse_settings
 from riftberg.experiments.yaml_file import read_file
-from riftberg.parameters import A68A_2022, A68A_2022_KID, ExplicitParameters, QuasiStaticParameters, fields_by_path
+from riftberg.parameters import ExplicitParameters, QuasiStaticParameters, fields_by_path
 from riftberg.runs.layout import read_parameters
 
 ELASTIC = "the ice is elastic, alike in all directions; with stepping.scheme = 'mts' its bonds are"
@@ -41,6 +42,7 @@ GONE = [
     ("quasi_static", "bonds", "elasticity", "cells", ELASTIC),
     ("mts", "fracture", "criterion", "bond", "each bond breaks by its own stress"),
     ("quasi_static", "fracture", "criterion", "bond", BY_BOND),
+    ("quasi_static", "drag", "sides_by_bonds", False, "water drags on the outline of a berg"),
     ("mts", "damage", "enabled", True, "leave it out, or set stepping.scheme = 'quasi_static'"),
 ]
 ACTS = {  # What the engine of the file does by itself: its runs go on
@@ -69,7 +71,7 @@ def test_what_is_gone_is_refused_with_what_to_write_now(
     )
     with pytest.raises(InputError, match=now):
         read_file(path)
-    if key != "enabled":
+    if not isinstance(value, bool):  # a sweep may vary the scheme too
         with pytest.raises(InputError, match=now):
             read_varied([f"{group}.{key}={word},{word}"])
 
@@ -96,6 +98,23 @@ def test_files_that_had_it_open_and_no_run_goes_on_with_it(
     else:
         with pytest.raises(InputError, match=now):
             read_parameters(old, file, goes_on=True)
+
+
+def test_ice_that_does_not_move_is_ice_of_a_velocity_of_zero() -> None:
+    """`frozen` of the default engine said the same as `fixed_velocity`."""
+    with pytest.raises(InputError, match=r"write fixed_velocity: \[0, 0\]"):
+        Parameters(stepping={"frozen": True})
+    p, file = Parameters(), Path("a.restart.nc")
+    assert read_parameters(written(p, stepping={"frozen": False}), file, goes_on=True) == p
+    moving = written(p, stepping={"frozen": True})
+    assert read_parameters(moving, file) == p
+    with pytest.raises(InputError, match="write fixed_velocity"):
+        read_parameters(moving, file, goes_on=True)
+    berg = Iceberg.rectangle("3 km", "2 km", thickness="200 m", placement=(-37.0, -56.0))
+    model = Model(berg, Forcing.uniform(current=(0.2, 0.0)), p.changed(stepping={"fixed_velocity": (0.0, 0.0)}))
+    start = model.elements.lon.copy()
+    model.run(days=0.125)
+    assert np.array_equal(model.elements.lon, start)
 
 
 MTS = {"stepping": {"scheme": "mts"}}
@@ -191,10 +210,10 @@ def test_the_numerics_of_the_reference_stay_behind_with_its_engine() -> None:
 
 
 def test_each_engine_has_parameters_of_its_own_and_a_user_meets_few() -> None:
-    """152 could be set with `quasi_static`, of which half did nothing. 80 were left; modulus and viscosity of edges came."""
+    """152 could be set with `quasi_static`, of which half did nothing. 80 are left."""
     sets = {engine: fields_by_path(engine) for engine in (QuasiStaticParameters, ExplicitParameters)}
     settable = [path for path, field in sets[QuasiStaticParameters].items() if not field_extra(field, "hidden")]
-    assert len(settable) <= 82
+    assert len(settable) <= 80
     for engine, other, scheme in (
         (QuasiStaticParameters, ExplicitParameters, "quasi_static"),
         (ExplicitParameters, QuasiStaticParameters, "mts"),

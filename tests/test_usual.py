@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022, Forcing, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
 from riftberg.config.usual_ranges import LAWS, USUAL, of_length, without_effect
 from riftberg.config.values import field_extra
-from riftberg.ocean import formulas
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import QuasiStaticParameters, fields_by_path
 
 MTS = {"scheme": "mts"}
@@ -77,10 +75,10 @@ def test_every_number_has_a_usual_range_or_none_with_a_reason() -> None:
 def test_every_range_of_a_formula_is_of_a_value_that_it_holds(name: str) -> None:
     """A name that no formula has would be looked for in vain, and nothing would ever be told."""
     everything = [
-        formulas.Uniform(depth=500.0, slope=(1e-6, 0.0), temperature=1.0, salinity=34.0),
-        formulas.Eddy((-39, -55), 3e4, 0.3), formulas.Jet((-39, -55), 90, 0.3, 3e4),
-        formulas.Front((-39, -55), 90, 0.2, 3e4, temperature=(1.0, 5.0)), formulas.Tide(0.1),
-        formulas.Seamount((-39, -55), 300, 5e3, 1000), formulas.Slope((-39, -55), 90, 0.01, 500), formulas.TurningWind(5.0),
+        Forcing.uniform(depth=500.0, slope=(1e-6, 0.0), temperature=1.0, salinity=34.0), Forcing.eddy((-39, -55), 3e4, 0.3),
+        Forcing.jet((-39, -55), 90, 0.3, 3e4), Forcing.front((-39, -55), 90, 0.2, 3e4, temperature=(1.0, 5.0)),
+        Forcing.tide(0.1), Forcing.seamount((-39, -55), 300, 5e3, 1000), Forcing.slope((-39, -55), 90, 0.01, 500),
+        Forcing.turning_wind(5.0),
     ]  # fmt: skip
     kind, _, key = name.partition(".")
     holders = [part for part in everything if kind in [c.__name__ for c in type(part).__mro__]]

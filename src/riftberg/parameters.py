@@ -17,7 +17,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self, get_args
 from pydantic import Field, model_validator
 from pydantic.fields import FieldInfo
 
-from riftberg.config.explicit_groups import Beams, BondFracture, Compatibility, ExplicitStepping, GroundDrag, Springs
+from riftberg.config.explicit_groups import (
+    Beams,
+    BondFracture,
+    Compatibility,
+    ElementDrag,
+    ExplicitStepping,
+    GroundDrag,
+    Springs,
+)
 from riftberg.config.parameter_groups import (
     BondLaw,
     BondParameters,
@@ -242,8 +250,6 @@ class Parameters(Group):
             for name, (group, key, default) in _KERNEL_NAMES.items()
         }
         derived: dict[str, Any] = {
-            # Elements whose sides no bond covers stand in the water each for itself.
-            "forces_by_element": p.quirks.forces_by_element or not p.drag.sides_by_bonds,
             "hexagonal": hexagonal,
             "max_sides": 6 if hexagonal else 4,
             "max_bonds": 6 if hexagonal else 4,
@@ -302,7 +308,8 @@ class QuasiStaticParameters(Parameters):
 
     def _derive_engine_values(self) -> dict[str, Any]:
         return {
-            "multiple_steps": True, "rigid_bodies": self.stepping.in_equilibrium, "ice_capture": CAPTURES[self.sea_ice.capture],
+            "multiple_steps": True, "rigid_bodies": self.stepping.in_equilibrium, "forces_by_element": False,
+            "ice_capture": CAPTURES[self.sea_ice.capture],
             "ground_coefficient": 0.0, "ground_quadratic": 0.0, "ground_on_substeps": True,
             "contact_spring": FROM_ELEMENTS, "contact_stiffest": math.inf, "contact_on_substeps": True,
             "crevasse_strength": self.fracture.crevasse_strength or 0.0, "spring": FROM_ELEMENTS,
@@ -312,6 +319,7 @@ class QuasiStaticParameters(Parameters):
 class ExplicitParameters(Parameters):
     """Parameters of the explicit engine: `mts`, `verlet` and `runge_kutta`."""
 
+    drag: ElementDrag = Field(default_factory=ElementDrag)
     grounding: GroundDrag = Field(default_factory=GroundDrag)
     contact: Springs = Field(default_factory=Springs)
     bonds: Beams = Field(default_factory=Beams)
@@ -364,6 +372,8 @@ class ExplicitParameters(Parameters):
         of_packing = 6 if p.bonds.packing == "hexagonal" else 4
         return {
             "multiple_steps": multiple,
+            # Elements whose sides no bond covers stand in the water each for itself.
+            "forces_by_element": p.quirks.forces_by_element or not p.drag.sides_by_bonds,
             "rigid_bodies": p.stepping.in_equilibrium,
             "ice_capture": OF_REFERENCE,
             "ground_coefficient": g.coefficient if g.law == "linear" else 0.0,

@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg
-from riftberg.bergs.iceberg import EXPONENT, LENGTHS, SHARES, power_law, usual_thickness
+from riftberg.bergs.iceberg import power_law, usual_thickness
 from riftberg.errors import BergError, RiftbergError
+
+EXPONENT = 1.52
+LENGTHS = np.array([60.0, 100.0, 200.0, 350.0, 500.0, 700.0, 900.0, 1200.0, 1600.0, 2200.0])
+SHARES = np.array([0.24, 0.12, 0.15, 0.18, 0.12, 0.07, 0.03, 0.03, 0.03, 0.02])
 
 BOX = (-40.0, -36.0, -58.0, -56.0)
 

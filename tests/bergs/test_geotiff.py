@@ -8,8 +8,8 @@ import warnings
 import numpy as np
 import pytest
 
+from riftberg import Iceberg
 from riftberg.bergs.bonded import principal_axes
-from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.raster import check_on_globe, read_raster
 from riftberg.errors import BergError, RiftbergError
 

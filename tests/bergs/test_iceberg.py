@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from riftberg import Iceberg
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.raster import read_raster
 from riftberg.errors import BergError
 

@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Iceberg
 from riftberg.bergs.outline import line_strings, read_features
 from riftberg.errors import BergError, RiftbergError
 

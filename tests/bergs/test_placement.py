@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Iceberg
 from riftberg.bergs.regions import ReferencePlane, turned
 from riftberg.plane import EqualAreaPlane
 

@@ -8,8 +8,8 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from riftberg import Iceberg
 from riftberg.bergs.bonding import crossed_by_mask, pieces, scatter
-from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.raster import read_raster
 from riftberg.errors import BergError
 

@@ -14,7 +14,7 @@ import xarray as xr
 from shapely.affinity import rotate, translate
 from shapely.geometry import mapping
 
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Iceberg
 from riftberg.bergs.outline import read_features
 from riftberg.bergs.seams import join_polygons, ring_fault, shrink, whole_shapes
 from riftberg.coupling.shelf import IceShelf

@@ -20,8 +20,10 @@ from fetching.serving import Shelf, serving
 from riftberg import experiments
 from riftberg.cli.main import app
 from riftberg.experiments import Options
-from riftberg.experiments.a68a_files import BERG, GRID
 from riftberg.fetching import download, fetch
+
+BERG = "icebergs.res.nc"
+GRID = "a68_experiment_ll_p125_grid.nc"
 
 BOX = np.s_[18:38, 8:40]
 """Cells around the berg's first day."""

@@ -10,12 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from fakes import FakeModel
+from riftberg import A68A_2022
 from riftberg.cli.main import app
 from riftberg.cli.run import short_summary
 from riftberg.compiled import kernels
 from riftberg.config.units import area_text, duration_text, place_text, quantity_text
 from riftberg.experiments import Info
-from riftberg.parameters import A68A_2022
 
 
 def invoked(model: FakeModel, info: Info, monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Any:

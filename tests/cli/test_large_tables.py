@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from fakes import FakeModel
+from riftberg import open_run
 from riftberg.diagnostics import score
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import InputError
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 
 FEW = ["2020-12-09T16:00,-55.01,-37.2,B7", "2020-12-10T01:00,-55.02,-37.1,B7"]
 

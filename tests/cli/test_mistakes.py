@@ -9,10 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from fakes import FakeModel
+from riftberg import draw_map, open_run
 from riftberg.cli.main import app
 from riftberg.experiments import Info, Options
-from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.viz.map import draw_map
+from riftberg.runs.run_file import RunWriter
 
 
 def call(*arguments: object) -> Any:

@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import FieldRules, Iceberg, Model, Parameters
 from riftberg.constants import LATENT_HEAT, RHO_SEAWATER
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.melt import scaled_mass
-from riftberg.ocean.gridded import FieldRules
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 
 NI, NJ = 16, 12
 ALONE = Parameters(

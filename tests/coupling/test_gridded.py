@@ -8,16 +8,13 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
 from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.gridded import GridRecorder, make_cells
 from riftberg.errors import InputError
 from riftberg.life.melt import scaled_mass
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 
 ALONE = Parameters(
     bonds={"law": "none"}, fracture={"enabled": False}, contact={"iterate": False},

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg.coupling.reference import RHO_SPREADING, NineCellRules, Spread, spread_nine
+from riftberg import Parameters
+from riftberg.coupling.reference import NineCellRules, Spread, spread_nine
 from riftberg.life.melt import bit_shape, life_values
-from riftberg.parameters import Parameters
+
+RHO_SPREADING = 1035.0
 
 
 @pytest.mark.parametrize("depth", [20.0, 1000.0])

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Iceberg, Model, Parameters
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.shelf import IceShelf
 from riftberg.errors import BergError, InputError, RiftbergError
 from riftberg.life.melt import scaled_mass
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 
 NJ, NI = 30, 36
 

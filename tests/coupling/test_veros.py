@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from riftberg import Forcing, Model
-from riftberg.coupling.veros import HEAT_CAPACITY, VerosBergs, veros_forcing, veros_grid
+from riftberg.coupling.veros import VerosBergs, veros_forcing, veros_grid
 from riftberg.errors import InputError
 from scripts import loaded
+
+HEAT_CAPACITY = 3991.868
 
 pytest.importorskip("veros", reason="needs the extra riftberg[veros]")
 

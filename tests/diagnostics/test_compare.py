@@ -16,7 +16,7 @@ import netCDF4
 import pytest
 
 from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters, sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run, sweep
 from riftberg.diagnostics.compare import (
     RealEvent,
     compare,
@@ -29,7 +29,7 @@ from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.summary import summarize
 from riftberg.errors import InputError
 from riftberg.runs.accessor import align_breakups, own_dates
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.system.atomic_files import write_json
 

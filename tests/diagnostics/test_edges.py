@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.diagnostics import why
 from riftberg.diagnostics.summary import summarize
 from riftberg.life.edges import EdgeIce, edge_bending
 from riftberg.physics.edge_bending import flexural_length, foot_moment, front_moment, surface_stress
 from riftberg.plane import ConformalPlane
-from riftberg.runs.run_file import open_run
 
 FEET: dict[str, Any] = {  # which break nothing in the step
     "footloose": {"enabled": True, "youngs": 9e9, "strength": 1e10},

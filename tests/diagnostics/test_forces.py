@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Model
-from riftberg.diagnostics.cut import FORCES, accelerations, external_forces
+from contract import FORCES_IN_TABLES
+from riftberg import Forcing, Iceberg, Model, open_run
+from riftberg.diagnostics.cut import accelerations, external_forces
 from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.derived import force_variables
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 
 P = A68A_2022_MTS.changed(stepping={"substeps": None}, bonds={"constant_size": False})
 
@@ -30,7 +31,7 @@ def floating(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
 def test_each_force_is_that_of_its_formula(floating: xr.Dataset) -> None:
     record = 7
     forces = external_forces(floating, record, P.kernel_values())
-    assert tuple(forces) == FORCES
+    assert tuple(forces) == FORCES_IN_TABLES
     now = floating.isel(time=record)
     mass, u, v = (now[name].values.astype(float) for name in ("mass", "u", "v"))
     area, height, draft = 9e6, 200.0, 200.0 * 850.0 / 1025.0
@@ -108,6 +109,6 @@ def test_recorded_forces_are_means_of_both_sides_of_a_record(floating: xr.Datase
     )
     for record, expected in ((0, 1.0), (1, 1.5), (7, 7.5), (last - 1, last - 0.5), (last, float(last))):
         forces = external_forces(run, record, P.kernel_values())
-        assert tuple(forces) == FORCES
+        assert tuple(forces) == FORCES_IN_TABLES
         np.testing.assert_allclose(forces["wind drag"], [[expected, 0.0]] * floating.sizes["trajectory"])
         assert not forces["ocean drag"].any()

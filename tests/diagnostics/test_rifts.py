@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.diagnostics import why
 from riftberg.diagnostics.summary import summarize
-from riftberg.runs.run_file import open_run
 from riftberg.runs.scene import Scene
 
 TOUGHNESS = 1e5

@@ -15,9 +15,9 @@ import xarray as xr
 from matplotlib.image import imread
 
 from fakes import FakeModel
+from riftberg import open_run
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import (
-    WORST,
     Outline,
     aligned_overlap,
     group_fragments,
@@ -30,9 +30,11 @@ from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
 from riftberg.ocean.grid import haversine
 from riftberg.plane import ConformalPlane
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.tracks import axis_difference
 from riftberg.viz.score import draw_score
+
+WORST = 3.0
 
 START = datetime(2020, 12, 9, 13)
 RADIUS = 6_363_827.0

@@ -15,12 +15,13 @@ import pytest
 import xarray as xr
 from matplotlib.image import imread
 
+from contract import FORCES_IN_TABLES
 from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.diagnostics import why
-from riftberg.diagnostics.cut import FORCES, Breakup
+from riftberg.diagnostics.cut import Breakup
 from riftberg.experiments import build
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.viz.score import draw_reasons
 
@@ -45,7 +46,7 @@ def explained(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch, force: np.ndarra
     """Explain the break-up with a given force called ocean drag, and no other."""
 
     def forces(run: xr.Dataset, record: int, p: Any) -> dict[str, np.ndarray]:
-        return {name: force if name == "ocean drag" else np.zeros_like(force) for name in FORCES}
+        return {name: force if name == "ocean drag" else np.zeros_like(force) for name in FORCES_IN_TABLES}
 
     monkeypatch.setattr("riftberg.diagnostics.cut.external_forces", forces)
     (breakup,) = why.explain(run).breakups
@@ -118,7 +119,7 @@ def test_the_budget_is_closed_where_no_force_of_the_floor_is_made_up(
 
     def forces(run: xr.Dataset, record: int, p: Any) -> dict[str, np.ndarray]:
         drag, wind = np.tile([1e8 * (record + 1), 0.0], (24, 1)), np.tile([-1e8, 0.0], (24, 1))
-        return {name: {"ocean drag": drag, "wind drag": wind}.get(name, np.zeros((24, 2))) for name in FORCES}
+        return {name: {"ocean drag": drag, "wind drag": wind}.get(name, np.zeros((24, 2))) for name in FORCES_IN_TABLES}
 
     monkeypatch.setattr("riftberg.diagnostics.cut.external_forces", forces)
     (breakup,) = why.explain(run.assign(depth=depth)).breakups
@@ -333,7 +334,7 @@ def test_a_whole_berg_tells_which_forces_drove_and_braked_it(tmp_path: Path, mon
     run = made(tmp_path / "run.nc", break_time=math.inf)
     u, v = (np.nan_to_num(run[name].transpose("trajectory", "time").values[:, 0]) for name in ("u", "v"))
     along = np.column_stack([u, v]) / np.hypot(u, v)[:, None]
-    forces = {name: 0.0 * along for name in FORCES}
+    forces = {name: 0.0 * along for name in FORCES_IN_TABLES}
     forces |= {"ocean drag": 3e8 * along, "waves": 1e8 * along, "sea ice": -2e8 * along,
                "wind drag": 9e8 * np.column_stack([-along[:, 1], along[:, 0]])}  # fmt: skip
     monkeypatch.setattr("riftberg.diagnostics.cut.external_forces", lambda run, record, p: forces)
@@ -395,7 +396,7 @@ def test_no_force_is_blamed_for_a_cut_that_carries_little(run: xr.Dataset, monke
 def test_coriolis_and_slope_are_weighed_together(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     pull = field((5e9, 0.0), (-3e10 / 18, 0.0))
     parts = {"ocean drag": 0.5, "Coriolis": 2.0, "surface slope": -1.0}
-    forces = {name: parts.get(name, 0.0) * pull for name in FORCES}
+    forces = {name: parts.get(name, 0.0) * pull for name in FORCES_IN_TABLES}
     monkeypatch.setattr("riftberg.diagnostics.cut.external_forces", lambda run, record, p: forces)
     reasons = why.explain(run)
     text, *_ = why.reason_lines(reasons)

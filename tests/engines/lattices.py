@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+from datetime import datetime
+
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
+from riftberg import Parameters
 from riftberg.engines.common.broad_phase import excluding
-from riftberg.engines.common.forces.media import allocate_surroundings
+from riftberg.engines.common.forces.media import MEDIA, Medium, Surroundings, allocate_surroundings, find_surroundings
 from riftberg.engines.common.forces.pair_law import NeighbourLists
 from riftberg.engines.common.forces.sizes import interaction_sizes
-from riftberg.engines.explicit.breaking import allocate_pairs, pairs_from_list
+from riftberg.engines.common.fragments.tree import FragmentTree
+from riftberg.engines.common.run_state import RunState
+from riftberg.engines.explicit.contact import allocate_pairs, pairs_from_list
 from riftberg.engines.explicit.mts import StepReport, take_long_step
 from riftberg.engines.explicit.substeps import StepPlan, Workspace, allocate_fields
 from riftberg.engines.explicit.tiles import AT_ONCE, allocate_tiles
-from riftberg.parameters import Parameters
+from riftberg.engines.schemes import make_stepper
+from riftberg.ocean.forcing import Forcing
 from riftberg.state import new_bonds, new_elements
 from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
+from riftberg.state.population import Population
 
 RADIUS = 1500.0
 FAR = 3 * RADIUS
 
 
 def parameters(**groups):
-    """Kernel parameters of the published run with some values of some groups changed; no rotational water drag."""
+    """Kernel parameters of `settings`."""
+    return settings(**groups).kernel_values()
+
+
+def settings(**groups):
+    """Parameters of the published run with some values of some groups changed; no rotational water drag."""
     base = {
         "drag": {"ocean_scale": 17.8, "rotational": False},
         "grounding": {"coefficient": 1e4, "ramp_height": 20.0},
@@ -35,7 +47,21 @@ def parameters(**groups):
     }
     for group, values in groups.items():
         base[group] = {**base.get(group, {}), **values}
-    return Parameters(**base).kernel_values()
+    return Parameters(**base)
+
+
+class AsItIs(Forcing):
+    """An environment that stays as the elements carry it."""
+
+    def sample(self, elements, time):
+        """Leave it."""
+
+
+def step(el, bonds, p):
+    """Take one time step by the scheme that the parameters name; changes the state in place."""
+    c, start = p.kernel_values(), datetime(2020, 12, 9)
+    run = RunState(Population(el, bonds), AsItIs(), p, c, FragmentTree(), start)
+    make_stepper(run).step(run)
 
 
 def lattice(
@@ -120,6 +146,13 @@ def _bonds(el, places, r):
     bonds.strength[:] = r.uniform(0.5, 1.5, first.size)
     el.bond_count[:] = np.bincount(np.concatenate([first, second]), minlength=el.mass.size)
     return bonds
+
+
+def surroundings_of(el, p) -> tuple[dict[str, Medium], Surroundings]:
+    """Return the rows of all elements by the name of the medium, each field over the elements, and what they stand in."""
+    around = allocate_surroundings(el.size)
+    find_surroundings(el, interaction_sizes(el, p), around, p)
+    return {name: Medium(*around.media[:, k].T) for k, name in enumerate(MEDIA)}, around
 
 
 def partners_of(el, bonds, p, *, multiple):

@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contract import CORIOLIS, FORCES, SEA_FLOOR
+from riftberg import Parameters
 from riftberg.compiled.kernels import plain
 from riftberg.engines.common.broad_phase import contact_cells
-from riftberg.engines.common.forces.media import CORIOLIS, FORCES, LIMIT, MEDIA, SEA_FLOOR, Medium
+from riftberg.engines.common.forces.media import Medium
 from riftberg.engines.common.fragments.connectivity import bridge_moments, find_bridges
 from riftberg.engines.quasi_static.bodies.dynamics import ElementForcing, assemble_force_and_jacobian
 from riftberg.engines.quasi_static.bodies.pose import mean_displacement, subtract_mean
 from riftberg.engines.quasi_static.contact import anchors
 from riftberg.engines.quasi_static.contact.islands import accumulate_floor_impulse, accumulate_impulse, element_path
 from riftberg.ocean.grid import Grid
-from riftberg.parameters import Parameters
 
 
 def levers(places: Any) -> np.ndarray:
@@ -39,7 +40,7 @@ def test_elements_go_round_with_their_body() -> None:
 def forcing(count: int, **changes: Any) -> ElementForcing:
     zero = np.zeros(count)
     made = ElementForcing(
-        np.zeros((count, len(MEDIA), len(Medium._fields))), zero, zero + 1e9, zero + 1e14, *[zero] * 3,
+        np.zeros((count, len(FORCES) - 1, len(Medium._fields))), zero, zero + 1e9, zero + 1e14, *[zero] * 3,
         np.zeros((count, 0, 4)), zero, zero, zero, True,
     )  # fmt: skip
     return made._replace(**changes)
@@ -80,7 +81,7 @@ def test_the_jacobian_is_the_derivative_of_the_force() -> None:
         sides=random.uniform(0.2, 1.0, (3, 2, 4)), side_drag=random.uniform(0.5, 1.0, 3),
     )  # fmt: skip
     how.media[:] = random.uniform(0.1, 0.5, how.media.shape)
-    how.media[..., LIMIT] = 0.0  # a pack that yields has a corner there
+    how.media[..., Medium._fields.index("limit")] = 0.0  # a pack that yields has a corner there
     body, active = np.zeros(3, np.int64), np.ones(1, bool)
 
     def at(twist: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

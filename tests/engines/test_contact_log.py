@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg.engines.common.fragments.contact_log import SEPARATION_TIME, ContactEvent, ContactLog
+from riftberg import Parameters
+from riftberg.engines.common.fragments.contact_log import ContactEvent, ContactLog
 from riftberg.engines.common.fragments.tree import Fragment, FragmentTree
-from riftberg.parameters import Parameters
 from riftberg.state import Elements, new_elements
+
+SEPARATION_TIME = 6.0 * 3600.0
 
 P = Parameters().kernel_values()
 HOUR = 3600.0

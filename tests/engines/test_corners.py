@@ -10,7 +10,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from engines.test_elastic_cells import loads, parameters, stiffness_of
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Iceberg
 from riftberg.engines.quasi_static.lattice.cells import add_new_cells
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from twins.continuum import largest_tension

@@ -10,8 +10,7 @@ import pytest
 import shapely
 
 from engines.lattices import stiffness_matrix
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.crack_tips import NO_TIPS
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.fragments.connectivity import connected_parts
@@ -23,8 +22,6 @@ from riftberg.engines.quasi_static.lattice.cells import add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import Supports, balanced_loads, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.errors import InputError, RunError
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 from riftberg.state.population import Population
 
 RADIUS = 750.0

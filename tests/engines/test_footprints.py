@@ -109,7 +109,7 @@ def test_a_child_born_inside_the_outline_of_the_start_has_a_footprint_of_its_own
     el = run.elements
     children = np.flatnonzero(el.life.fl_k < 0.0)
     assert children.size > 1
-    found = run._stepper._footprints.follow(run)  # type: ignore[attr-defined]
+    found = run._stepper.memory.footprints.follow(run)  # type: ignore[attr-defined]
     xy = np.column_stack([el.lon, el.lat])
     laid = body_footprint(found, el, children, xy, np.arange(children.size))
     rings = [shapely.Polygon(laid.corner[a:b]) for a, b in zip(laid.start[:-1], laid.start[1:], strict=True)]
@@ -122,8 +122,8 @@ def test_members_that_begin_with_the_same_berg_share_the_work_and_no_arrays() ->
     before = [cache.cache_info().hits for cache in (footprints._divide_ice, cells._cell_mesh)]
     one, two = (model(31.0, "square") for _ in range(2))
     assert [cache.cache_info().hits for cache in (footprints._divide_ice, cells._cell_mesh)] == [n + 1 for n in before]
-    for mine, theirs in ((one._stepper._cells.mesh, two._stepper._cells.mesh),
-                         (one._stepper._footprints.follow(one), two._stepper._footprints.follow(two))):  # fmt: skip
+    for mine, theirs in ((one._stepper.memory.cells.mesh, two._stepper.memory.cells.mesh),
+                         (one._stepper.memory.footprints.follow(one), two._stepper.memory.footprints.follow(two))):  # fmt: skip
         for name, array in mine._asdict().items():
             np.testing.assert_array_equal(array, getattr(theirs, name))
             assert np.isscalar(array) or not np.shares_memory(array, getattr(theirs, name))

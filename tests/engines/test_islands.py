@@ -7,15 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.engines.common.broad_phase import NEWBORN_CHILD
+from riftberg import FieldRules, Forcing, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.engines.quasi_static.contact.islands import find_islands
 from riftberg.engines.quasi_static.step import TimeStep
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import FieldRules, GriddedForcing
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
+
+NEWBORN_CHILD = -1.0
 
 SIZE = 3000.0
 BARE: dict[str, Any] = {"only_interactions": True}

@@ -7,14 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import FieldRules, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.bergs.iceberg import Iceberg
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.engines.common.land import rotate_along
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import FieldRules, GriddedForcing
-from riftberg.parameters import Compatibility, Parameters
-from riftberg.runs.model import Model
+from riftberg.parameters import Compatibility
 
 SIZE = 3000.0
 CURRENT = 0.3

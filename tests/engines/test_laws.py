@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contract import FORCES
 from engines.test_elastic_cells import pulled
 from riftberg import Forcing, Iceberg, Laws, Model, Parameters
 from riftberg.diagnostics.cut import external_forces
-from riftberg.engines.common.forces.media import FORCES
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.errors import InputError, RunError
 

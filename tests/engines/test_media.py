@@ -5,18 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engines.lattices import lattice, parameters
+from contract import FORCES, SEA_FLOOR
+from engines.lattices import lattice, parameters, surroundings_of
 from riftberg import Forcing, Iceberg, Laws, Model
 from riftberg.engines.common.forces import media
-from riftberg.engines.common.forces.media import (
-    FORCES,
-    MEDIA,
-    SEA_FLOOR,
-    Medium,
-    allocate_surroundings,
-    find_surroundings,
-)
-from riftberg.engines.common.forces.sizes import interaction_sizes
+from riftberg.engines.common.forces.media import Medium
 from riftberg.parameters import A68A_2022_MTS
 from twins import velocity as twin
 from twins.elements import unpack
@@ -78,11 +71,10 @@ def test_rows_equal_the_twin(multiple):
     scheme = {"scheme": "mts" if multiple else "verlet"}
     p = parameters(stepping=scheme, grounding={"on_substeps": False}, fracture={"enabled": False})
     el, _ = lattice(3, p)
-    around = allocate_surroundings(el.size)
-    find_surroundings(el, interaction_sizes(el, p), around, p)
+    by_name, around = surroundings_of(el, p)
     for e, item in enumerate(unpack(el)):
         want = twin.surroundings(item, p, latitude=item.lat, multiple=multiple)
-        rows = {name: Medium(*around.media[e, k]) for k, name in enumerate(MEDIA)}
+        rows = {name: Medium(*(column[e] for column in row)) for name, row in by_name.items()}
         drags = [(rows["water"], want.ocean, "o"), (rows["air"], want.air, "a"), (rows["sea_ice"], want.ice, "i")]
         for row, quadratic, letter in drags:
             np.testing.assert_allclose(row.quadratic, quadratic, rtol=1e-12)
@@ -105,7 +97,7 @@ def test_applied_forces_are_what_changed_the_momentum(scheme, law):
         forces = m.applied_forces()
         change = (momentum(m) - before) / m.parameters.time_step
         np.testing.assert_allclose(forces.sum(axis=(0, 1)), change, rtol=0, atol=1e-9 * np.abs(forces).sum())
-        for name in MEDIA:
+        for name in FORCES[:-1]:
             assert np.abs(forces[:, FORCES.index(name)]).min() > 0.0, name
 
 

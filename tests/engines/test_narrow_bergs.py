@@ -7,11 +7,11 @@ import logging
 import pytest
 
 from engines.test_cells import bent
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.engines.common.slenderness import ENOUGH, SAG, narrow_warning
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
+from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg.engines.common.slenderness import narrow_warning
+
+ENOUGH = 6
+SAG = {1: "0.5", 2: "0.6 to 0.7", 3: "0.8 to 0.9"}
 
 FLAT = {"latlon": False, "period": 0.0}
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve
 
+from engines.lattices import surroundings_of
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import (
     EARTH_ROTATION,
@@ -14,8 +15,6 @@ from riftberg.constants import (
     RHO_SEAWATER,
     WAVE_RADIATION_MAX,
 )
-from riftberg.engines.common.forces.media import FORCES, allocate_surroundings, find_surroundings
-from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.fragments.tree import equivalent_rectangles, measure_outlines
 from riftberg.parameters import PUBLISHED_DRAG, Drag
 from riftberg.plane import ConformalPlane
@@ -194,10 +193,8 @@ def test_what_acts_on_sides_is_the_bergs_on_every_lattice(name):
         )
         model.step()
         el, p = model.elements, model.constants
-        around = allocate_surroundings(el.size)
-        find_surroundings(el, interaction_sizes(el, p), around, p)
-        row = around.media[:, FORCES.index(name)]
-        totals.append(el.mass @ (row[:, 4] if name == "waves" else row[:, 1]))
+        row = surroundings_of(el, p)[0][name]
+        totals.append(el.mass @ (row.push_x if name == "waves" else row.quadratic))
     np.testing.assert_allclose(totals, totals[0], rtol=0.01)
     assert totals[0] > 0.0
 
@@ -206,7 +203,7 @@ def test_forces_by_element_stay_where_the_reference_asks_for_them():
     """The reference's waves push inner elements too (Q34)."""
     by_element = Parameters(stepping={"scheme": "mts"}, compatibility={"forces_by_element": True})
     assert by_element.kernel_values().forces_by_element
-    assert Parameters(drag={"sides_by_bonds": False}).kernel_values().forces_by_element
+    assert Parameters(stepping={"scheme": "mts"}, drag={"sides_by_bonds": False}).kernel_values().forces_by_element
     assert not Parameters().kernel_values().forces_by_element
 
 

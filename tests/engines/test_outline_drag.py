@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import shapely
 
+from contract import FORCES
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.engines.common.forces.media import FORCES
 from riftberg.plane import ConformalPlane
 
 PANELS = 2000

@@ -7,11 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import EARTH_ROTATION, GRAVITY
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 
 PLANE = {"latlon": False, "period": 0.0, "f_plane": True, "reference_latitude": 0.0}
 SPRINGS = {"law": "spring", "spring": 1e-6}

@@ -77,7 +77,7 @@ def test_lone_bergs_go_as_in_the_general_step(
     own, plain = (model_of(population(not earth), ocean, **case) for _ in range(2))
     own.advance(steps=4)
     found = general.find_lone_bergs(
-        own, own._stepper._bodies, interaction_sizes(own.elements, own.constants), own._stepper._faces
+        own, own._stepper.memory.bodies, interaction_sizes(own.elements, own.constants), own._stepper.memory.laws.faces
     )
     assert found is not None
     assert found[0].tolist() == list(range(8))
@@ -103,9 +103,13 @@ def test_bergs_over_a_bed_of_sediment_go_as_in_the_general_step(
     sea = Forcing.uniform((0.1, 0.05), latlon=not earth, **({"latitude": -60.0} if earth else {}))
     own, plain = (model_of(population(not earth, bonded=False), sea + bank, **case) for _ in range(2))
     own.advance(steps=6)
-    near = own._stepper._seabed.find_near_floor(own, own._stepper._bodies, 1800.0)
+    near = own._stepper.memory.laws.seabed.find_near_floor(own, own._stepper.memory.bodies, 1800.0)
     found = general.find_lone_bergs(
-        own, own._stepper._bodies, interaction_sizes(own.elements, own.constants), own._stepper._faces, near
+        own,
+        own._stepper.memory.bodies,
+        interaction_sizes(own.elements, own.constants),
+        own._stepper.memory.laws.faces,
+        near,
     )
     assert found is not None
     assert found[0].size == 7

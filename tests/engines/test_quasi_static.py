@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from engines.test_elastic_cells import dense_matrix, loads, stiffness_of
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.quasi_static.bodies.dynamics import (
     NEWTON_RTOL,
@@ -31,8 +30,6 @@ from riftberg.engines.quasi_static.lattice.cells import add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, bond_deformations, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.errors import RunError
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 from scripts import loaded
 from twins import equilibrium as twin
 
@@ -305,7 +302,7 @@ def test_newtons_method_ends_where_another_pass_would_bring_nothing(guess) -> No
     model = square_berg(30, lambda p: p.adapted(stepping={"scheme": "quasi_static"})[0])
     model.forcing = Forcing.uniform(current=(0.2, -0.1), wind=(9.0, 4.0))
     model.advance(steps=2)
-    now = model._stepper._state  # type: ignore[attr-defined]
+    now = model._stepper.memory.state  # type: ignore[attr-defined]
     op, middle, work = now.operators, now.bodies.twist, allocate_body_workspace(1)
     twist = middle + guess * np.array([[0.1, -0.3, 1e-6]])
     work.active[:] = True

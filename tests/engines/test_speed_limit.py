@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import InputError, RunError
-from riftberg.parameters import Compatibility, Parameters
-from riftberg.runs.model import Model
+from riftberg.parameters import Compatibility
 
 SCHEMES: dict[str, dict[str, Any]] = {
     "quasi_static": {"stepping": {"scheme": "quasi_static"}},

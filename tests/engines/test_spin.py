@@ -7,12 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.engines.common.forces.media import SPIN_QUADRATIC, WATER, allocate_surroundings, find_surroundings
+from engines.lattices import surroundings_of
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 from twins import drag as twin
 
 FLAT: dict[str, Any] = {"latlon": False, "period": 0.0}
@@ -90,9 +87,7 @@ def test_the_sides_bring_a_lone_berg_to_half_the_vorticity_from_both_ways() -> N
 def spin_row(model: Model) -> np.ndarray:
     """Coefficients (rad-1) of the drag of the water on the spin of the elements."""
     el, p = model.elements, model.parameters.kernel_values()
-    around = allocate_surroundings(el.size)
-    find_surroundings(el, interaction_sizes(el, p), around, p)
-    return np.array(around.media[:, WATER, SPIN_QUADRATIC])
+    return np.array(surroundings_of(el, p)[0]["water"].spin_quadratic)
 
 
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])

@@ -8,8 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import A68A_2022_KID, Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.explicit.stability import (
     SubstepMatrix,
@@ -19,8 +18,7 @@ from riftberg.engines.explicit.stability import (
     size_bins,
 )
 from riftberg.errors import InputError, RunError
-from riftberg.parameters import A68A_2022_KID, A68A_2022_MTS, Parameters
-from riftberg.runs.model import Model
+from riftberg.parameters import A68A_2022_MTS
 
 RADIUS = 1500.0
 

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contract import FORCES
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.compiled.kernels import plain
-from riftberg.engines.common.forces.media import FORCES, LINEAR, QUADRATIC, U, V
+from riftberg.engines.common.forces.media import Medium
 from riftberg.engines.quasi_static.bodies.dynamics import EXPLICIT_PART, accumulate_excess, add_excess_drag, excess_rate
 
 WATER, AIR = (0.8, 0.0), (15.0, 0.0)
@@ -80,21 +81,21 @@ def test_excess_drag_is_the_plain_sum_over_the_media() -> None:
     """And what the ledger takes from it is what it takes from the berg."""
     model = made(60.0, 50.0, 1800.0)
     model.step()
-    state = model._stepper._state
+    state = model._stepper.memory.state
     op, terms, half_dt, before, media = (
         state.operators,
         state.terms,
         900.0,
         state.bodies.twist,
-        state.operators.forcing.media[0],
+        Medium(*state.operators.forcing.media[0].T),
     )
     slow, acceleration = np.zeros((1, 3, 3)), np.empty((1, 3))
     plain(add_excess_drag)(op, before, terms, half_dt, acceleration, slow)
     pushed = np.hypot(*terms.net_force[0, :2]) / model.elements.mass[0]
     np.testing.assert_allclose(np.hypot(*acceleration[0, :2]), pushed, rtol=1e-12)
-    least = np.sqrt(pushed / media[:, QUADRATIC].sum())
-    speed = np.hypot(before[0, 0] - media[:, U], before[0, 1] - media[:, V])
-    rate = (media[:, LINEAR] + media[:, QUADRATIC] * np.maximum(speed, least)).sum()
+    least = np.sqrt(pushed / media.quadratic.sum())
+    speed = np.hypot(before[0, 0] - media.u, before[0, 1] - media.v)
+    rate = (media.linear + media.quadratic * np.maximum(speed, least)).sum()
     excess = rate - EXPLICIT_PART / half_dt
     assert excess > 0.0
     np.testing.assert_allclose(slow[0, :2, :2], excess * model.elements.mass[0] * np.eye(2), rtol=1e-12)

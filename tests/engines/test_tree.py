@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from riftberg import A68A_2022, Parameters
 from riftberg.engines.common.fragments.tree import FragmentTree, _measures
-from riftberg.parameters import A68A_2022, Parameters
 from riftberg.state import Bonds, Elements, new_bonds, new_elements
 
 CONSTANTS = A68A_2022.kernel_values()

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engines.lattices import lattice, long_step, parameters, partners_of
-from riftberg.engines.common.forces.media import allocate_surroundings
-from riftberg.engines.common.forces.sizes import interaction_sizes
-from riftberg.engines.explicit import single_step
+from engines.lattices import lattice, long_step, parameters, settings, step
 from riftberg.state import copy_state
 from twins import drag as twin_drag
 from twins import stepping as twin
@@ -65,37 +62,27 @@ def merged(base, options):
     return {g: {**base.get(g, {}), **options.get(g, {})} for g in {*base, *options}}
 
 
-def parameters_of(options, scheme):
+def settings_of(options, scheme, **stepping):
     """Parameters of a single-step scheme: spring bonds of KID unless told otherwise."""
-    base = {"bonds": {"law": "spring", "spring": 1e-5}, "stepping": {"scheme": scheme}}
-    return parameters(**merged(base, options))
+    base = {
+        "bonds": {"law": "spring", "spring": 1e-5},
+        "stepping": {"scheme": scheme, "time_step": 60.0, **stepping},
+        "compatibility": {"rest_length_from_sizes": True},  # as the twin has it
+    }
+    return settings(**merged(base, options))
 
 
 @pytest.mark.parametrize("options", VERLET.values(), ids=VERLET.keys())
 def test_verlet_step_equals_twin(options):
     """Spec 4.2, 5.1, 5.2, 6.2."""
-    p = parameters_of(options, "verlet")
+    chosen = settings_of(options, "verlet")
+    p = chosen.kernel_values()
     for seed in SEEDS:
         el, bonds = lattice(seed, p)
         el.static[3] = float(seed % 2)
         want = twin.verlet_step(unpack(el), unpack(bonds), p, 60.0)
-        sizes, around = interaction_sizes(el, p), allocate_surroundings(el.mass.size)
-        single_step.update_velocities(el, partners_of(el, bonds, p, multiple=False), sizes, around, 60.0, p)
-        single_step.update_positions(el, 60.0, p)
+        step(el, bonds, chosen)
         compare(el, want, ("lon", "lat", "u", "v", "ax", "ay", "bx", "by", "u_sync", "v_sync"))
-
-
-def run_stages(el, partners, sizes, dt, mean_speeds, p):
-    """One Runge-Kutta step in the environment of its start."""
-    stages = single_step.allocate_stages(el.mass.size)
-    around = allocate_surroundings(el.mass.size)
-    single_step.begin_stages(el, stages)
-    for stage in range(4):
-        if stage > 0:
-            single_step.go_to_stage(el, stages, stage, single_step.AHEAD[stage], dt, p)
-        part = single_step.FRACTION[stage]
-        single_step.evaluate_stage(el, stages, stage, part, partners, sizes, around, dt, mean_speeds, p)
-    single_step.combine_stages(el, stages, dt, p)
 
 
 @pytest.mark.quick(8)
@@ -103,13 +90,13 @@ def run_stages(el, partners, sizes, dt, mean_speeds, p):
 @pytest.mark.parametrize("options", VERLET.values(), ids=VERLET.keys())
 def test_runge_kutta_step_equals_twin(options, mean_speeds):
     """Spec 4.2 (variant), 6.3, with the environment of the start."""
-    p = parameters_of(options, "runge_kutta")
+    chosen = settings_of(options, "runge_kutta", predictor_corrector=mean_speeds)
+    p = chosen.kernel_values()
     for seed in SEEDS:
         el, bonds = lattice(seed, p)
         el.static[3] = float(seed % 2)
         want = twin.runge_kutta_step(unpack(el), unpack(bonds), p, 60.0, mean_speeds=mean_speeds)
-        partners, sizes = partners_of(el, bonds, p, multiple=False), interaction_sizes(el, p)
-        run_stages(el, partners, sizes, 60.0, mean_speeds, p)
+        step(el, bonds, chosen)
         compare(el, want, ("lon", "lat", "u", "v", "ax", "ay", "bx", "by"))
 
 
@@ -314,21 +301,20 @@ def test_spring_bonds_act_in_the_sub_steps_only():
 
 def test_runge_kutta_pair_forces_are_equal_and_opposite():
     """Bug once: each element saw itself at its stage but its partner at the start, so momentum was made (5.2)."""
-    p = parameters_of(
+    chosen = settings_of(
         {
             "contact": {"critical_damping": False},
-            "stepping": {"only_interactions": True},
+            "stepping": {"only_interactions": True, "time_step": 600.0},
             "earth": {"latlon": False, "period": 0.0},
         },
         "runge_kutta",
     )
-    el, bonds = lattice(2, p)
+    el, bonds = lattice(2, chosen.kernel_values())
     el.ax[:] = el.ay[:] = 0.0
     before = np.array([el.mass @ el.u, el.mass @ el.v])
     own = np.abs(el.mass * el.u).sum()
-    partners, sizes = partners_of(el, bonds, p, multiple=False), interaction_sizes(el, p)
     start = el.u.copy()
-    run_stages(el, partners, sizes, 600.0, False, p)
+    step(el, bonds, chosen)
     assert np.abs(el.u - start).max() > 1e-3
     np.testing.assert_allclose([el.mass @ el.u, el.mass @ el.v], before, rtol=0, atol=1e-13 * own)
 

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from riftberg.ensembles.member import FRAGMENT, Outcome
+from contract import FRAGMENT
+from riftberg.ensembles.member import Outcome
 from riftberg.ensembles.probability import Breaks, with_probabilities
 from riftberg.ensembles.result import build_dataset
 from riftberg.ensembles.vary import Varied

@@ -14,16 +14,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Model, Parameters, open_sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, forecast, open_run, open_sweep
 from riftberg.ensembles import sweep as module
-from riftberg.ensembles.forecast import forecast, forecast_plan
-from riftberg.ensembles.sweep import CONTROL, Store
+from riftberg.ensembles.forecast import forecast_plan
+from riftberg.ensembles.sweep import Store
 from riftberg.ensembles.vary import Draws
-from riftberg.experiments.registry import Options
+from riftberg.experiments import Options
 from riftberg.runs import progress
-from riftberg.runs.run_file import open_run
 
 from .made import outcome
+
+CONTROL = -1
 
 
 def drifting() -> Model:

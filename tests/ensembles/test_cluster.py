@@ -16,7 +16,7 @@ import xarray as xr
 from distributed import Client, LocalCluster
 
 from riftberg import Forcing, Iceberg, Model, Parameters, sweep
-from riftberg.ensembles.cluster import LOST_TIMES, _pack_call, run_pool
+from riftberg.ensembles.cluster import _pack_call, run_pool
 from riftberg.errors import InputError
 from riftberg.system.netcdf_lock import open_lazily, write_dataset
 from riftberg.system.process import Hold
@@ -125,20 +125,23 @@ def test_workers_are_deaf_to_interrupts_also_those_in_the_place_of_lost_ones(tmp
     assert dict(os.environ) == before
 
 
-def _ends(job: int) -> int:
-    """Return a number, or end the process."""
-    if job == 1:
+def _ends(job: str) -> str:
+    """Return a path at which a byte says that it was begun, or end the process."""
+    with Path(job).open("a") as begun:
+        begun.write(".")
+    if job.endswith("1"):
         os._exit(3)
     return job
 
 
 @pytest.mark.slow
-def test_a_job_that_ends_its_process_again_and_again_has_failed_and_the_others_are_done() -> None:
-    ended = {job: future.exception() for future, job in run_pool(_ends, [0, 1, 2, 3], 2, Hold())}
-    assert sorted(ended) == [0, 1, 2, 3]
-    assert type(ended[1]).__name__ == "BrokenProcessPool"
-    assert [ended[k] for k in (0, 2, 3)] == [None] * 3
-    assert LOST_TIMES == 3
+def test_a_job_that_ends_its_process_four_times_has_failed_and_the_others_are_done(tmp_path: Path) -> None:
+    jobs = [str(tmp_path / str(k)) for k in range(4)]
+    ended = {job: future.exception() for future, job in run_pool(_ends, jobs, 2, Hold())}
+    assert sorted(ended) == jobs
+    assert type(ended[jobs[1]]).__name__ == "BrokenProcessPool"
+    assert [ended[jobs[k]] for k in (0, 2, 3)] == [None] * 3
+    assert Path(jobs[1]).stat().st_size == 1 + 3  # and three times more
 
 
 @pytest.mark.slow

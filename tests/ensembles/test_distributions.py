@@ -16,7 +16,7 @@ from riftberg.ensembles.sweep import write_record
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, list_members, plan_from_design, read_design, read_varied
 from riftberg.errors import InputError
-from riftberg.experiments.registry import Options
+from riftberg.experiments import Options
 
 STRENGTH = "fracture.normal_strength"
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg.ensembles.result import open_sweep
+from riftberg import open_sweep
 
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "job-arrays.md"
 SMALL = {"--members 40": "--members 6", "--days 8": "--days 0.5", "--workers 4": "--workers 0"}

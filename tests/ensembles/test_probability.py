@@ -13,20 +13,21 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import riftberg
-from riftberg import Forcing, Iceberg, Model, Parameters, open_sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run, open_sweep
 from riftberg.cli.main import app
 from riftberg.config.units import place_text
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
 from riftberg.ensembles.hazard import approach, ice_limits
 from riftberg.ensembles.member import Outcome, broken_off
-from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
-from riftberg.ensembles.result import MOST_LISTED
+from riftberg.ensembles.probability import scenarios, sources, told, wilson
 from riftberg.ensembles.vary import read_varied
 from riftberg.errors import InputError
-from riftberg.runs.run_file import open_run
 from riftberg.viz.ensemble import draw_forecast
 
 from .made import forecast_of, outcome, small_berg
+
+CONES = (0.5, 0.9)
+MOST_LISTED = 64
 
 
 def drifting() -> Model:

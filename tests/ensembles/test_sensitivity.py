@@ -17,7 +17,6 @@ from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.cli.inputs import summary_lines
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import Fix, Observations
-from riftberg.ensembles.distributions import STEP
 from riftberg.ensembles.sensitivity import Result, indices, select_results
 from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import InputError
@@ -25,6 +24,8 @@ from riftberg.verification.sightings import drift_error
 from riftberg.viz.ensemble import draw_sensitivity
 
 from .made import forecast_of, outcome
+
+STEP = 0.4
 
 ANGLE = f"~uniform({-np.pi}, {np.pi})"
 

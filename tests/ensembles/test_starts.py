@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from riftberg import Forcing, Iceberg, Model, forecast
-from riftberg.ensembles.uncertain import SPEED_OF_AGE, read_starts
+from riftberg.ensembles.uncertain import read_starts
 from riftberg.ensembles.vary import Draws, list_members, read_varied, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import parse_settings
+
+SPEED_OF_AGE = 0.12
 
 YAML = """start: 2020-12-09 12:00
 days: 0.5

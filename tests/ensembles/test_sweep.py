@@ -22,16 +22,17 @@ from typer.testing import CliRunner
 
 import riftberg
 from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters, draw_sweep, open_cells, open_sweep, sweep
+from riftberg import Forcing, Iceberg, Model, Parameters, draw_sweep, open_cells, open_run, open_sweep, sweep
 from riftberg.cli.ensembles import summary_lines
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, MemberTracks, Outcome, _stress_ratio, build_member, run_member
-from riftberg.ensembles.result import MOST_LISTED, write_sweep
+from riftberg.ensembles.result import write_sweep
 from riftberg.ensembles.sweep import Store, _cells, join_parts, make_plan
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
-from riftberg.runs.run_file import open_run
 from riftberg.verification.sightings import berg_offsets
+
+MOST_LISTED = 64
 
 SPEEDS = [0.1, 0.2, 0.3]
 
@@ -389,7 +390,8 @@ def test_the_command_refuses_in_one_sentence(tmp_path: Path) -> None:
 
 
 def test_many_fragments_are_listed_by_size() -> None:
-    from riftberg.ensembles.member import FRAGMENT, Outcome
+    from contract import FRAGMENT
+    from riftberg.ensembles.member import Outcome
     from riftberg.ensembles.result import _listed
 
     count = MOST_LISTED + 20

@@ -18,7 +18,14 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
+GRID_FILE = "a68_experiment_ll_p125_grid.nc"
+WIND_FILE = "a68_experiment_wind_vel_ncep_10m_dec2020_HOURLY_ll_p125.nc"
+OCEAN_FILE = "a68_experiment_ocean_surf_vel_oscar_dec2020_HOURLY_ll_p125.nc"
+SEA_LEVEL_FILE = "a68_experiment_ssh_duacs_dec2020_HOURLY_ll_p125.nc"
+"""Names of the published files."""
+
+VARIABLES = {WIND_FILE: ("ua", "va"), OCEAN_FILE: ("uo", "vo"), SEA_LEVEL_FILE: ("SSH",)}
+"""What is read of them."""
 
 HOURS = {WIND_FILE: 739, OCEAN_FILE: 744, SEA_LEVEL_FILE: 744}
 """Records of the published files."""

@@ -8,14 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from riftberg import Model
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import A68A_OBSERVED, ObservedDay, story_model
-from riftberg.ocean.story import LATITUDE, LONGITUDE, OWN, REFERENCE, StoryNumbers, StoryOcean, stream
+from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, stream
 from riftberg.runs.layout import forcing_title
-from riftberg.runs.model import Model
 from riftberg.runs.tracks import berg_position
+
+LATITUDE = -55.8
+LONGITUDE = -37.4
 
 DAY = 86400.0
 START = 9.0 + 13.0 / 24.0

@@ -13,17 +13,30 @@ import netCDF4
 import numpy as np
 import pytest
 
-from experiments.paper_files import HOURS, SIZES, stand_ins, write_hours
+from experiments.paper_files import (
+    GRID_FILE,
+    HOURS,
+    OCEAN_FILE,
+    SEA_LEVEL_FILE,
+    SIZES,
+    VARIABLES,
+    WIND_FILE,
+    stand_ins,
+    write_hours,
+)
 from parity.records import EARTH, read
+from riftberg import A68A_2022, A68A_2022_KID, Model
 from riftberg.constants import OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build, names
-from riftberg.experiments.a68a_files import FILES, PAPER_DAYS, START_RECORD, ZONE, paper_model
+from riftberg.experiments.a68a_files import FILES, paper_model
 from riftberg.fetching.fetch import HOURLY
-from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
 from riftberg.kid.parameters import read_namelist, to_parameters
-from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS
-from riftberg.runs.model import Model
+from riftberg.parameters import A68A_2022_MTS
+
+PAPER_DAYS = 18.0
+START_RECORD = 206
+ZONE = (-37.51, -55.2166)
 
 ZONE_OF_STORY = (-37.305, -54.982)
 POSITION = 1e-5

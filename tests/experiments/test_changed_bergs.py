@@ -12,9 +12,8 @@ import pytest
 from cases import collision
 from riftberg import Iceberg, Model
 from riftberg.errors import InputError
-from riftberg.experiments import build
+from riftberg.experiments import Options, build
 from riftberg.experiments.changes import change_berg
-from riftberg.experiments.registry import Options
 from riftberg.experiments.yaml_file import read_file
 from riftberg.ocean.story import StoryOcean
 from riftberg.plane import EqualAreaPlane

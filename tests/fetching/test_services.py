@@ -69,7 +69,7 @@ def test_missing_client_is_named(name: str, package: str, tmp_path: Path, monkey
 def test_the_extras_that_messages_name_are_there() -> None:
     tomllib = pytest.importorskip("tomllib")
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
-    for package, extra in services.EXTRAS.items():
+    for package, extra in EXTRAS.items():
         assert any(needed.startswith(package) for needed in project["optional-dependencies"][extra])
 
 

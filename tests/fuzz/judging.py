@@ -21,8 +21,9 @@ from typing import Any
 import dask
 
 from riftberg.cli.main import app
-from riftberg.cli.options import EXIT_ERROR
-from riftberg.system.process import STUCK_AFTER
+
+EXIT_ERROR = 2
+STUCK_AFTER = 60.0
 
 REFUSED, HARMLESS, RIGHT, TOLD = "refused well", "accepted, harmless", "right value", "told before the run"
 ACCEPTED, SILENT, TRACEBACK, HANG, VAGUE, REMAINS, REMOVED, LEAK, APART = (

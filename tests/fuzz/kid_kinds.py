@@ -12,10 +12,10 @@ from typing import Any
 import netCDF4
 import numpy as np
 
+from experiments.paper_files import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, WIND_FILE
 from fuzz.base_files import bond_variables, copied, identified
 from fuzz.judging import NEVER, SOON, Kind, Truth, call
 from kid.conftest import namelist_text, restart_variables, write_nc
-from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, WIND_FILE
 
 KID = ["kid", "case", "-o", "out", "-q"]
 NJ, NI, HOURS = 16, 20, 8

@@ -11,7 +11,7 @@ from typing import Any, Final
 import netCDF4
 import numpy as np
 
-from riftberg.kid import a68
+from experiments.paper_files import GRID_FILE, VARIABLES
 from riftberg.kid.run import KidReport, run_kid
 
 from .conftest import fortran, write_nc
@@ -102,14 +102,14 @@ def write_a68_data(folder: Path) -> None:
     folder.mkdir()
     lon, lat = np.meshgrid(-40.0 + 0.125 * np.arange(10), -60.0 + 0.125 * np.arange(8))
     shapes = (("time", 6), ("lat", 8), ("lon", 10))
-    with netCDF4.Dataset(folder / a68.GRID_FILE, "w") as grid:
+    with netCDF4.Dataset(folder / GRID_FILE, "w") as grid:
         for name, size in shapes[1:]:
             grid.createDimension(name, size)
         grid.createVariable("longitude", "f8", ("lat", "lon"))[:] = lon
         grid.createVariable("latitude", "f8", ("lat", "lon"))[:] = lat
     sizes = {"ua": 8.0, "va": -4.0, "uo": 0.3, "vo": -0.1, "SSH": 0.2}
     wave = np.sin(3.0 * lon + np.arange(6)[:, None, None]) + np.cos(2.0 * lat)
-    for file, names in a68.VARIABLES.items():
+    for file, names in VARIABLES.items():
         with netCDF4.Dataset(folder / file, "w") as dataset:
             for name, size in shapes:
                 dataset.createDimension(name, size)

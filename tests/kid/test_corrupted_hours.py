@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from experiments.paper_files import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, WIND_FILE
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError, InputError, NamelistError, RunError
-from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, WIND_FILE
 from riftberg.kid.run import load_case, run_kid
 from riftberg.system.input_files import allow_extreme
 

@@ -9,6 +9,7 @@ import netCDF4
 import numpy as np
 import pytest
 
+from experiments.paper_files import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, WIND_FILE
 from riftberg.errors import ForcingError, InputError, NamelistError
 from riftberg.kid import a68
 from riftberg.kid.driver import build_clock, build_grid, driver_forcing, uniform_fields
@@ -143,12 +144,12 @@ def a68_data(folder: Path, hours: dict[str, int], packed: bool = False) -> None:
     """Write data files whose value is 0.1 x hour (counted from 1)."""
     folder.mkdir()
     lon, lat = np.meshgrid(-40.0 + 0.125 * np.arange(8), -60.0 + 0.125 * np.arange(6))
-    with netCDF4.Dataset(folder / a68.GRID_FILE, "w") as grid:
+    with netCDF4.Dataset(folder / GRID_FILE, "w") as grid:
         grid.createDimension("lat", 6)
         grid.createDimension("lon", 8)
         grid.createVariable("longitude", "f8", ("lat", "lon"))[:] = lon
         grid.createVariable("latitude", "f8", ("lat", "lon"))[:] = lat
-    for file, names in ((a68.WIND_FILE, "ua va"), (a68.OCEAN_FILE, "uo vo"), (a68.SEA_LEVEL_FILE, "SSH")):
+    for file, names in ((WIND_FILE, "ua va"), (OCEAN_FILE, "uo vo"), (SEA_LEVEL_FILE, "SSH")):
         with netCDF4.Dataset(folder / file, "w") as dataset:
             for name, size in (("time", hours[file]), ("lat", 6), ("lon", 8)):
                 dataset.createDimension(name, size)
@@ -161,7 +162,7 @@ def a68_data(folder: Path, hours: dict[str, int], packed: bool = False) -> None:
                 variable[:] = values if packed else 0.1 * values
 
 
-ALL = (a68.WIND_FILE, a68.OCEAN_FILE, a68.SEA_LEVEL_FILE)
+ALL = (WIND_FILE, OCEAN_FILE, SEA_LEVEL_FILE)
 
 
 @pytest.mark.parametrize(("west", "east"), [(-10.0, 175.0), (5.0, 5.0), (350.0, -9.0)])
@@ -195,7 +196,7 @@ def test_a68_half_hours(tmp_path: Path, packed: bool) -> None:
 
 
 def test_a68_single_records_are_constant(tmp_path: Path) -> None:
-    a68_data(tmp_path / "data", {a68.WIND_FILE: 1, a68.OCEAN_FILE: 6, a68.SEA_LEVEL_FILE: 1})
+    a68_data(tmp_path / "data", {WIND_FILE: 1, OCEAN_FILE: 6, SEA_LEVEL_FILE: 1})
     forcing, _ = a68_forcing(tmp_path)
     fields = forcing.fields_at(5400.0)
     assert fields.ua[HALO, HALO] == pytest.approx(0.1)
@@ -210,9 +211,9 @@ def test_a68_wholly_constant_serves_any_time_and_step(tmp_path: Path) -> None:
 
 def test_a68_records_must_last(tmp_path: Path) -> None:
     """Six steps from record 2 end half way between records 4 and 5."""
-    a68_data(tmp_path / "data", {**dict.fromkeys(ALL, 6), a68.WIND_FILE: 5})
+    a68_data(tmp_path / "data", {**dict.fromkeys(ALL, 6), WIND_FILE: 5})
     a68_forcing(tmp_path)
-    with pytest.raises(ForcingError, match=rf"{a68.WIND_FILE}.*5 hourly records, but 8 steps from record 2 need 6"):
+    with pytest.raises(ForcingError, match=rf"{WIND_FILE}.*5 hourly records, but 8 steps from record 2 need 6"):
         a68_forcing(tmp_path, ibhrs=4)
 
 
@@ -224,7 +225,7 @@ def test_a68_errors(tmp_path: Path) -> None:
         a68_forcing(tmp_path, ibdt=600.0)
     with pytest.raises(InputError, match="no such file"):
         a68_forcing(tmp_path, data_dir="elsewhere/")
-    with netCDF4.Dataset(tmp_path / "data" / a68.SEA_LEVEL_FILE, "a") as dataset:
+    with netCDF4.Dataset(tmp_path / "data" / SEA_LEVEL_FILE, "a") as dataset:
         dataset.renameVariable("SSH", "zos")
     with pytest.raises(InputError, match=r"no variable 'SSH' \(found: zos\)"):
         a68_forcing(tmp_path)
@@ -240,7 +241,7 @@ def test_a68_without_depth_cannot_ground(tmp_path: Path) -> None:
 
 def test_gaps_in_currents_are_still_water(tmp_path: Path) -> None:
     a68_data(tmp_path / "data", dict.fromkeys(ALL, 1))
-    with netCDF4.Dataset(tmp_path / "data" / a68.OCEAN_FILE, "a") as dataset:
+    with netCDF4.Dataset(tmp_path / "data" / OCEAN_FILE, "a") as dataset:
         dataset["uo"].missing_value = np.nan
         dataset["uo"][0, 2, 2] = np.nan
     forcing, _ = a68_forcing(tmp_path)

@@ -13,12 +13,15 @@ import pytest
 from riftberg.engines.common.stepper import update_fragments
 from riftberg.errors import BergError, InputError, NamelistError
 from riftberg.kid.a68 import HourlyFile
-from riftberg.kid.restart import CALVING_FILE, DEPTH_FILE, write_stores
+from riftberg.kid.restart import write_stores
 from riftberg.life.calving import Stores
 from riftberg.ocean.grid import Grid
 
 from . import scenes
 from .test_mixed_options import DEM, DRIFT, PAIR, SINGLE, read, records, run
+
+CALVING_FILE = "calving.res.nc"
+DEPTH_FILE = "topog.nc"
 
 TWINS = {"lon": [5500.0, 5500.0], "lat": [5500.0, 5500.0], "thickness": [200.0, 200.0]}
 LOOSE = {**SINGLE, "iceberg_bonds_on": False, "manually_initialize_bonds": False}

@@ -8,8 +8,13 @@ from pathlib import Path
 import pytest
 
 from riftberg.config.parameter_groups import NORTHERN_CLASSES, SOUTHERN_CLASSES, ClassTable
-from riftberg.kid import parameters, trajectories
-from riftberg.kid.entries import DRIVER, GROUPS, HONOURED, ICEBERGS, REFUSED, REPORTED, Entry, convert, find_entry
+from riftberg.kid.entries import DRIVER, GROUPS, ICEBERGS, Entry, convert, find_entry
+from scripts import ROOT
+
+KID = ROOT / "src" / "riftberg" / "kid"
+HONOURED = "honoured"
+REFUSED = "refused"
+REPORTED = "reported"
 
 KINDS = {"L": "logical", "I": "integer", "I8": "integer", "R": "real", "R10": "reals"}
 
@@ -59,7 +64,7 @@ def test_names_types_and_defaults_are_those_of_the_specification(shared: Path) -
 
 def test_no_entry_that_the_mapping_reads_is_called_without_effect() -> None:
     """Every name read by the mapping of parameters and by the trajectories is honoured, and the other way round."""
-    source = Path(parameters.__file__).read_text() + Path(trajectories.__file__).read_text()
+    source = (KID / "parameters.py").read_text() + (KID / "trajectories.py").read_text()
     read = set(re.findall(r'(?:flag|number|whole|text)\("(\w+)"\)', source))
     by_name = {e.name: e for e in (*ICEBERGS, *DRIVER)}
     assert len(read) > 60
@@ -68,8 +73,7 @@ def test_no_entry_that_the_mapping_reads_is_called_without_effect() -> None:
 
 
 def test_honoured_entries_are_read_somewhere() -> None:
-    folder = Path(parameters.__file__).parent
-    source = "".join(p.read_text() for p in folder.glob("*.py") if p.name != "entry_table.py")
+    source = "".join(p.read_text() for p in KID.glob("*.py") if p.name != "entry_table.py")
     for entry in (*ICEBERGS, *DRIVER):
         if entry.treatment == HONOURED:
             assert f'"{entry.name}"' in source, entry.name

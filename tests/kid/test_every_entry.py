@@ -15,12 +15,18 @@ import numpy as np
 import pytest
 
 from riftberg.errors import InputError
-from riftberg.kid.entries import GROUPS, HONOURED, INTEGER, LOGICAL, NEEDS, REFUSED, REPORTED, Entry
+from riftberg.kid.entries import GROUPS, NEEDS, Entry
 
 from . import scenes
 from .entry_checks import BY_SCHEME, CHECKS
 from .entry_trials import FLIP, TRIALS, Trial
 from .scenes import COMMON, DRIVERS, SCENES, SCHEMES, Outcome, Values
+
+HONOURED = "honoured"
+REFUSED = "refused"
+REPORTED = "reported"
+INTEGER = "integer"
+LOGICAL = "logical"
 
 ROUND_OFF = 1e-9
 """Largest difference of what is the same but for round-off, as part of the largest value."""

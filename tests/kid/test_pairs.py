@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
+from contract import HEAT_CLOSES, MASS_CLOSES
 from riftberg.errors import InputError, RiftbergError
-from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
 from riftberg.system.input_files import allow_extreme
 
 from . import scenes

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from riftberg import A68A_2022_KID, Parameters
 from riftberg.errors import NamelistError
-from riftberg.kid.parameters import NEVER, read_namelist, to_parameters
-from riftberg.parameters import A68A_2022_KID, Parameters
+from riftberg.kid.parameters import read_namelist, to_parameters
 
 from .conftest import namelist_text
+
+NEVER = sys.float_info.max
 
 
 def mapped(tmp_path: Path, driver: dict[str, Any] | None = None, **icebergs: Any) -> Parameters:

@@ -9,13 +9,15 @@ import netCDF4
 import numpy as np
 import pytest
 
+from riftberg import A68A_2022_KID, Parameters
 from riftberg.errors import BergError, InputError
 from riftberg.kid.ncfile import checksum, opened_dataset
-from riftberg.kid.restart import CONTACT_FLAG, join_id, new_identifiers, read_restart, split_id, write_restart
+from riftberg.kid.restart import join_id, new_identifiers, read_restart, split_id, write_restart
 from riftberg.ocean.grid import Grid
-from riftberg.parameters import A68A_2022_KID, Parameters
 
 from .conftest import restart_variables, write_nc
+
+CONTACT_FLAG = 0.1
 
 ONES = np.ones(3, dtype="i4")
 DEM = A68A_2022_KID

@@ -12,10 +12,10 @@ import netCDF4
 import numpy as np
 import pytest
 
+from riftberg import Model
 from riftberg.errors import InputError, NamelistError, RunError
 from riftberg.kid.restart import write_bonds
 from riftberg.kid.run import load_case, run_kid
-from riftberg.runs.model import Model
 
 from . import scenes
 from .conftest import namelist_text, restart_variables, write_nc

@@ -7,17 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters, draw_map, open_run
 from riftberg.diagnostics.summary import melt_by_fragment, melt_lines, summarize
 from riftberg.diagnostics.why import explain, reason_lines
-from riftberg.life.process import PROCESSES, read_melt
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
-from riftberg.runs.run_file import open_run
-from riftberg.viz.map import draw_map
+from riftberg.life.process import read_melt
 from riftberg.viz.replay import write_replay
 from riftberg.viz.score import draw_reasons
+
+PROCESSES = ("base", "sides", "waves", "bergy_bits", "footloose_bits", "footloose_bergy_bits")
 
 SEA = Forcing.uniform(current=(0.4, -0.1), wind=(12.0, 2.0), slope=(0.0, 0.0))
 

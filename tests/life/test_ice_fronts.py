@@ -10,12 +10,16 @@ import numpy as np
 import pytest
 import shapely
 
+from contract import HEAT_CLOSES, MASS_CLOSES
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import InputError
-from riftberg.life.ice_fronts import ALONE, REACH, SHAPES, hand_on_feet
-from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
+from riftberg.life.ice_fronts import hand_on_feet
 from riftberg.plane import ConformalPlane
 from riftberg.state import new_elements
+
+ALONE = -1.0
+REACH = 0.05
+SHAPES = "front_shapes"
 
 LENGTH, WIDTH, RADIUS, PLACE = 60e3, 30e3, 30e3, (-40.0, -56.0)
 SEA = Forcing.uniform(wind=(10.0, 0.0), temperature=6.0, salinity=34.0)

@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from contract import HEAT_CLOSES, MASS_CLOSES
+from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.errors import ForcingError, InputError, RunError
-from riftberg.life.ice_fronts import REACH
 from riftberg.life.melt import base_spans, life_values
-from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
-from riftberg.parameters import A68A_2022, A68A_2022_MTS, Parameters
-from riftberg.runs.model import Model
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.parameters import A68A_2022_MTS
+from riftberg.runs.run_file import RunWriter
 from twins import footloose as twin
+
+REACH = 0.05
 
 SIDE = 3000.0
 PLANE = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}

@@ -10,20 +10,19 @@ import numpy as np
 import pytest
 
 from cases import CASES
+from contract import FORCES
 from engines.test_media import SCHEMES
 from engines.test_media import model as adrift
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.cli.run import ledger_lines
 from riftberg.diagnostics.summary import summarize
-from riftberg.engines.common.forces.media import FORCES
 from riftberg.errors import InputError
-from riftberg.life.motion import CLOSES, GIVERS, MotionBalance, energy_in_bonds, stock
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
-from riftberg.runs.run_file import open_run
+from riftberg.life.motion import MotionBalance, energy_in_bonds, stock
 from riftberg.system.atomic_files import write_json
 from verification.setups import energy, lattice, parameters, shake
+
+CLOSES = 1e-9
+GIVERS = (*FORCES, "loads", "supports", "time_step", "elements", "life", "other")
 
 ALONE = {"only_interactions": True, "time_step": 600.0}
 

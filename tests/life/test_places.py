@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from contract import HEAT_CLOSES, MASS_CLOSES
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
-from riftberg.life.footloose import DIRECTIONS, FreePlaces, _Calving, corner_reach
-from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
+from riftberg.life.footloose import FreePlaces, _Calving, corner_reach
 from riftberg.state import new_elements
+
+DIRECTIONS = 16
 
 PLANE = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
 SCHEMES: dict[str, dict[str, Any]] = {

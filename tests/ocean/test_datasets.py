@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import DatasetForcing, Iceberg, Model
 from riftberg.errors import ForcingError
-from riftberg.ocean.datasets import DatasetForcing, product_part
-from riftberg.runs.model import Model
+from riftberg.ocean.datasets import product_part
 from riftberg.state import Elements, Floats, new_elements
 
 START = datetime(2020, 12, 9, 13)

@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
+from riftberg import Model
 from riftberg.cli.main import app
 from riftberg.cli.options import named_files
 from riftberg.ensembles.uncertain import with_errors
@@ -18,7 +19,6 @@ from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
 from riftberg.ocean.files_forcing import ModelGrid, Run
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.runs.model import Model
 
 EXPERIMENT = """\
 start: 2020-12-09 13:00

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from riftberg import Model
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
-from riftberg.runs.model import Model
 
 EXPERIMENT = """\
 start: 2020-12-09 12:00

@@ -13,10 +13,13 @@ import xarray as xr
 from riftberg import DatasetForcing, Forcing, Iceberg, Model, Parameters
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.ocean.balance import APART, MEAN, balancing_slope, drift_in_current, mean_record_weights
+from riftberg.ocean.balance import balancing_slope, drift_in_current, mean_record_weights
 from riftberg.ocean.mean_currents import mean_currents
 from riftberg.ocean.product_records import ProductRecords
 from riftberg.state import Elements, Floats, new_elements
+
+APART = 5.0 * 3600.0
+MEAN = 25.0 * 3600.0
 
 START = np.datetime64("2020-12-01", "ns")
 

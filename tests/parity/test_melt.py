@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contract import HEAT_CLOSES, MASS_CLOSES
 from riftberg.kid.run import KidReport, run_kid
-from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
 
 from .cases import MASS_AND_SHAPE, MELTING, POSITION
 from .records import Table, layout, paired, read

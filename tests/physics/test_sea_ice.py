@@ -10,24 +10,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from contract import FORCES
+from engines.lattices import surroundings_of
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.engines.common.forces.media import (
-    FORCES,
-    LIMIT,
-    LINEAR,
-    PUSH_X,
-    QUADRATIC,
-    SEA_ICE,
-    WATER,
-    allocate_surroundings,
-    find_surroundings,
-)
-from riftberg.engines.common.forces.sizes import interaction_sizes
-from riftberg.engines.quasi_static.bodies.linear_pack import SUBSTEP_YIELD
 from riftberg.errors import ForcingError, InputError
 from riftberg.parameters import PUBLISHED_DRAG, Drag
 from riftberg.state import ELEMENT_VARIABLES
 from twins import sea_ice as twin
+
+SUBSTEP_YIELD = 2e-3
 
 ICE = (0.2, -0.05)
 METRES: dict[str, Any] = {"latlon": False, "latitude": -70.0}
@@ -73,12 +64,10 @@ def momentum(model: Model) -> np.ndarray:
     return drift(model) * model.elements.mass.sum()
 
 
-def rows_of(model: Model) -> np.ndarray:
+def rows_of(model: Model) -> dict[str, Any]:
     """Rows of the media with the environment that the elements carry."""
     el, p = model.elements, model.constants
-    around = allocate_surroundings(el.size)
-    find_surroundings(el, interaction_sizes(el, p), around, p)
-    return around.media
+    return surroundings_of(el, p)[0]
 
 
 @pytest.mark.parametrize("capture", ["limited", "locked", "none"])
@@ -98,9 +87,10 @@ def test_rows_equal_the_twin(capture: str) -> None:
         env.ice_fraction[:] = calm
         for e in range(el.size):
             want = twin.row(el.mass[e], 5e3, el.side_share[e], env.ice_thickness[e], fraction, draft, capture)
-            got = rows[e, SEA_ICE, [QUADRATIC, LINEAR, LIMIT]]
-            np.testing.assert_allclose(got, want[:3], rtol=1e-12)
-            np.testing.assert_allclose(rows[e, WAVES, PUSH_X], want[3] * open_water[e, WAVES, PUSH_X], rtol=1e-12)
+            ice = rows["sea_ice"]
+            np.testing.assert_allclose([ice.quadratic[e], ice.linear[e], ice.limit[e]], want[:3], rtol=1e-12)
+            push, unhindered = rows["waves"].push_x[e], open_water["waves"].push_x[e]
+            np.testing.assert_allclose(push, want[3] * unhindered, rtol=1e-12)
 
 
 def test_a_hold_grows_with_thickness_strength_and_front_and_falls_with_open_water() -> None:
@@ -108,7 +98,7 @@ def test_a_hold_grows_with_thickness_strength_and_front_and_falls_with_open_wate
 
     def hold(model: Model, thickness: float = 1.0, fraction: float = 1.0) -> float:
         model.elements.ice_thickness[:], model.elements.ice_fraction[:] = thickness, fraction
-        return float(model.elements.mass @ rows_of(model)[:, SEA_ICE, LIMIT])
+        return float(model.elements.mass @ rows_of(model)["sea_ice"].limit)
 
     one = model_of()
     one.step()
@@ -264,7 +254,7 @@ def test_ice_beside_a_berg_takes_the_place_of_water_by_its_mean_depth() -> None:
     water = []
     for fraction in (0.0, 0.5, 1.0):
         model.elements.ice_thickness[:], model.elements.ice_fraction[:] = 4.0, fraction
-        water.append(rows_of(model)[0, WATER, QUADRATIC])
+        water.append(rows_of(model)["water"].quadratic[0])
     assert water[0] - water[2] == pytest.approx(2.0 * (water[0] - water[1]), rel=1e-9)
 
 
@@ -368,8 +358,8 @@ def test_explicit_schemes_know_no_concentration() -> None:
             )  # fmt: skip
             model.advance(steps=3)
             ends.append(np.array([model.elements.lon, model.elements.lat, *model.velocity()]).tobytes())
-            assert (rows_of(model)[:, SEA_ICE, LIMIT] == 0.0).all()
-            assert (rows_of(model)[:, SEA_ICE, QUADRATIC] > 0.0).all()
+            assert (rows_of(model)["sea_ice"].limit == 0.0).all()
+            assert (rows_of(model)["sea_ice"].quadratic > 0.0).all()
         assert ends[0] == ends[1]
 
 

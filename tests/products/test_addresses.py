@@ -19,11 +19,11 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
+from riftberg import open_run
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError
 from riftberg.experiments import build
 from riftberg.products.reading import is_zarr, open_raw
-from riftberg.runs.run_file import open_run
 
 YAML = """\
 start: 2020-12-09

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from contract import FORCES
 from products.test_odd_files import AIR, CENTRE, START, elements, plain, truth, written
-from riftberg import Iceberg, Model, Parameters
-from riftberg.engines.common.forces.media import FORCES
-from riftberg.ocean.datasets import DatasetForcing
+from riftberg import DatasetForcing, Iceberg, Model, Parameters
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, _coarse, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing

@@ -15,9 +15,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_all, open_product
-from riftberg.products.mesh import window
-from riftberg.products.registry import recognise
+from riftberg.products import open_all, open_product, recognise, window
 
 TURN = np.deg2rad(35.0)
 CENTRE = -39.0

@@ -9,11 +9,12 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
+from riftberg import DatasetForcing, Forcing
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import build
-from riftberg.ocean.datasets import DatasetForcing, Forcing
-from riftberg.products.registry import open_named, recognise
+from riftberg.products import recognise
+from riftberg.products.registry import open_named
 from riftberg.state import new_elements
 
 YAML = """\

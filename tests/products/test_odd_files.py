@@ -17,14 +17,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Model
+from riftberg import DatasetForcing, Forcing, Iceberg, Model
 from riftberg.errors import ForcingError
-from riftberg.ocean.datasets import DatasetForcing
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_product
-from riftberg.products.registry import in_memory, open_all
+from riftberg.products import open_all, open_product
+from riftberg.products.registry import in_memory
 from riftberg.state import Elements, new_elements
 
 START = datetime(2020, 12, 16, 6)

@@ -15,8 +15,9 @@ from products.test_odd_files import CENTRE, START, arrives, elements, plain, tru
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
+from riftberg.products import open_product, recognise
 from riftberg.products.mesh import Located, build_mesh
-from riftberg.products.registry import open_named, open_product, recognise
+from riftberg.products.registry import open_named
 
 # --- land -----------------------------------------------------------------------------------------------------------------
 

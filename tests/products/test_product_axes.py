@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from riftberg.errors import ForcingError
+from riftberg.products import window
 from riftberg.products.levels import depths
-from riftberg.products.mesh import Located, build_mesh, utc, window
+from riftberg.products.mesh import Located, build_mesh, utc
 from riftberg.products.place import goes_round, tidy_axes, tidy_longitude
 
 

@@ -7,8 +7,10 @@ import pytest
 import xarray as xr
 
 from riftberg.constants import SECONDS_PER_DAY
-from riftberg.products.dates import MONTH_SECONDS, iso_seconds, stated_interval
+from riftberg.products.dates import iso_seconds, stated_interval
 from riftberg.products.records import Gap, cover_of, empty_records, gap_limit, long_gaps, own_interval, usual_interval
+
+MONTH_SECONDS = 30.4 * 86400.0
 
 
 def raw(time: dict[str, str] | None = None, **attributes: str) -> xr.Dataset:

@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 from fakes import EXPLICIT, FakeModel
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import FieldRules, Forcing, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.diagnostics.summary import summarize
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import FieldRules, GriddedForcing
-from riftberg.parameters import Parameters
 from riftberg.runs.accessor import find_course
-from riftberg.runs.model import Model
 from riftberg.runs.run_file import memory_run
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import DailyTrack

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Model
-from riftberg.diagnostics.cut import FORCES, applied_forces, external_forces, forces_recorded
+from contract import FORCES_IN_TABLES
+from riftberg import Forcing, Iceberg, Model, open_run
+from riftberg.diagnostics.cut import applied_forces, external_forces, forces_recorded
 from riftberg.errors import RunError
 from riftberg.experiments import Options, build
 from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.derived import force_variables
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 
 P = A68A_2022_MTS.changed(stepping={"substeps": 90, "time_step": 1800.0}, bonds={"constant_size": False})
 SEA = {
@@ -75,7 +76,7 @@ def test_why_reads_the_applied_forces_where_they_are(tmp_path: Path) -> None:
     with made(tmp_path / "run.nc", depth=150.0) as run:
         assert forces_recorded(run)
         got = external_forces(run, 1, P.kernel_values())
-        assert tuple(got) == FORCES
+        assert tuple(got) == FORCES_IN_TABLES
         mean = 0.5 * (run["force_sea_floor_x"].values[:, 1] + run["force_sea_floor_x"].values[:, 2])
         np.testing.assert_allclose(got["sea floor"][:, 0], mean, rtol=1e-6)
         floor = applied_forces(run, 1)["sea floor"][:, 0]

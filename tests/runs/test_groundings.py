@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contract import FORCES
 from fakes import FakeForcing, FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.constants import GRAVITY
 from riftberg.diagnostics.summary import summarize
 from riftberg.diagnostics.why import explain, reason_lines
-from riftberg.engines.common.forces.media import FORCES, on_the_floor
+from riftberg.engines.common.forces.media import on_the_floor
 from riftberg.engines.common.fragments.grounding_log import GroundingEvent, GroundingLog, mass_on_floor
 from riftberg.runs.groundings import (
     GroundTeller,
@@ -27,7 +28,7 @@ from riftberg.runs.groundings import (
     title_lines,
 )
 from riftberg.runs.restart import load_state
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 
 HOUR = 3600.0

@@ -18,8 +18,7 @@ from riftberg.cli.main import app
 from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.score import score_run
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import build
-from riftberg.experiments.registry import Options
+from riftberg.experiments import Options, build
 from riftberg.runs.opendrift import read_trajectory
 
 HOURS = 13

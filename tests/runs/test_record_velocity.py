@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model
-from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
+from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters
+from riftberg.parameters import A68A_2022_MTS
 
 RADIUS = A68A_2022.earth.radius
 

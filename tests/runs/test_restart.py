@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from fakes import FakeModel
+from riftberg import A68A_2022
 from riftberg.errors import InputError
-from riftberg.parameters import A68A_2022
 from riftberg.runs import restart
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
+
+FORMAT = 7
 
 
 def random_model() -> FakeModel:
@@ -100,11 +102,11 @@ def test_other_layouts_and_missing_variables_are_refused(tmp_path: Path) -> None
     with pytest.raises(InputError, match="element_spin"):
         restart.load_state(path)
     with netCDF4.Dataset(path, "a") as file:
-        file.riftberg_restart_format = restart.FORMAT + 1
+        file.riftberg_restart_format = FORMAT + 1
     with pytest.raises(InputError, match="newer than this Riftberg"):
         restart.load_state(path)
     with netCDF4.Dataset(path, "a") as file:
-        file.riftberg_restart_format = restart.FORMAT - 1
+        file.riftberg_restart_format = FORMAT - 1
     with pytest.raises(
         InputError,
         match=r"layout 6 is older than this Riftberg .*Use the Riftberg that wrote it .*, or make the run again",

@@ -8,10 +8,8 @@ import netCDF4
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.parameters import A68A_2022, A68A_2022_MTS, Parameters
-from riftberg.runs.model import Model
+from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters
+from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.run_file import RunWriter
 
 STEPS = 16

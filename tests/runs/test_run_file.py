@@ -18,10 +18,11 @@ import pytest
 import xarray as xr
 
 from fakes import FakeModel
+from riftberg import open_run
 from riftberg.errors import InputError, RunError
 from riftberg.parameters import from_file
 from riftberg.runs.layout import in_file
-from riftberg.runs.run_file import RunWriter, histories, memory_run, open_run
+from riftberg.runs.run_file import RunWriter, histories, memory_run
 from riftberg.state import ELEMENT_VARIABLES
 
 

@@ -11,9 +11,9 @@ import pytest
 import xarray as xr
 
 from fakes import FakeModel
+from riftberg import Parameters, open_run
 from riftberg.engines.common.fragments.tree import equivalent_rectangles
-from riftberg.parameters import Parameters
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Shapes, berg_position, build_tracks
 

@@ -6,10 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
+from riftberg import Forcing, Iceberg, Model, Parameters
 
 DENSITY = 850.0
 RADIUS = 1500.0

@@ -10,8 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from cases import CANTILEVER, CASES, SUPPORTED, Beam, cantilever, supported_beam
-from riftberg import Forcing
-from riftberg.runs.model import Model
+from riftberg import Forcing, Model
 
 POISSON = 0.3
 

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engines.test_elastic_cells import dense_matrix
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.crack_tips import TIP_NAMES
 from riftberg.engines.quasi_static.lattice.equilibrium import elastic_energy
 from riftberg.engines.quasi_static.lattice.triangles import (
@@ -21,8 +20,6 @@ from riftberg.engines.quasi_static.lattice.triangles import (
     find_open_edges,
     find_triangles,
 )
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 from verification.test_crack_lines import QUICK, RADIUS, SPACING, THICKNESS, Plate
 
 LENGTH, WIDTH = 36e3, 12e3
@@ -298,7 +295,7 @@ def on_a_bed(*, current: float, depth: float = 0.5, bending: bool = False) -> Mo
 
 def stored(model: Model) -> tuple[float, np.ndarray]:
     """Elastic energy (J) at the end of the last step, and which faces are closed."""
-    state, cells = model._stepper._state, model._stepper._lattice.cells
+    state, cells = model._stepper.memory.state, model._stepper.memory.lattice.cells
     moved = state.bodies.displacement
     return elastic_energy(moved, state.load), cells.faces.closed(cells.displacements(moved))
 

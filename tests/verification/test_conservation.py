@@ -7,9 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.runs.model import Model
+from riftberg import Forcing, Iceberg, Model
 from verification.setups import (
     DENSITY,
     RADIUS,

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
+from riftberg import Forcing, Iceberg, Model, Parameters
 from twins import crushing as twin
 
 HALF = 500.0  # of the wall

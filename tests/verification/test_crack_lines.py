@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.crack_tips import NO_TIPS, TIP_NAMES, CrackTips
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.fragments.connectivity import bridge_moments, connected_parts, find_bridges
@@ -23,8 +22,6 @@ from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
 from riftberg.engines.quasi_static.lattice.cells import ElasticCells, add_new_cells
 from riftberg.engines.quasi_static.lattice.equilibrium import Supports, balanced_loads, find_lattice
 from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 from riftberg.state import Floats
 from verification.test_cracks_in_cells import edge_factor
 

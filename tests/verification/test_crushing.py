@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters
 from riftberg.diagnostics.summary import fragment_areas
 from riftberg.engines.quasi_static.contact import faces
 from riftberg.engines.quasi_static.contact.crushing_step import integrate_faces
@@ -31,11 +31,11 @@ from riftberg.engines.quasi_static.contact.face_forces import (
     TOUCHED,
 )
 from riftberg.engines.quasi_static.contact.faces import FacePairs
+from riftberg.engines.quasi_static.memory import LawsWithMemory, Memory
 from riftberg.engines.quasi_static.step import TimeStep
-from riftberg.engines.quasi_static.trial import LawsWithMemory
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
-from riftberg.parameters import A68A_2022, PUBLISHED_DRAG
+from riftberg.parameters import PUBLISHED_DRAG
 
 LONG = 50  # Elements of the first berg
 
@@ -216,8 +216,8 @@ def test_an_impact_hangs_on_neither_the_axes_nor_the_order_of_the_bergs() -> Non
 
 def in_parts(model: Model, parts: Sequence[float]) -> list[float]:
     """Take a model through the parts of a step (s); returns the force on all faces (N) at the end of each."""
-    contact = model._stepper._faces  # type: ignore[attr-defined]
-    step, found = TimeStep(model, laws=LawsWithMemory(None, contact)), []
+    contact = model._stepper.memory.laws.faces  # type: ignore[attr-defined]
+    step, found = TimeStep(model, Memory(laws=LawsWithMemory(None, contact))), []
     for h in parts:
         step._advance_to_event(h, False)
         found.append(float(contact.pairs.state[:, FORCE].sum()))
@@ -488,7 +488,7 @@ def test_a_face_that_closes_on_what_it_has_crushed_gets_there_in_few_steps(monke
     state = np.zeros((1, COLUMNS))
     state[0, [TOUCHED, CRUSHED, CHORD, SINCE, SPEED, PHASE, AREA_AT_END]] = 12e3, 12e3, 1e3, 50.0, 0.012, IMPACT, 5e3
     pair = model.elements.body.id[None, :].astype(np.int64)
-    model._stepper._faces.pairs = FacePairs(pair, state, np.zeros(1))  # type: ignore[attr-defined]
+    model._stepper.memory.laws.faces.pairs = FacePairs(pair, state, np.zeros(1))  # type: ignore[attr-defined]
     steps: list[float] = []
 
     def integrate(*arguments: Any) -> Any:

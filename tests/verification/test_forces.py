@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contract import FORCES
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import GRAVITY
-from riftberg.engines.common.forces.media import FORCES
 from scripts import table_rows
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "explanation" / "forces.md"

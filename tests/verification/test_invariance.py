@@ -6,9 +6,7 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.runs.model import Model
+from riftberg import Forcing, Iceberg, Model
 from verification.setups import RADIUS, parameters
 
 SIDE = 2 * RADIUS

@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
-from riftberg.parameters import Parameters
-from riftberg.runs.model import Model
 from scripts import loaded
 from verification.setups import RADIUS, lattice, parameters, turn
 

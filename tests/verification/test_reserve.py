@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.diagnostics import why
 from riftberg.diagnostics.summary import summarize
 from riftberg.engines.common.reserves import CAVEAT
 from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import BergError, InputError
 from riftberg.experiments import Options, build
-from riftberg.parameters import A68A_2022
 from riftberg.physics.crevasses import prestress, reserve, rift_factor
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 
 TIP = 79e3

@@ -7,10 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from riftberg import Forcing
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.parameters import A68A_2022, A68A_2022_MTS
-from riftberg.runs.model import Model
+from riftberg import A68A_2022, Forcing, Iceberg, Model
+from riftberg.parameters import A68A_2022_MTS
 
 RADIUS = A68A_2022.earth.radius
 TURN = -math.radians(12.0) / 86400.0

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from riftberg.bergs.iceberg import Iceberg
+from riftberg import Iceberg
 from riftberg.engines.quasi_static.fracture.crack_paths import TipIntensity, find_rift_tips
 from riftberg.engines.quasi_static.fracture.stress_intensity import TipRing, ring_intensities, tip_ring
 from riftberg.physics.crack_tip import hoop_intensity

@@ -17,12 +17,11 @@ from typer.testing import CliRunner
 
 from ensembles.made import forecast_of, outcome
 from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, sweep
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import Fix, Observations, read_observed
 from riftberg.diagnostics.outlines import Outline, intersection_over_union
 from riftberg.ensembles.result import write_sweep
-from riftberg.ensembles.sweep import sweep
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.verification.forecast import report, verified

@@ -16,14 +16,17 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from fakes import FakeModel
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg import draw_map, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Box, Scene
 from riftberg.viz import animate
 from riftberg.viz import coast as basemap
 from riftberg.viz.animate import write_film
-from riftberg.viz.map import draw_map
 from riftberg.viz.panels import Map
 from riftberg.viz.plots import draw_dates
+
+LAND = "#D3CBBB"
+SHELF = "#F1F4F6"
 
 SQUARE = [(-38.9, -54.95), (-38.5, -54.95), (-38.5, -54.8), (-38.9, -54.8), (-38.9, -54.95)]
 LAKE = [(-38.8, -54.9), (-38.8, -54.85), (-38.7, -54.85), (-38.7, -54.9), (-38.8, -54.9)]
@@ -104,7 +107,7 @@ def test_land_with_its_lake_is_drawn_from_the_local_file_and_the_extent_stays(da
     place = ax.get_position()
     whole = (CLOSE.east - CLOSE.west) * (CLOSE.north - CLOSE.south)
     expected = (0.4 * 0.15 - 0.1 * 0.05) / whole * place.width * place.height
-    assert part_in(data / "land.png", basemap.LAND) == pytest.approx(expected, rel=0.15)
+    assert part_in(data / "land.png", LAND) == pytest.approx(expected, rel=0.15)
 
 
 def test_pictures_show_the_coast_where_there_is_one(data: Path, run: xr.Dataset, tmp_path: Path) -> None:
@@ -114,12 +117,12 @@ def test_pictures_show_the_coast_where_there_is_one(data: Path, run: xr.Dataset,
     draw_dates(run, tmp_path / "dates.png", dpi=60)
     write_film(run, tmp_path / "film.gif", hours=24, dpi=50)
     for name in ("map", "dates"):
-        assert part_in(tmp_path / f"{name}.png", basemap.LAND) > 0.005
+        assert part_in(tmp_path / f"{name}.png", LAND) > 0.005
     from PIL import Image
 
     with Image.open(tmp_path / "film.gif") as film:
         pixels = np.asarray(film.convert("RGB")).reshape(-1, 3) / 255.0
-    assert (np.abs(pixels - to_rgb(basemap.LAND)).sum(axis=1) < 0.05).mean() > 0.005
+    assert (np.abs(pixels - to_rgb(LAND)).sum(axis=1) < 0.05).mean() > 0.005
 
 
 def test_without_cartopy_or_its_files_the_coast_of_the_package_is_drawn(
@@ -146,7 +149,7 @@ def test_the_coast_of_the_package_is_where_the_land_is(data: Path) -> None:
     assert km2 == pytest.approx(3500.0, rel=0.1)
     assert lines
     ronne = basemap.clip_coast(Box(-62.0, -48.0, -78.5, -76.0))[0]
-    assert sum(part.area for part, colour in ronne if colour == basemap.SHELF) > 15.0
+    assert sum(part.area for part, colour in ronne if colour == SHELF) > 15.0
     assert basemap.clip_coast(Box(-41.0, -39.5, -57.0, -56.0)) == ([], [])
 
 
@@ -186,7 +189,7 @@ def test_ice_that_floats_over_land_is_noticed(data: Path) -> None:
 
 def test_a_run_in_metres_has_no_coast(data: Path) -> None:
     write_layer(data, "land", SQUARE)
-    assert Map(axes(CLOSE), CLOSE).coast == {basemap.LAND}
+    assert Map(axes(CLOSE), CLOSE).coast == {LAND}
     assert not Map(axes(CLOSE), CLOSE, latlon=False).coast
 
 

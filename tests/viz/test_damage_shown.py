@@ -14,10 +14,10 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from fakes import FakeModel
+from riftberg import A68A_2022, open_run
 from riftberg.cli.main import app
 from riftberg.errors import InputError
-from riftberg.parameters import A68A_2022
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.viz.plots import _peak_stress, draw_damage
 from riftberg.viz.replay import ReplayContent, write_replay

@@ -10,9 +10,13 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from fakes import FakeModel
-from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.viz.animate import COLOURS, GIF_FPS, film_palette, write_film
+from riftberg import open_run
+from riftberg.runs.run_file import RunWriter
+from riftberg.viz.animate import film_palette, write_film
 from riftberg.viz.colours import FRAGMENTS as FRAGMENT_COLOURS
+
+COLOURS = 128
+GIF_FPS = 10
 
 
 def bytes_of(colour: str) -> tuple[int, ...]:

@@ -13,11 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from fakes import SIDE, FakeModel
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg import draw_map, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Box, Scene, corner_offsets, element_polygons
-from riftberg.viz.map import draw_map
 from riftberg.viz.panels import Panel, speed_bar
-from riftberg.viz.style import LED, Labels, degree_label, new_figure, round_length
+from riftberg.viz.style import Labels, degree_label, new_figure, round_length
+
+LED = 11.0
 
 RADIUS = 6_363_827.0
 

@@ -10,14 +10,13 @@ import xarray as xr
 from matplotlib.collections import PolyCollection
 from typer.testing import CliRunner
 
-from riftberg import Forcing, Iceberg, Model, Parameters, draw_map
+from riftberg import Forcing, Iceberg, Model, Parameters, draw_fragments, draw_map, open_run
 from riftberg.cli.main import app
 from riftberg.cli.pictures import usual_kinds
 from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
-from riftberg.runs.run_file import open_run
-from riftberg.viz.plots import draw_fragments, draw_melt
+from riftberg.viz.plots import draw_melt
 from riftberg.viz.replay import ReplayContent
 from viz.browser import unpack
 

@@ -14,13 +14,15 @@ from matplotlib.image import imread
 
 from ensembles.made import forecast_of, outcome
 from fakes import FakeModel
+from riftberg import open_run
 from riftberg.experiments import build
-from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
-from riftberg.viz import colours
 from riftberg.viz.ensemble import choose_tracks
 from riftberg.viz.replay import ForecastMembers, ReplayContent, chosen_records, quantise, write_replay
 from viz.browser import drawn, opened, unpack, until
+
+LAND = "#D3CBBB"
 
 RING = np.array([[-39.2, -55.1], [-38.8, -55.1], [-38.8, -54.9], [-39.2, -54.9]])
 
@@ -234,7 +236,7 @@ def test_keys_zoom_and_settings_work_in_a_browser(page: Path) -> None:
 @pytest.mark.slow
 def test_the_page_draws_every_shape_and_place(tmp_path: Path) -> None:
     """Hexagons, metres, no water: no browser error either."""
-    from riftberg.parameters import A68A_2022
+    from riftberg import A68A_2022
 
     hexagonal = A68A_2022.changed(bonds={"packing": "hexagonal"})
     writer = RunWriter(tmp_path / "run.nc", every_hours=6, background=False)
@@ -333,6 +335,6 @@ def test_land_is_on_the_plane_of_the_page(tmp_path: Path) -> None:
     )
     assert any(shape.contains(Point(*map(float, inland))) for shape in shapes)
     assert not any(shape.contains(Point(*map(float, sea))) for shape in shapes)
-    assert {area["colour"] for area in coast} == {colours.LAND}
+    assert {area["colour"] for area in coast} == {LAND}
     FakeModel(latlon=False).advance(1, recorders=[RunWriter(tmp_path / "metres.nc", every_hours=12, experiment="fake")])
     assert not ReplayContent(open_run(tmp_path / "metres.nc"), title="", observed={})._coast()

@@ -30,6 +30,7 @@ from riftberg.cli.options import (
     tell,
 )
 from riftberg.errors import InputError, RiftbergError
+from riftberg.ocean.needs import EXPECTED, SEA_LEVEL, WIND
 from riftberg.system.input_files import in_folder
 
 if TYPE_CHECKING:
@@ -171,15 +172,15 @@ def _read_requirements(name: str, files_named: bool) -> Requirements:
         experiment, _, _ = read_file(Path(name))
         forcing = experiment.forcing
         if not isinstance(forcing, FileForcing) and not files_named:
-            return Requirements(spared=_ALL)
+            return Requirements(spared=frozenset(EXPECTED))
         if not isinstance(forcing, FileForcing):
             raise InputError(
                 f"its forcing is of kind {forcing.kind!r}", where=f"--for {name}", remedy="It needs no files"
             )
         end = experiment.start + timedelta(days=experiment.days)
         products = {in_folder(Path(name).parent, entry.file): entry.choice for entry in forcing.entries}
-        left_out = set() if forcing.sea_level in ("auto", "files") else {"ssh"}
-        left_out |= {"ua", "va"} if forcing.wind == "none" else set()
+        left_out = set() if forcing.sea_level in ("auto", "files") else {*SEA_LEVEL.fields}
+        left_out |= {*WIND.fields} if forcing.wind == "none" else set()
         max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (forcing.max_gap, forcing.hold))
         return Requirements(
             forcing.longitude, forcing.latitude, (experiment.start, end), tuple(products), products,
@@ -191,7 +192,7 @@ def _read_requirements(name: str, files_named: bool) -> Requirements:
     from riftberg.model import DEFAULT_START
 
     if not files_named and not find(name).fetches:
-        return Requirements(spared=_ALL)
+        return Requirements(spared=frozenset(EXPECTED))
     end = DEFAULT_START + timedelta(days=18)
     path = tuple((seen.lon, seen.lat) for seen in A68A_OBSERVED if seen.day not in PARTIAL)
     requirements = Requirements(*REGION, (DEFAULT_START, end), path=path)
@@ -199,10 +200,6 @@ def _read_requirements(name: str, files_named: bool) -> Requirements:
     if any(folder.glob("*.nc")):
         return requirements._replace(files=(str(folder / "*.nc"),))
     return requirements._replace(remedy=f"None are in {folder}: 'riftberg fetch a68a' gets them, or name others")
-
-
-_ALL = frozenset(("uo", "vo", "ssh", "ua", "va"))
-"""What is spared where the ocean is one of formulas: all that files give otherwise."""
 
 
 def _extreme_positions(run: Path | None) -> list[tuple[float, float]] | None:

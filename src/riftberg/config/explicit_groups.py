@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Final, Literal
 from riftberg.config.parameter_groups import (
     BondParameters,
     Contact,
+    Drag,
     Fracture,
     Grounding,
     Group,
@@ -18,6 +19,15 @@ from riftberg.config.values import Usual, field_extra, section_fields
 
 _SPRING: Final = Usual(1e-9, 10.0, "E / (rho (R1 + R2)^2) of elements of 10 m to 10 km")
 _SIZE: Final = Usual(5.0, 2e4, "elements of lattices are some m to some km wide", off=True)
+
+
+class ElementDrag(Drag):
+    """Drag of water, air and sea ice on an element."""
+
+    sides_by_bonds: bool = quantity(
+        True, "", "side drag only on sides that no bond covers", "equations 4.1, KID's internal_bergs_for_drag",
+        kernel="sides_by_bonds",
+    )  # fmt: skip
 
 
 class GroundDrag(Grounding):
@@ -162,6 +172,7 @@ class ExplicitStepping(Stepping):
         "mts", "", "of quasi_static, mts (multiple time steps), verlet and runge_kutta; quasi_static is of the other engine",
         "equations 6",
     )  # fmt: skip
+    frozen: bool = quantity(False, "", "no element moves", "equations 6.1 Static_icebergs")
     substeps: int | None = quantity(
         None, "1", "sub-steps in a long step; none means the stable number", "equations 6.4, KID's mts_sub_steps", ge=1,
         le=10**12, trial=400,

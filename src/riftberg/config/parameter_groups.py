@@ -123,6 +123,10 @@ class Ice(Group):
 class Drag(Group):
     """Drag of water, air and sea ice on an element."""
 
+    _instead: ClassVar[dict[str, str]] = {
+        "sides_by_bonds": "leave it out; water drags on the outline of a berg, where no bond covers the ice"
+    }
+
     water_side: float = quantity(
         0.9, "1", "form drag of the water on the sides, on 0.5 rho u^2", "Bigg et al. 1997", ge=0, le=10,
         usual=Usual(0.2, 2.0, "0.25 in OpenDrift's OpenBerg, 0.85 in FESOM, 0.9 in Bigg et al. 1997", off=True), trial=1.8,
@@ -152,10 +156,6 @@ class Drag(Group):
     ocean_scale: float = quantity(
         1.0, "1", "multiplies both ocean drag coefficients", "KID's ocean_drag_scale", ge=0,
         usual=Usual(0.05, 20.0, "A68a was fitted with 17.8 (Huth et al. 2022)", off=True), trial=2.0, kernel="ocean_scale",
-    )  # fmt: skip
-    sides_by_bonds: bool = quantity(
-        True, "", "side drag only on sides that no bond covers", "equations 4.1, KID's internal_bergs_for_drag",
-        kernel="sides_by_bonds",
     )  # fmt: skip
     rotational: bool = quantity(
         True, "", "skin drag of the water on a spinning element, so that loose elements come to rest",
@@ -247,7 +247,6 @@ class Stepping(Group):
     only_interactions: bool = quantity(
         False, "", "leave out all forces of ocean, air and floor", "equations 4.2", kernel="only_interactions"
     )
-    frozen: bool = quantity(False, "", "no element moves", "equations 6.1 Static_icebergs")
     fixed_velocity: tuple[float, float] | None = quantity(
         None, "m s-1", "impose this velocity on all elements", "equations 4.2, KID's override_iceberg_velocities",
         usual=Usual(-3.0, 3.0, "bergs drift at some dm s-1"), trial=(0.2, 0.1),

@@ -218,6 +218,8 @@ class Damage(Group):
 class QuasiStaticStepping(Stepping):
     """Time steps at whose ends the ice is in equilibrium with its loads."""
 
+    _instead: ClassVar[dict[str, str]] = {"frozen": "write fixed_velocity: [0, 0]"}
+
     in_equilibrium: ClassVar[bool] = True
 
     scheme: Literal["quasi_static"] = quantity(

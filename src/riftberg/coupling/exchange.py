@@ -23,11 +23,12 @@ from riftberg.engines.common.fragments.grounding_log import mass_on_floor
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.life.melt import scaled_mass
-from riftberg.life.process import PROCESSES, LifeModel, birth_date, missing_water, stocks
+from riftberg.life.process import PROCESSES, LifeModel, birth_date, stocks
 from riftberg.model import BareModel
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
 from riftberg.ocean.gridded import interpolate_corners
+from riftberg.ocean.needs import find_missing_water
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import find_rows
 
@@ -345,7 +346,7 @@ class Exchange:
         shapes = {q.field: corner if q.field in wide else cell for q in TAKEN.values()}
         shapes |= {"calving": cell[:1], "calving_heat": cell[:1]}  # ice calves into cells of the ocean only
         arrays = taken(items, shapes, g.mask[self.grid.domain])
-        for lacking, field in missing_water(self.model.parameters, arrays).items():
+        for lacking, field in find_missing_water(self.model.parameters, arrays).items():
             name = next(name for name, q in TAKEN.items() if q.field == field)
             raise ForcingError(
                 f"no {name}, but bergs melt", where="exchange",

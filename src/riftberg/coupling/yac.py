@@ -27,8 +27,8 @@ from riftberg.coupling.exchange import Box, Exchange, read_section
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing
 from riftberg.errors import InputError, RiftbergError
 from riftberg.model import BareModel, Recorder
-from riftberg.ocean.cells import FIELD_DEFAULTS
 from riftberg.ocean.forcing import Forcing
+from riftberg.ocean.needs import DEPTH
 from riftberg.parameters import Parameters
 from riftberg.physics.floating import draft_of
 from riftberg.products.quantities import unit_change
@@ -99,7 +99,7 @@ def ocean_beside(forcing: Forcing, coupling: Coupling, parameters: Parameters) -
     depth = forcing.depth(cells.arrays.lon_centre[cells.domain], cells.arrays.lat_centre[cells.domain])
     if np.isnan(depth).all():  # it knows no floor at all, and so no land
         return OceanForcing(cells, cells.fields())
-    depth = np.clip(np.nan_to_num(depth), 0.0, FIELD_DEFAULTS["depth"])
+    depth = np.clip(np.nan_to_num(depth), 0.0, DEPTH.default)
     grid = box.cells(radius_for_metrics=parameters.earth.radius, mask=depth > 0.0)
     return OceanForcing(grid, grid.fields(depth=depth))
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from riftberg.config.explicit_groups import ExplicitStepping
 from riftberg.engines.common.broad_phase import NO_PAIRS
 from riftberg.engines.common.forces.media import FORCES
 from riftberg.engines.common.run_state import RunState
@@ -33,10 +34,11 @@ __all__ = [
 
 def make_stepper(run: RunState) -> Stepper:
     """Return the stepper of the scheme that the parameters name; a run imports no engine but its own."""
-    scheme = run.parameters.stepping.scheme
-    if run.parameters.stepping.frozen:
+    stepping = run.parameters.stepping
+    scheme = stepping.scheme
+    if isinstance(stepping, ExplicitStepping) and stepping.frozen:
         return FrozenStepper()
-    if run.parameters.stepping.fixed_velocity is not None and scheme in ("mts", "quasi_static"):
+    if stepping.fixed_velocity is not None and scheme in ("mts", "quasi_static"):
         return ImposedStepper()
     if scheme == "mts":
         from riftberg.engines.explicit.mts import MultipleStepper

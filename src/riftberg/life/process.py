@@ -12,7 +12,7 @@ the ice: ``(h - L) m``, with the latent heat ``L`` and the heat ``h`` that the i
 from __future__ import annotations
 
 import calendar
-from collections.abc import Callable, Container, Mapping, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping
 from datetime import datetime
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -33,6 +33,7 @@ from riftberg.life.footloose import (
 )
 from riftberg.life.melt import NO_RATES, MeltStep, life_values, melt_step, scaled_mass
 from riftberg.ocean.forcing import Forcing
+from riftberg.ocean.needs import find_missing_water
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import by_identifier, summed
@@ -208,7 +209,7 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
 
     Runs with the reference's numerics take the fields of their driver.
     """
-    missing = {} if p.quirks.zero_start else missing_water(p, forcing.provides)
+    missing = {} if p.quirks.zero_start else find_missing_water(p, forcing.provides)
     if missing:
         fields = " and ".join(missing.values())
         raise InputError(
@@ -217,16 +218,6 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
             remedy=f"Give files with {fields}, or numbers: {' and '.join(f'melt.{name}' for name in missing)}; "
             "or set melt.enabled = false",
         )
-
-
-def missing_water(p: Parameters, available: Container[str]) -> dict[str, str]:
-    """Return fields that melt needs and has neither as a number nor among the available fields, by name."""
-    melt = p.melt
-    if not melt.enabled or p.melt.zero_rates:
-        return {}
-    salty = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
-    required = [("temperature", "sst", melt.temperature), *([("salinity", "sss", melt.salinity)] if salty else [])]
-    return {name: field for name, field, number in required if number is None and field not in available}
 
 
 LEDGER: Final = "life_ledger"

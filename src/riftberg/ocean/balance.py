@@ -15,7 +15,7 @@ import numpy as np
 from riftberg.config.values import number as checked_number
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.ocean.cells import FIELD_DEFAULTS
+from riftberg.ocean.needs import DEPTH
 from riftberg.physics.drag import ocean_drag
 from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats, Ints
@@ -226,6 +226,6 @@ def slope_notice(forcing: Forcing, elements: Elements, largest: Ints, parameters
     )
     clauses = list(forcing.slope_remarks)
     depth = np.asarray(forcing.depth(elements.place.lon[largest[:1]], elements.place.lat[largest[:1]]), float)
-    if (depth >= FIELD_DEFAULTS["depth"]).all():
+    if (depth >= DEPTH.default).all():
         clauses.append("no depth is given either, so the berg runs aground nowhere")
     return "; ".join([message, *clauses, "sea_level says otherwise: files, geostrophic or none"])

@@ -83,13 +83,6 @@ CORNER_FIELDS = ("uo", "vo", "ui", "vi", "ua", "va")
 ZERO_OUTSIDE = ("ua", "va", "ssh")
 """Fields that are 0 beyond a closed boundary (equations 3.1 rule 2, quirk Q23); the others repeat the outermost value."""
 
-FIELD_DEFAULTS = {"sss": -1.0, "depth": 1e4, "wave_height": -1.0}
-"""Values of fields that are not given, where not 0 (equations 3.1 rule 4)."""
-
-OVER_KEEL = {"sst": "keel_temperature", "sss": "keel_salinity"}
-"""Variables of the elements that hold the mean of a field over the draft, where it comes on levels."""
-
-
 POLAR_LATITUDE = 89.999
 """Corners at or beyond this latitude (degrees) make a cell polar (equations 2.5)."""
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from riftberg.config.values import check_names, duration, given, moment, number, required
 from riftberg.constants import EARTH_RADIUS_KID
 from riftberg.errors import ForcingError
-from riftberg.ocean import formulas
+from riftberg.ocean import formulas, needs
 from riftberg.ocean.balance import (
     SeaLevel,
     balancing_slope,
@@ -29,7 +29,6 @@ from riftberg.ocean.balance import (
     layer_text,
     wind_drift,
 )
-from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.forcing import Forcing as BaseForcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.mean_currents import MeanCurrents, mean_currents
@@ -52,40 +51,17 @@ from riftberg.products.mesh import Mesh, NodeMesh, Places, build_mesh
 from riftberg.products.place import nominal_axes
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import COORDINATES
-from riftberg.products.records import WAVES, check_pairs, doubtful_units, idle_fields, in_python, named, named_remarks
+from riftberg.products.records import WAVES, check_pairs, doubtful_units, have_waves, in_python, named, named_remarks
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
 
 _LOG = logging.getLogger(__name__)
 
-FILLS: Final = {
-    "uo": ("uo", "vo", "vorticity"),
-    "ui": ("ui", "vi"),
-    "ua": ("ua", "va"),
-    "ssh": ("slope_x", "slope_y"),
-    "depth_below_surface": ("depth",),
-    "sst": ("sst",),
-    "sss": ("sss",),
-    "ice_fraction": ("ice_fraction",),
-    "ice_thickness": ("ice_thickness",),
-    "wave_height": ("wave_height", "wave_x", "wave_y", "wave_period"),
-}
-"""Variables of the elements that come from a field of a product; vectors are named by their eastward component."""
-
 WITHOUT_WIND_DRIFT: Final = ("ugos", "uo_mean_over_berg_depth")
 """Variables of currents without levels that hold no drift of the uppermost metres."""
 
-VARIABLES: Final = tuple(name for names in FILLS.values() for name in names)
-
 NOT_VALUES: Final = ("vorticity", "slope_x", "slope_y")
 """Variables that follow from how a field changes from place to place."""
-
-VECTORS: Final = {"uo": "vo", "ui": "vi", "ua": "va"}
-"""Northward component of each vector by its eastward one."""
-
-MUST_BE_KNOWN: Final = ("uo", "vo", "ua", "va", "ssh")
-"""Fields without which an element cannot start: where they are unknown there is no water, or no data."""
-
 
 MOST_SHOWN: Final = 20_000
 """Points of a sea level that are looked at for gaps; of more some are left out."""
@@ -95,7 +71,7 @@ NO_NAMES: Final = ("cf", "")
 
 
 class Part(NamedTuple):
-    """One product: its points, its records, and the fields (keys of `FILLS`) that it gives."""
+    """One product: its points, its records, and the fields (keys of `needs.BY_FIELD`) that it gives."""
 
     mesh: Mesh
     records: ProductRecords
@@ -119,6 +95,27 @@ class Part(NamedTuple):
             return self.source
         source = str(self.records.ds.attrs.get("source", "")) or self.source
         return ", ".join(dict.fromkeys(PurePath(name).name for name in source.split(", ")))
+
+
+def describe_idle_fields(datasets: Sequence[xr.Dataset]) -> list[str]:
+    """Return in words which fields act on nothing because another one is not given."""
+    sentences = [
+        f"{named(ds)}: {', '.join(waves)} not used, for waves need height and direction on one grid; they follow from the wind"
+        for ds in datasets
+        if (waves := [name for name in WAVES if name in ds.data_vars]) and not have_waves(ds)
+    ]
+    holders = {str(name): ds for ds in datasets for name in ds.data_vars}
+    of_ice = (needs.ICE_CONCENTRATION, needs.ICE_THICKNESS, needs.ICE_VELOCITY)
+    ice = [need.fields[0] for need in of_ice if need.fields[0] in holders]
+    lacking = [
+        f"{need.quantity.removesuffix(' of sea ice')} ({need.fields[0]})"
+        for need in of_ice
+        if need.fields[0] not in holders
+    ]
+    if ice and lacking:
+        words = " and ".join(lacking)
+        sentences.append(f"{named(holders[ice[0]])}: sea ice without its {words} exerts no force in the default scheme")
+    return sentences
 
 
 def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
@@ -151,8 +148,10 @@ def balance_remarks(balance: Part, wind_layer: float) -> list[str]:
 
 
 def provided_fields(records: ProductRecords) -> tuple[str, ...]:
-    """Return the fields (keys of `FILLS`) that records hold."""
-    return tuple(name for name in FILLS if name in records.names and (name not in WAVES or "wave_x" in records.names))
+    """Return the fields (keys of `needs.BY_FIELD`) that records hold."""
+    return tuple(
+        name for name in needs.BY_FIELD if name in records.names and (name not in WAVES or "wave_x" in records.names)
+    )
 
 
 class DatasetOptions(TypedDict, total=False):
@@ -237,10 +236,15 @@ class DatasetForcing(BaseForcing):
             provided.append("ssh")
             if self.slope_remarks and not assumes_slope:  # else a model says it, with a figure for its berg
                 self.notices = (*self.notices, f"sea_level: geostrophic: {'; '.join(self.slope_remarks)}")
-        self.provides = frozenset(variable for name in provided for variable in FILLS[name])
+        self.provides = frozenset(variable for name in provided for variable in needs.BY_FIELD[name].variables)
         self._sampled = tuple(map(_sampled_fields, self.parts))
         sampled = {variable for variables, _ in self._sampled for variable in variables}
-        self._missing = tuple(v for v in VARIABLES if v not in sampled | self.provides.intersection(NOT_VALUES))
+        self._missing = tuple(
+            v
+            for need in needs.NEEDS
+            for v in need.variables
+            if v not in sampled | self.provides.intersection(NOT_VALUES)
+        )
         # A pack that only seems to stand still would hold bergs.
         self.ice_drift_known = not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
         self.title = ", ".join(dict.fromkeys(product.shown for product in self.parts))
@@ -268,7 +272,7 @@ class DatasetForcing(BaseForcing):
             return self
         other = copy.copy(self)
         other._balance, other.assumes_slope, other.slope_remarks = None, False, ()
-        other._missing = (*self._missing, *FILLS["ssh"])
+        other._missing = (*self._missing, *needs.SEA_LEVEL.variables)
         return other
 
     @classmethod
@@ -354,7 +358,7 @@ class DatasetForcing(BaseForcing):
         for ds in prepared:
             if "unread" in ds.attrs:
                 _LOG.warning("%s: %s", named(ds), ds.attrs["unread"])
-        notices = [*named_remarks(prepared), *idle_fields(prepared), *doubtful_units(prepared)]
+        notices = [*named_remarks(prepared), *describe_idle_fields(prepared), *doubtful_units(prepared)]
         products = [product_part(ds, begin) for ds in prepared]
         if slope == "geostrophic":
             currents = next(product for product in products if "uo" in product.gives)
@@ -370,7 +374,7 @@ class DatasetForcing(BaseForcing):
         e, lon, lat = elements.environment, elements.lon, elements.lat
         draft = np.asarray(draft_of(elements.body.thickness, self._density))
         for name in self._missing:
-            getattr(e, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
+            getattr(e, name)[:] = needs.DEFAULTS.get(name, 0.0)
         level: Floats | float = 0.0
         balanced: Places | None = None
         for (product, located), (variables, wanted) in zip(self._placed(elements), self._sampled, strict=True):
@@ -458,8 +462,8 @@ class DatasetForcing(BaseForcing):
         for product, located in self._placed(elements):
             product.records.check(start, end)
             for name in product.gives:
-                for component in (name, VECTORS.get(name, "")):
-                    if component in (*MUST_BE_KNOWN, "depth_below_surface"):
+                for component in needs.BY_FIELD[name].fields:
+                    if component in (*needs.EXPECTED, *needs.DEPTH.fields):
                         self._check_known(product, component, located, elements, start)
             if "uo" in product.gives and product.records.has_levels:
                 _check_keel(product, draft, f"element {elements.id[row]}")
@@ -549,7 +553,7 @@ class DatasetForcing(BaseForcing):
         """Return the depth of water (m) below mean sea level at arrays of points; NaN outside and on land."""
         product = self._find_product("depth_below_surface")
         if product is None:
-            return np.full(np.shape(lon), FIELD_DEFAULTS["depth"])
+            return np.full(np.shape(lon), needs.DEPTH.default)
         located = product.mesh.locate(_flat(lon), _flat(lat))
         depth = _values(product, "depth_below_surface", located, 0.0, None, NO_RINGS)
         return np.where(depth > 0.0, depth, np.nan).reshape(np.shape(lon))
@@ -602,17 +606,17 @@ def _sampled_fields(product: Part) -> tuple[tuple[str, ...], Wanted]:
     """
     records = product.records
     rows = []
-    for name in FILLS:
+    for name, need in needs.BY_FIELD.items():
         if name not in product.gives:
             continue
-        if name == "wave_height":
-            fields = {variable: variable for variable in FILLS[name] if variable in records.names}
+        if need is needs.WAVES:
+            fields = {variable: variable for variable in need.variables if variable in records.names}
         else:
-            components = (name, VECTORS[name]) if name in VECTORS else (name,)
-            fields = dict(zip(("ssh",) if name == "ssh" else FILLS[name], components, strict=False))
+            variables = need.fields if need is needs.SEA_LEVEL else need.variables
+            fields = dict(zip(variables, need.fields, strict=False))
         rows += [(variable, field, name == "uo", 0.0) for variable, field in fields.items()]
-        if name in OVER_KEEL and name in records.levelled:
-            rows.append((OVER_KEEL[name], name, True, np.nan))
+        if name in needs.OVER_DRAFT and name in records.levelled:
+            rows.append((needs.OVER_DRAFT[name], name, True, np.nan))
     wanted = Wanted.of(*((records.names.index(field), over_draft, unknown) for _, field, over_draft, unknown in rows))
     return tuple(variable for variable, *_ in rows), wanted
 
@@ -685,7 +689,7 @@ def _described(product: Part) -> str:
         )
     lines += [
         f"{name}: at the surface for waves, mean over the draft of each element for sides and base"
-        for name in OVER_KEEL if name in product.gives and records.on_levels(name)
+        for name in needs.OVER_DRAFT if name in product.gives and records.on_levels(name)
     ]  # fmt: skip
     return "\n".join(lines)
 

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from riftberg.config.units import duration_text
 from riftberg.errors import ForcingError
+from riftberg.ocean.datasets import describe_idle_fields
+from riftberg.ocean.needs import CURRENT, SEA_LEVEL, WIND
 from riftberg.ocean.product_records import NO_RINGS, REACH, RINGS, Blend, as_block, values_at
 from riftberg.products.mesh import Located, Mesh, NodeMesh, build_mesh, extent_text, utc, window, window_in_time
 from riftberg.products.product import Product
@@ -24,7 +26,6 @@ from riftberg.products.records import (
     cover_of,
     empty_by_field,
     gap_limit,
-    idle_fields,
     long_gaps,
     minute,
     own_interval,
@@ -40,14 +41,10 @@ from riftberg.system.netcdf_lock import closing_files, open_netcdf
 Flags = NDArray[np.bool_]
 Span = tuple[float, float]
 
-NEEDED = ("uo", "vo")
+NEEDED = CURRENT.fields
 """Fields without which no run starts; sea ice is optional (none = open water), depth only for grounding."""
 
-ASSUMED = {
-    "ssh": "the slope of the sea surface that balances the current (sea_level says otherwise)",
-    "ua": "calm air",
-    "va": "calm air",
-}
+ASSUMED = {field: need.without for need in (SEA_LEVEL, WIND) for field in need.fields}
 """Values that a run assumes where no file gives a field that it should have."""
 
 _SAMPLE_RECORDS = 3
@@ -94,7 +91,7 @@ def doctor(
             report.unreadable[str(ds.attrs["source"])] = (
                 f"its values cannot be read{because(error)}. Fetch the file again"
             )
-    report.notes += idle_fields(opened)
+    report.notes += describe_idle_fields(opened)
     wishes = (ASSUMED if needed is NEEDED else ()) if wished is None else wished
     _conclude(report, list(dict.fromkeys(needed)), [name for name in wishes if name not in needed])
     return report

@@ -17,10 +17,17 @@ from riftberg.config.units import box_text, duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.balance import MEAN, decided
-from riftberg.ocean.cells import OVER_KEEL
-from riftberg.ocean.datasets import DatasetForcing, Part, averaged_product, product_part, provided_fields
+from riftberg.ocean.datasets import (
+    DatasetForcing,
+    Part,
+    averaged_product,
+    describe_idle_fields,
+    product_part,
+    provided_fields,
+)
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
+from riftberg.ocean.needs import CURRENT, OVER_DRAFT, WIND
 from riftberg.ocean.product_records import (
     Block,
     ProductRecords,
@@ -130,7 +137,7 @@ def forcing_from_files(
     if not any("uo" in ds for ds in datasets):
         fields = sorted({str(name) for ds in opened for name in ds.data_vars})
         raise ForcingError(
-            "no ocean current (uo, vo) in these files",
+            f"no {CURRENT.quantity} ({', '.join(CURRENT.fields)}) in these files",
             where=", ".join(entry.file for entry in settings.entries),
             remedy=f"They give {', '.join(fields)}; add a file of currents, or name its variables (names: {{uo: u, vo: v}})",
         )
@@ -144,7 +151,7 @@ def forcing_from_files(
             "currents that are means over the draft hold no layer of the wind's own", where="forcing.wind_layer",
             remedy="Leave it out, or take currents: surface",
         )  # fmt: skip
-    deep = {*(("uo", "vo") if settings.currents == "draft" else ()), *(OVER_KEEL if run.melts else ())}
+    deep = {*(("uo", "vo") if settings.currents == "draft" else ()), *(OVER_DRAFT if run.melts else ())}
     currents = next(ds for ds in datasets if "uo" in ds)
     datasets = [_as_needed(ds, deep) for ds in datasets]
     grid = None if settings.spacing is None else ModelGrid.of(settings, datasets, run)
@@ -164,14 +171,15 @@ def forcing_from_files(
     fields_read = {str(name) for ds in datasets for name in ds.data_vars}
     notices = [*records.named_remarks(datasets), *records.doubtful_units(datasets)]
     if not fields_read & {"ua", "taux"} and settings.wind == "files":
-        notices.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
+        wind = ", ".join(WIND.fields)
+        notices.append(f"no file gives the wind ({wind}): the air is calm. With wind: none in forcing this is not said")
     notices += [
         f"{records.named(ds)} has no dates: its {', '.join(moving)} are held constant for the whole run"
         for ds in datasets
         if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if QUANTITIES[str(name)].moves])
     ]
     # Fields that this run does not use, in a line each.
-    remarks = records.idle_fields(opened)
+    remarks = describe_idle_fields(opened)
     offered = {str(name): ds for ds in opened for name in ds.data_vars}
     if {"taux", "ua"} <= set(offered) and "ua" in fields_read:
         remarks.append(f"{records.named(offered['taux'])}: wind stress (taux, tauy) is not used beside a wind")

@@ -55,7 +55,6 @@ from riftberg.config.values import (
 )
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.forcing import (
     Forcing,
     as_forcing,
@@ -65,6 +64,7 @@ from riftberg.ocean.forcing import (
     join_texts,
     pair_text,
 )
+from riftberg.ocean.needs import DEFAULTS, DEPTH, OVER_DRAFT, TEMPERATURE, WAVES
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
 
@@ -101,13 +101,13 @@ class Formula(Forcing):
         # Of several floors the shallowest counts, so the search for it begins at no floor at all.
         environment.depth[:] = np.inf
         for name in UNKNOWN:
-            getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
-        environment.wave_height[:] = FIELD_DEFAULTS["wave_height"]
+            getattr(environment, name)[:] = DEFAULTS.get(name, 0.0)
+        environment.wave_height[:] = WAVES.default
         self.add_to(elements, time)
         _add_inertial_slope(self._flows(), elements, time)
         # Elements under which no part has a sea floor get the depth of an open ocean.
         depth = elements.environment.depth
-        depth[np.isinf(depth)] = FIELD_DEFAULTS["depth"]
+        depth[np.isinf(depth)] = DEPTH.default
 
     def _flows(self) -> tuple[Flow, ...]:
         """Return the parts whose currents the sea surface balances."""
@@ -275,7 +275,7 @@ class Sum(Formula):
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points: the shallowest term counts."""
         shallowest: Floats = np.min([term.depth(lon, lat) for term in self.parts], axis=0)
-        return np.where(np.isinf(shallowest), FIELD_DEFAULTS["depth"], shallowest)
+        return np.where(np.isinf(shallowest), DEPTH.default, shallowest)
 
     def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
         """Return which points are land in any part."""
@@ -518,7 +518,7 @@ class Uniform(Flow):
             if water_value is not None:
                 getattr(e, name)[:] = water_value
                 # The value at the surface counts, whatever another term has set.
-                getattr(e, OVER_KEEL[name])[:] = np.nan
+                getattr(e, OVER_DRAFT[name])[:] = np.nan
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
@@ -672,7 +672,7 @@ class Front(Straight):
         left, right = self.temperature
         share = 0.5 * (1.0 + np.tanh((x * -north + y * east) / self.width))
         elements.environment.sst[:] = right + (left - right) * share
-        getattr(elements.environment, OVER_KEEL["sst"])[:] = (
+        getattr(elements.environment, TEMPERATURE.over_draft)[:] = (
             np.nan
         )  # the value at the surface counts, whatever another term has set
 

@@ -16,7 +16,8 @@ from riftberg.compiled.kernels import kernel
 from riftberg.config.units import box_text, place_text
 from riftberg.constants import EARTH_RADIUS_A68, STRESS_INVERSION_DRAG
 from riftberg.errors import BergError, InputError
-from riftberg.ocean.cells import CORNER_FIELDS, FIELD_DEFAULTS, ZERO_OUTSIDE, Fields, GridArrays, locate_points
+from riftberg.ocean.cells import CORNER_FIELDS, ZERO_OUTSIDE, Fields, GridArrays, locate_points
+from riftberg.ocean.needs import DEFAULTS
 from riftberg.state import Elements, Floats
 
 
@@ -197,7 +198,7 @@ class Grid:
         unknown = sorted(set(given) - set(Fields._fields))
         if unknown:
             raise InputError(f"unknown field {unknown[0]!r}", remedy=f"Fields are {', '.join(Fields._fields)}")
-        values: dict[str, Any] = {name: given.get(name, FIELD_DEFAULTS.get(name, 0.0)) for name in Fields._fields}
+        values: dict[str, Any] = {name: given.get(name, DEFAULTS.get(name, 0.0)) for name in Fields._fields}
         return Fields(
             **{name: self.extended(v, "zero" if name in ZERO_OUTSIDE else "nearest") for name, v in values.items()}
         )

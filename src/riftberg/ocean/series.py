@@ -29,8 +29,8 @@ from riftberg.ocean.balance import (
     slow_current_weights,
     wind_drift,
 )
-from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.formulas import SUMMED, Formula
+from riftberg.ocean.needs import DEPTH, OVER_DRAFT
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.records import GAP_FACTOR
 from riftberg.state import Elements, Floats
@@ -275,9 +275,9 @@ class Series(Formula):
             np.maximum(e.ice_fraction, at["ice_fraction"], out=e.ice_fraction)
         if "wave_height" in at:
             e.wave_height[:], e.wave_x[:], e.wave_y[:], e.wave_period[:] = at["wave_height"], e.ua, e.va, 0.0
-        for name in OVER_KEEL.keys() & at.keys():
+        for name in OVER_DRAFT.keys() & at.keys():
             getattr(e, name)[:] = at[name]
-            getattr(e, OVER_KEEL[name])[:] = np.nan  # the value at the surface counts, whatever another term has set
+            getattr(e, OVER_DRAFT[name])[:] = np.nan  # the value at the surface counts, whatever another term has set
 
     def _now(self, time: float) -> dict[str, Floats]:
         """Return the values at a time by name, one for each row; beyond the ends the end values."""
@@ -499,7 +499,7 @@ def _single_depth(depth: Any) -> Any:
         raise ForcingError(
             f"depth = {values.flat[0]:g} is not possible", where="depth", remedy="Give 0 to 100000 m, or leave it out"
         )
-    return np.inf if finite.flat[0] >= FIELD_DEFAULTS["depth"] else float(finite.flat[0])
+    return np.inf if finite.flat[0] >= DEPTH.default else float(finite.flat[0])
 
 
 def _nodes(seconds: Floats, columns: Mapping[str, Floats], means: bool) -> tuple[Floats, dict[str, Floats]]:

@@ -95,9 +95,6 @@ def own_interval(ds: xr.Dataset) -> float:
     return min([*known, *([shown] if shown > 0.0 else [])], default=0.0)
 
 
-SEA_ICE: Final = {"ice_fraction": "concentration", "ice_thickness": "thickness", "ui": "velocity"}
-"""What is needed for a force of sea ice, in words."""
-
 LONGEST_PERIOD: Final = 1e10
 """Three hundred years (s): longer ones are beyond what dates can hold."""
 
@@ -193,22 +190,6 @@ def check_pairs(datasets: Sequence[xr.Dataset]) -> None:
 def have_waves(ds: xr.Dataset) -> bool:
     """Tell whether a dataset says how high the waves are and where they go: less is of no use."""
     return {"wave_height", "wave_direction"} <= set(ds.data_vars)
-
-
-def idle_fields(datasets: Sequence[xr.Dataset]) -> list[str]:
-    """Return in words which fields act on nothing because another one is not given."""
-    said = [
-        f"{named(ds)}: {', '.join(waves)} not used, for waves need height and direction on one grid; they follow from the wind"
-        for ds in datasets
-        if (waves := [name for name in WAVES if name in ds.data_vars]) and not have_waves(ds)
-    ]
-    held = {str(name): ds for ds in datasets for name in ds.data_vars}
-    ice = [name for name in SEA_ICE if name in held]
-    lacking = [f"{words} ({name})" for name, words in SEA_ICE.items() if name not in held]
-    if ice and lacking:
-        words = " and ".join(lacking)
-        said.append(f"{named(held[ice[0]])}: sea ice without its {words} exerts no force in the default scheme")
-    return said
 
 
 def doubtful_units(datasets: Sequence[xr.Dataset]) -> list[str]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import ForcingError, InputError
-from riftberg.ocean.cells import FIELD_DEFAULTS
+from riftberg.ocean.needs import DEFAULTS
 from riftberg.ocean.series import PAIRS, Series
 from riftberg.physics.floating import draft_of
 from riftberg.runs.accessor import Course
@@ -308,7 +308,7 @@ def _trajectory(ds: xr.Dataset, layout: _Layout, k: int, source: str) -> Traject
         times[valid].astype("datetime64[ns]"), lon[valid], lat[valid],
         np.full(int(valid.sum()), np.nan) if moving is None else moving, _meaning(ds, status),
         Size(*map(float, firsts)) if np.isfinite(firsts).all() else None, series,
-        None if not depths.size or not 0.0 < depths[0] < FIELD_DEFAULTS["depth"] else float(depths[0]),
+        None if not depths.size or not 0.0 < depths[0] < DEFAULTS["depth"] else float(depths[0]),
         str(ds.attrs.get("reader_x_sea_water_velocity", "")),
         {key.removeprefix("config_drift:"): str(value) for key, value in ds.attrs.items() if key.startswith("config_drift:")},
     )  # fmt: skip

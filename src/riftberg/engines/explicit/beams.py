@@ -20,13 +20,8 @@ from riftberg.engines.common.forces.media import Surroundings
 from riftberg.engines.common.forces.pair_law import PairLaw, pair_law
 from riftberg.engines.common.forces.sizes import Sizes
 from riftberg.engines.explicit import tiles as tile
-from riftberg.engines.explicit.breaking import (
-    add_contacts,
-    break_overloaded,
-    count_overloaded,
-    record_breaks,
-    store_bonds,
-)
+from riftberg.engines.explicit.contact import add_contacts
+from riftberg.engines.explicit.fracture import break_overloaded, count_overloaded, record_breaks, store_bonds
 from riftberg.engines.explicit.substeps import (
     StepPlan,
     SubstepFields,

@@ -32,7 +32,7 @@ from riftberg.engines.common.stepper import (
     update_fragments,
 )
 from riftberg.engines.explicit.beams import take_substeps_of_beams
-from riftberg.engines.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs, pairs_from_list
+from riftberg.engines.explicit.contact import OTHER_BERGS, TOUCHED, allocate_pairs, pairs_from_list
 from riftberg.engines.explicit.springs import take_substeps_of_springs
 from riftberg.engines.explicit.substeps import (
     POLAR_LATITUDE,

@@ -29,7 +29,7 @@ from riftberg.engines.common.forces.pair_law import (
     pair_view,
 )
 from riftberg.engines.common.forces.sizes import Sizes
-from riftberg.engines.explicit.breaking import add_contacts
+from riftberg.engines.explicit.contact import add_contacts
 from riftberg.engines.explicit.substeps import (
     OuterWorkspace,
     StepPlan,

@@ -260,8 +260,7 @@ def check_long_step(run: RunState) -> None:
     """
     p, dt = run.parameters, run.parameters.time_step
     scheme = p.stepping.scheme
-    moves = not p.stepping.frozen and p.stepping.fixed_velocity is None
-    if p.quirks.zero_start or scheme == "quasi_static" or not moves:
+    if scheme == "quasi_static" or p.quirks.zero_start or p.stepping.frozen or p.stepping.fixed_velocity is not None:
         return
     if scheme in SINGLE_STEP and p.bonds.law != "none":
         longest = math.sqrt(SINGLE_STEP[scheme] / max(_spring_frequency(run), 1e-300))
@@ -395,6 +394,5 @@ def resonance_warning(elements: Elements, bonds: Bonds, parameters: Parameters) 
 def _may_resonate(bonds: Bonds, p: Parameters) -> bool:
     """Whether outer kicks act on intact bonds; the reference's numerics are taken as they are."""
     s = p.stepping
-    pushed = not (s.only_interactions or s.frozen or s.fixed_velocity)
     explicit = s.scheme == "mts" and p.bonds.law == "dem" and not p.quirks.zero_start
-    return explicit and pushed and bool((bonds.status == 0).any())
+    return explicit and not (s.only_interactions or s.frozen or s.fixed_velocity) and bool((bonds.status == 0).any())

@@ -37,7 +37,7 @@ from riftberg.engines.common.forces.pair_law import (
     fill_contact_table,
 )
 from riftberg.engines.common.forces.sizes import Sizes
-from riftberg.engines.explicit.breaking import ContactPairs, allocate_pairs
+from riftberg.engines.explicit.contact import ContactPairs, allocate_pairs
 from riftberg.engines.explicit.tiles import AT_ONCE, BondTiles, allocate_tiles
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude

@@ -15,24 +15,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.engines.common.crack_tips import NO_TIPS, CrackTips
 from riftberg.engines.common.forces.media import FORCES
-from riftberg.engines.common.forces.sizes import Sizes, interaction_sizes
+from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import longest_trial_step
 from riftberg.engines.quasi_static.bodies.pose import Bodies, bodies_from_elements, split_bodies
 from riftberg.engines.quasi_static.fracture.brittle_lattice import MAX_LOW_RANK_UPDATES, BrittleLattice
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, record_peak_stress, store_stresses
-from riftberg.engines.quasi_static.lattice.cell_stiffness import CellTopology
-from riftberg.engines.quasi_static.lattice.cells import ElasticCells
 from riftberg.engines.quasi_static.lattice.equilibrium import released_energy
+from riftberg.engines.quasi_static.memory import Memory
 from riftberg.engines.quasi_static.rigid_step import BodyState, accumulate_step_forces
-from riftberg.engines.quasi_static.trial import LONGEST_PUSHED_STEP, FragmentMotion, LawsWithMemory, Trial
+from riftberg.engines.quasi_static.trial import LONGEST_PUSHED_STEP, FragmentMotion, Trial
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Ints
 
@@ -59,40 +58,40 @@ may change; no shorter than the first and no longer than the second of these tim
 
 
 class TimeStep:
-    """One time step of a model, from event to event.
+    """One time step of a model, from event to event, from the memory of the step before.
 
-    ``lattice``, ``state`` and ``sizes`` come from the step before, where nothing has changed since. ``unknown``:
-    bodies that take the velocity of their elements, None where the twists of ``bodies`` are right; ``cells``: the elastic cells
-    and the topology of their mesh; ``cracks``: the tips, and the highest number of a crack in the run.
+    ``unknown``: bodies that take the velocity of their elements, None where the twists in the memory are right; ``last_crack``:
+    the highest number of a crack in the run.
     """
 
     def __init__(
-        self, model: RunState, bodies: Bodies | None = None, lattice: BrittleLattice | None = None,
-        state: BodyState | None = None, sizes: Sizes | None = None, unknown: NDArray[np.bool_] | None = None,
-        cells: tuple[ElasticCells | None, CellTopology | None] = (None, None),
-        cracks: tuple[CrackTips, int] = (NO_TIPS, 0), laws: LawsWithMemory | None = None,
+        self, model: RunState, memory: Memory | None = None, unknown: NDArray[np.bool_] | None = None, last_crack: int = 0
     ) -> None:  # fmt: skip
         self.model, self.el, self.bonds = model, model.elements, model.bonds
-        self.laws = laws or LawsWithMemory()
-        self.motion = FragmentMotion(model, self.laws, sizes or interaction_sizes(self.el, model.constants))
+        self._memory = memory = memory or Memory()
+        self.laws, sizes = memory.laws, memory.sizes or interaction_sizes(self.el, model.constants)
+        self.motion = FragmentMotion(model, self.laws, sizes)
         self.start, self.dt, self.cracked = model.time, model.parameters.time_step, False
         self.applied = np.zeros((self.el.size, len(FORCES), 2))  # mean accelerations so far, by their part of the step
         self.touched: list[tuple[Ints, Ints]] = []  # elements of the pairs in contact so far
         self._max_dt = self._longest = self.dt  # Longest trial step to come next, and for the rest of the time step
-        newly_made = bodies is None or unknown is not None
+        newly_made = memory.bodies is None or unknown is not None
+        bodies = memory.bodies
         if bodies is None:
             bodies = first_bodies(self.el, self.bonds, model.constants)
+        lattice = memory.lattice
         if lattice is None:
-            lattice = BrittleLattice(model, bodies, self.motion.sizes, cells, *cracks)
+            cells = memory.cells, memory.topology
+            lattice = BrittleLattice(model, bodies, sizes, cells, memory.tips, last_crack)
         else:  # the arrays of this step may be others than those of the last one
-            lattice.follow_cracks(bodies, cracks[0])
+            lattice.follow_cracks(bodies, memory.tips)
         self.motion.lattice = lattice
         if newly_made:
             has_twist = np.zeros(bodies.pose.shape[0], np.bool_) if unknown is None else ~unknown
             bodies = bodies._replace(twist=np.where(has_twist[:, None], bodies.twist, self.motion.fit_twists(bodies)))
         if self.laws.seabed is not None:
             self.laws.seabed.check_start(model, bodies)
-        self.state = state or self.motion.find_state(bodies, model.time)
+        self.state = memory.state or self.motion.find_state(bodies, model.time)
         if newly_made:
             self.state = self.motion.in_equilibrium(self.state)
         self.motion.frozen_displacement = self.state.bodies.displacement
@@ -127,18 +126,28 @@ class TimeStep:
         moves_on_bed = (keel.floor_load > 0.0) & (keel.floor_substep < self.dt)
         return (faces is not None and faces.pairs.pair.size > 0) or bool(moves_on_bed.any())
 
+    def remember(self) -> Memory:
+        """Return the memory for the next step."""
+        lattice = self.lattice
+        return replace(
+            self._memory, bodies=self.state.bodies, cells=lattice.elastic_cells, tips=self.tips, lattice=lattice,
+            # After a crack the loads are those of a lattice that has been renumbered since: the next step finds them anew, as a
+            # restarted run does.
+            state=None if self.cracked else self.state, sizes=self.motion.sizes, topology=lattice.topology,
+        )  # fmt: skip
+
     # One step to the first event
 
     def _advance_to_event(self, h: float, may_break: bool) -> float:
         """Take one step of at most ``h`` s that ends at the first event in it; returns the longest step to come next (s).
 
-        The order in which events are looked for is the order in which one invalidates what the trial shows about the next:
+        Events are looked for in this order, since each invalidates what the trial shows of those after it; a new kind of event
+        takes its place here:
 
-        1. Fragments touch each other or the bed in a step of hours, or push one to where the bed holds it otherwise. All loads of
-           the trial are then wrong, so it is rejected whatever else is in it, and shorter ones follow, in which all events are
-           looked for again; they grow again where nobody is pushed.
-        2. Fracture by contact or the sea floor. Their loads peak within the step, so it comes before what the end of the step
-           shows.
+        1. Fragments touch each other or the bed in a step of hours, or push one to where the hold of the bed changes. All loads
+           of the trial are then wrong: it is rejected, and shorter ones follow, in which all events are looked for again. Steps
+           grow again when nothing is pushed.
+        2. Fracture by contact or the sea floor. These loads peak within the step, so it comes before an overload at the end.
         3. Overload under the loads at the end, which grow evenly from the start of the step.
 
         A fracture always ends the step, as the pieces are other bodies. No bond is overloaded at its start, as the crack of the

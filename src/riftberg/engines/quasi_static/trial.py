@@ -35,7 +35,6 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 from riftberg.engines.quasi_static.bodies.linear_pack import linear_pack, soft_pack
 from riftberg.engines.quasi_static.bodies.pose import Bodies, place_elements
 from riftberg.engines.quasi_static.contact.anchors import allocate_anchors
-from riftberg.engines.quasi_static.contact.faces import FaceContact, FacePairs
 from riftberg.engines.quasi_static.contact.islands import (
     PeakContactLoad,
     SubcycledMotion,
@@ -44,9 +43,9 @@ from riftberg.engines.quasi_static.contact.islands import (
 )
 from riftberg.engines.quasi_static.fracture.brittle_lattice import BrittleLattice
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, grow_damage
-from riftberg.engines.quasi_static.ground.seabed import Seabed, drop_fragments, join_drifts, join_motions
+from riftberg.engines.quasi_static.ground.seabed import drop_fragments, join_drifts, join_motions
 from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, supported_loads
-from riftberg.engines.quasi_static.lattice.sides import FragmentSides
+from riftberg.engines.quasi_static.memory import LawsWithMemory
 from riftberg.engines.quasi_static.rigid_step import (
     BodyState,
     assemble_operators,
@@ -63,35 +62,6 @@ LONGEST_PUSHED_STEP = 60.0
 
 LARGEST_TURN_ON_ROLLERS = 0.02
 """Sine of the angle by which a fragment may turn on supports that are free eastward: they stay across its own axis."""
-
-Memory = tuple[tuple[Floats, Floats] | None, FacePairs | None]
-"""Work of friction on the sea floor and the least clearance above it, and faces that press each other."""
-
-
-class LawsWithMemory(NamedTuple):
-    """Laws that keep something from one step to the next: a bed of sediment if it is chosen, faces where fragments may meet.
-
-    ``sides``: the outlines of the fragments on which the water drags; without them it drags by a mean over all directions.
-    """
-
-    seabed: Seabed | None = None
-    faces: FaceContact | None = None
-    sides: FragmentSides | None = None
-
-    def checkpoint(self) -> Memory:
-        """Return the values that a step changes in them."""
-        return (
-            None if self.seabed is None else self.seabed.checkpoint(),
-            None if self.faces is None else self.faces.pairs,
-        )
-
-    def rollback(self, saved: Memory) -> None:
-        """Return to the values of `checkpoint`."""
-        bed, pairs = saved
-        if self.seabed is not None and bed is not None:
-            self.seabed.rollback(bed)
-        if self.faces is not None and pairs is not None:
-            self.faces.pairs = pairs
 
 
 class Ashore(NamedTuple):

@@ -155,7 +155,7 @@ def allocate_forcing(el: Elements, p: KernelParameters, sides: Floats | None = N
     """Return arrays for the forces on the elements at one moment; ``sides``: of `ElementForcing`, if any."""
     count, body = el.size, el.body
     inertia, aground, drag, water_spin, side_drag = np.zeros((5, count))
-    if sides is None or p.forces_by_element:
+    if sides is None:
         sides = np.zeros((count, 0, 4))
     return ElementForcing(
         np.empty((count, len(MEDIA), len(Medium._fields))), np.empty(count), body.mass, inertia, aground, drag, water_spin,

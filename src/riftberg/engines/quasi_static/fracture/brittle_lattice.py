@@ -143,7 +143,7 @@ class BrittleLattice:
         """Return an equilibrium of any moment."""
         return Equilibrium(self.lattice, self.intact, displacement, load, self.cells, self.paths)
 
-    # What breaks
+    # Which bond breaks
 
     def overload(self, moment: Equilibrium | None) -> float:
         """Event function of fracture: stress over strength in the most critical place, less 1; negative without a moment."""
