@@ -206,7 +206,7 @@ def _draw_figure(scene: Scene, water: Water | None, observed: Outlines, dates: i
         columns = (len(records) + 1) // 2
         figure = style.new_figure(15.5, 7.8, dpi)
         subfigures = figure.subfigures(1, 2, width_ratios=(0.4, 0.6))
-    overview = Overview(subfigures[0].subplots(), scene, water, shape, observed)
+    overview = Overview(subfigures[0].subplots(subplot_kw={"anchor": "N"}), scene, water, shape, observed)
     depth_bar(overview.panel)
     style.legend_below(subfigures[0], overview.handles("dates of the panels"), columns=6 if wide else 2)
     style.put_title(figure, title, size=11.0)

@@ -139,6 +139,8 @@ def lay_out(figure: Figure) -> None:
     engine.execute(figure)
     for ax, aspect in aspects:
         ax.set_aspect(aspect)
+        if aspect != "auto":
+            ax.apply_aspect()  # now, not when the figure is drawn: labels find their places on the map as it will be
     # Not "none", which leaves an engine that does nothing: with any engine a figure is drawn twice when it is written.
     figure.set_layout_engine(None)
 
