@@ -246,7 +246,8 @@ def title_lines(stays: list[Stay]) -> list[str]:
     stay = next((stay for stay in stays if stay.lasts), stays[0])
     row, until = stay.event, "the end" if stay.lasts else short_date(stay.ended)
     motion_text = f"held since {short_date(stay.held)}" if stay.held else f"slid {_metres(row.way)}"
-    more = f"; {len(stays) - 1} more on the sea floor" if len(stays) > 1 else ""
+    others = len(stays) - 1
+    more = f"; {others} other grounding{'s' if others > 1 else ''}" if others else ""
     whom = f"{stay.name} aground" if stay.name else "Aground"
     elements = f"{row.carried} element{'s' if row.carried != 1 else ''}"
     return [f"{whom} {short_date(stay.began)} to {until}: {elements}, {motion_text}{more}"]
