@@ -268,9 +268,9 @@ class Labels:
         """Keep labels off a rectangle of the picture, pixels."""
         self._taken.append(box)
 
-    def prefer_off(self, x: float, y: float) -> None:
+    def prefer_off(self, x: float, y: float, points: float = 2.0) -> None:
         """Keep labels off a point of a line where there is another place for them."""
-        self._better_free.append(self._mark(x, y, 2.0))
+        self._better_free.append(self._mark(x, y, points))
 
     def prefer_off_line(self, x: Any, y: Any) -> None:
         """Keep labels off some sixty points along a line; it has gaps where a point is not finite."""
