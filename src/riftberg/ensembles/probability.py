@@ -660,7 +660,8 @@ def told(ds: xr.Dataset) -> list[str]:
     broke = dates[~np.isnat(dates) & (share_of > 0.0)]
     if not enough(share_of) and broke.size:
         count = f"{broke.size} of {count_text(int((share_of > 0.0).sum()), 'member')}"
-        lines.append(f"  first break-up in {count}, {minute_text(broke.min())} to {minute_text(broke.max())}")
+        dates_text = " to ".join(dict.fromkeys(minute_text(date) for date in (broke.min(), broke.max())))
+        lines.append(f"  first break-up in {count}, {dates_text}")
     elif half.size:
         lines.append(f"  first break-up by {minute_text(dates[order][half[0]])} with 50 %")
     if _unfinished_share(ds) > 0.0:
@@ -681,7 +682,7 @@ def told(ds: xr.Dataset) -> list[str]:
         lines.append(f"  position{whose} {place_text(lon, lat, latlon=True, digits=2)}; {spread}")
     best = np.unravel_index(int(ds["crack_probability"].values.argmax()), ds["crack_probability"].shape)
     share = float(ds["crack_probability"].values[best])
-    if share > 0.0:
+    if share >= 0.005:  # else it would be given as 0 %
         x, y = float(ds["own_x"].values[best[1]]) / 1e3, float(ds["own_y"].values[best[0]]) / 1e3
         lines.append(
             f"  likeliest place of a crack: {x:+.0f} km east, {y:+.0f} km north of the middle at the start ({100 * share:.0f} %)"
