@@ -349,6 +349,90 @@ def test_tide_floats_it_off_when_the_level_says() -> None:
         assert afloat == (high > 0.6) or abs(high - 0.6) < 1e-6
 
 
+LEVELS = ((0.5, 12.4206012 * 3600.0), (-0.3, 12.0 * 3600.0))
+"""Two constituents that oppose each other at the start: height (m) and period (s)."""
+
+
+def in_tide(aground: float, current: float, dt: float) -> Model:
+    """The berg on a flat bed of rock, so many metres aground at mean level, under the two constituents."""
+    level = sum(
+        (Forcing.tide(0.0, level=abs(height), period=period, level_phase=90.0 - math.copysign(90.0, height), **PLANE)
+         for height, period in LEVELS[1:]),
+        Forcing.tide(0.0, level=LEVELS[0][0], **PLANE),
+    )  # fmt: skip
+    return berg_model(floor=flat(DRAFT - aground), tide=level, speed=0.0, current=current, dt=dt, sediment="rock")
+
+
+@pytest.mark.slow
+def test_a_month_of_tides_that_never_lift_a_berg_does_not_make_it_creep() -> None:
+    """At spring tide 1 mm is left on the bed, which holds 0.8 m/s: it stays for a month as without tide for a year."""
+    model = in_tide(0.801, 0.3, 3600.0)
+    x = model.elements.lon.mean()
+    model.advance(days=30)
+    assert model.elements.keel.floor_load.any()
+    assert abs(model.elements.lon.mean() - x) < 0.02
+
+
+@pytest.mark.slow
+def test_a_month_of_tides_walks_a_berg_by_the_hours_that_it_floats() -> None:
+    """Afloat 28 times, 62.8 hours in all; each time it starts from rest and goes half of force over mass times t2."""
+    model = in_tide(0.6, 0.1, 1800.0)
+    afloat = []
+    for _ in range(30 * 48):
+        model.step()
+        afloat.append(not model.elements.keel.floor_load.any())
+    seconds = np.arange(0.0, 30.0 * 86400.0, 10.0)
+    level = sum(height * np.cos(2.0 * math.pi * seconds / period) for height, period in LEVELS)
+    starts, ends = (np.flatnonzero(np.diff((level > 0.6).astype(int)) == sign) for sign in (1, -1))
+    spells = 10.0 * (ends - starts)
+    assert (spells.size, spells.sum() / 3600.0) == (28, pytest.approx(62.8, rel=0.01))
+    assert sum(afloat) * 0.5 == pytest.approx(62.8, rel=0.02)
+    area, mass = 18e3 * 9e3, 850.0 * 250.0 * 18e3 * 9e3
+    force = 1025.0 * (0.5 * 0.9 * 9e3 * DRAFT + 0.0025 * area) * 0.1**2
+    # As it gathers way the water drags less: 3 % over the longest of these spells.
+    assert model.elements.lon.mean() == pytest.approx((0.5 * force / mass * spells**2).sum(), rel=0.03)
+
+
+STEPS = [(i, j) for i in range(6) for j in range(3)] + [(4, 3), (5, 3), (5, 4)]
+"""Places of the elements of a berg that is not its own mirror image, in sides of 3 km."""
+
+
+def test_a_mirrored_berg_lands_in_the_mirror() -> None:
+    """The same load, and the same way but for the mirror, to what the raster of the pads leaves open."""
+
+    def landed(side: float) -> tuple[Model, float, float]:
+        x, y = 3e3 * np.array(STEPS, float).T
+        x, y, a = x - x.mean(), side * (y - y.mean()), math.radians(25.0)
+        berg = Iceberg.from_points(
+            x, y, radius=1500.0, thickness=250.0, density=850.0, latlon=False, velocity=(0.3, 0.1 * side)
+        )
+        reach = float(((x + 1500.0) * math.cos(a) + (side * y + 1500.0) * math.sin(a)).max()) + 20.0
+        floor = Forcing.slope(
+            (reach * math.cos(a), reach * math.sin(a) * side),
+            90.0 - 25.0 * side,
+            -1e-3,
+            DRAFT,
+            (1.0, 5e3),
+            latlon=False,
+        )
+        parameters = Parameters(
+            ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
+            grounding={"sediment": "sand"}, fracture={"enabled": False}, stepping={"time_step": 600.0},
+        )  # fmt: skip
+        model = Model(berg, Forcing.uniform((0.05, 0.02 * side), **PLANE) + floor, parameters)
+        model.advance(steps=24)
+        return model, float(x[0]), float(y[0])
+
+    (one, x0, y0), (other, x1, y1) = landed(1.0), landed(-1.0)
+    first, second = one.elements, other.elements
+    assert first.keel.floor_load.sum() > 5e9
+    assert second.keel.floor_load.sum() == pytest.approx(first.keel.floor_load.sum(), rel=0.005)
+    way = first.lon[0] - x0, first.lat[0] - y0
+    assert math.hypot(*way) > 1e3
+    assert second.lon[0] - x1 == pytest.approx(way[0], abs=1e-3 * math.hypot(*way))
+    assert second.lat[0] - y1 == pytest.approx(-way[1], abs=1e-3 * math.hypot(*way))
+
+
 def test_bad_beds_are_refused_by_name() -> None:
     with pytest.raises(RiftbergError, match=r"other.*stiffness, grounding.bearing_strength, grounding.friction"):
         Parameters(grounding={"law": "seabed", "sediment": "other"})
