@@ -163,6 +163,42 @@ def test_bending_breaks_a_corner_at_the_same_time_on_any_lattice(where: dict[str
     assert set(model.bonds.break_strength[model.bonds.status != 0]) == {3}
 
 
+def test_bergs_that_land_at_once_bend_and_break_like_each_alone() -> None:
+    """The bonds of each under the load of its own pads."""
+    a, east = math.radians(30.0), 200e3
+    bergs = [
+        Iceberg.rectangle(18e3, 9e3, thickness=250.0, radius=1500.0, placement=(x, 0.0), density=850.0, latlon=False,
+                          velocity=(0.2 * math.cos(a), 0.2 * math.sin(a)))
+        for x in (0.0, east)
+    ]  # fmt: skip
+
+    class Twice(Forcing.uniform):
+        """The rising floor, again for the berg in the east."""
+
+        once = rising(30.0, ahead=5.0)
+
+        def depth(self, lon: Any, lat: Any) -> Any:
+            return self.once.depth(np.asarray(lon) - np.where(np.asarray(lon) > 0.5 * east, east, 0.0), lat)
+
+    alone, when = usual_corner()
+    parameters = alone.parameters.changed(grounding={"sediment": "rock"})
+    both = Model(Iceberg.join(bergs), Twice((0.0, 0.0), **PLANE), parameters)
+    for _ in range(12):
+        both.step()
+        if (both.bonds.status != 0).sum() >= 4:
+            break
+    broken, count = both.bonds.status != 0, alone.bonds.status.size
+    assert broken[:count].sum() == broken[count:].sum() == (alone.bonds.status != 0).sum()
+    assert set(both.bonds.break_strength[broken]) == {3}
+    assert both.bonds.break_time[broken] == pytest.approx(when, rel=1e-6)
+
+
+def test_water_under_a_keel_that_never_touches_is_told() -> None:
+    model = berg_model(floor=flat(DRAFT + 30.0), speed=0.1)
+    model.advance(steps=3)
+    assert model.groundings.clearance == pytest.approx(30.0, abs=1e-6)
+
+
 def flat(depth: float) -> Any:
     return Forcing.uniform((0.0, 0.0), depth=depth, **PLANE)
 

@@ -418,8 +418,8 @@ class GroundTeller:
         if abs(row.level) < LEAST_LEVEL:
             return []
         return [
-            f"  the sea level of the files stands at {row.level:+.2f} m there and counts in the depth: it is above the geoid, and "
-            "a chart may stand above another zero"
+            f"  the sea level of the files stands at {row.level:+.2f} m there and counts in the depth: it is above the geoid, "
+            "and a chart may stand above another zero"
         ]
 
     def _deep_keel(self, model: BareModel) -> list[str]:
