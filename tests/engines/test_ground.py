@@ -137,6 +137,14 @@ def test_a_berg_that_lies_unevenly_about_its_centroid_is_cut_to_its_ends() -> No
     np.testing.assert_allclose(area, 700.0**2, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("share", "bends"), [(0.98, False), (1.02, True)])
+def test_ice_bends_where_it_is_longer_than_a_quarter_of_pi_characteristic_lengths(share: float, bends: bool) -> None:
+    side = share * 0.25 * math.pi * math.sqrt(2.0) * bending_length(9e9, 0.3, THICKNESS) / 11.0
+    berg, length = Berg(2, 2, 5.3 * side, side=side), np.empty(1)
+    fill_hulls(berg.pads, berg.thickness, berg.draft, 9e9, 0.3, np.empty((1, 3, 3)), np.empty(1), length)
+    assert (length[0] > 0.0) == bends
+
+
 def test_several_bergs_are_cut_as_each_alone_and_a_small_one_is_one_pad() -> None:
     one, small = Berg(3, 2, 500.0, turn=0.4), Berg(1, 1, 200.0, turn=0.2)
     body, xy = np.array([0] * 6 + [1]), np.vstack([one.pads.element + one.pads.frame[0, :2], [[0.0, 0.0]]])

@@ -150,6 +150,18 @@ def test_a_lifted_corner_breaks_in_bending_where_theory_says() -> None:
     assert 2.0e5 < whole.bonds.flexural_stress.max() < 3.0 * 5.0e9 / 250.0**2
 
 
+def test_the_largest_loads_of_a_short_step_are_those_of_its_end() -> None:
+    """Force and torque of the floor on each element, as they bend the ice when they are largest."""
+    fracture = {"normal_strength": 1e9, "shear_strength": 1e9}
+    model = berg_model(
+        floor=rising(30.0, ahead=5.0), sediment="rock", speed=0.2, towards=30.0, fracture=fracture, dt=60.0
+    )
+    model.advance(steps=40)
+    peak, end = model.bonds.peak_stress, model.bonds.normal_stress
+    assert end.max() > 100.0
+    np.testing.assert_allclose(peak, np.maximum(end, 0.0), atol=0.01 * end.max())
+
+
 FURTHER: list[dict[str, Any]] = [{"lattice_angle": 15.0}, {"dt": 120.0}]
 
 
@@ -406,7 +418,7 @@ def test_a_month_of_tides_that_never_lift_a_berg_does_not_make_it_creep() -> Non
     x = model.elements.lon.mean()
     model.advance(days=30)
     assert model.elements.keel.floor_load.any()
-    assert abs(model.elements.lon.mean() - x) < 0.02
+    assert abs(model.elements.lon.mean() - x) < 1e-3
 
 
 @pytest.mark.slow
