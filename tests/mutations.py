@@ -308,9 +308,11 @@ class Tree:
         path.write_bytes(raw[: change.start] + change.new.encode() + raw[change.end :])
         line = path.read_text("utf-8").splitlines()[change.line - 1].strip()
         began = time.monotonic()
+        # A test that compiles a changed kernel takes minutes: its end by a limit would be no notice of the change.
+        limit = "600" if compiled and self.has_kernels(change) else "60"
         try:
             code, text = self.pytest(
-                files, {"order": order, "options": ["-x", "--timeout", "60"]}, compiled=compiled, seconds=seconds
+                files, {"order": order, "options": ["-x", "--timeout", limit]}, compiled=compiled, seconds=seconds
             )
         finally:
             path.write_bytes(raw)
@@ -504,7 +506,7 @@ def main() -> None:
             ):
                 continue
             if options.again:
-                files, order, seconds = options.tests or folder_of_tests(folder, compiled=compiled), [], 600.0
+                files, order, seconds = options.tests or folder_of_tests(folder, compiled=compiled), [], 1200.0
             else:
                 reach = tree.reach(folder, ours, compiled=compiled, seconds=stop - time.monotonic())
                 if reach is None:

@@ -24,6 +24,6 @@ run = model.run(days=3)
 draw_map(run, "grounding_fracture.png", title="A berg runs aground and breaks")
 
 # %%
-print(model.groundings.rows[0])
-print(f"{model.bonds_broken} bonds broken, {model.fragment_count} pieces")
-assert model.fragment_count > 1
+aground = sum(row.grounded for row in model.fragments.breakups)
+print(f"{model.bonds_broken} bonds broken, {model.fragment_count} pieces, {aground} of them broken off aground")
+assert aground > 0

@@ -425,7 +425,7 @@ class BareModel(RunState):
                 )
                 self.groundings.update(
                     saved.elements, self.elements, (checkpoint[0], self.time), self.fragments, self.constants,
-                    self.applied_forces, self._stepper.clearance,
+                    self.applied_forces, self._stepper.clearance, self.forcing.sea_level,
                 )  # fmt: skip
                 self._drop_lost()
             else:

@@ -347,6 +347,18 @@ def test_a_whole_berg_tells_which_forces_drove_and_braked_it(tmp_path: Path, mon
     assert max(reasons.whole.used) == pytest.approx(0.5)
 
 
+def test_a_bond_that_broke_is_not_the_one_that_came_nearest_to_breaking(tmp_path: Path) -> None:
+    """Bug: a bond that failed inside a berg that stayed whole bore "25.7 of 18 kPa (1.4e+02 %)" and was the nearest."""
+    run = made(tmp_path / "run.nc", break_time=math.inf)
+    stress, dates = np.full((run.sizes["time"], run.sizes["bond"]), 9e3), run["break_time"].values.copy()
+    stress[2, 5], dates[5] = 25.7e3, run["time"].values[2]
+    run["peak_stress"], run["break_time"] = (("time", "bond"), stress), ("bond", dates)
+    whole = why.explain(run).whole
+    assert whole is not None
+    assert whole.nearest is not None
+    assert max(whole.used) == whole.nearest.stress / whole.nearest.strength == pytest.approx(0.5)
+
+
 def test_a_berg_without_bonds_and_one_that_may_not_break_are_told_as_such(tmp_path: Path) -> None:
     """Sisters of the run that did not break: a lone berg has no bond to name, and without fracture none can fail."""
     lone = made(tmp_path / "run.nc", break_time=math.inf).isel(bond=slice(0, 0))

@@ -126,6 +126,25 @@ def test_pads_fill_the_footprint_without_a_gap_and_belong_to_their_elements(turn
     )
 
 
+def test_a_berg_that_lies_unevenly_about_its_centroid_is_cut_to_its_ends() -> None:
+    cells = np.array([[0, 0], [1, 0], [2, 0], [3, 0], [4, 0], [4, 1], [4, 2]])
+    corner = ((cells[:, None] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])) * 700.0).reshape(-1, 2)
+    footprint = BodyFootprint(np.arange(7), np.arange(7), 4 * np.arange(8), corner)
+    pads = cut_into_pads(footprint, np.zeros(7, np.int64), 1, (cells + 0.5) * 700.0, np.full(1, 300.0))
+    area = np.zeros(7)
+    for k, e in enumerate(pads.owner):
+        area[e] += ring(pads, k).area
+    np.testing.assert_allclose(area, 700.0**2, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("share", "bends"), [(0.98, False), (1.02, True)])
+def test_ice_bends_where_it_is_longer_than_a_quarter_of_pi_characteristic_lengths(share: float, bends: bool) -> None:
+    side = share * 0.25 * math.pi * math.sqrt(2.0) * bending_length(9e9, 0.3, THICKNESS) / 11.0
+    berg, length = Berg(2, 2, 5.3 * side, side=side), np.empty(1)
+    fill_hulls(berg.pads, berg.thickness, berg.draft, 9e9, 0.3, np.empty((1, 3, 3)), np.empty(1), length)
+    assert (length[0] > 0.0) == bends
+
+
 def test_several_bergs_are_cut_as_each_alone_and_a_small_one_is_one_pad() -> None:
     one, small = Berg(3, 2, 500.0, turn=0.4), Berg(1, 1, 200.0, turn=0.2)
     body, xy = np.array([0] * 6 + [1]), np.vstack([one.pads.element + one.pads.frame[0, :2], [[0.0, 0.0]]])
@@ -378,6 +397,15 @@ def test_a_floor_of_second_order_is_seen_between_the_corners_of_pads() -> None:
         loads.append(fine.press(lambda x, y: DRAFT - 0.05 + 2e-7 * (x * x + y * y), bed(), bends=False).load)
     assert loads[0] == pytest.approx(loads[1], rel=0.02)
     assert berg.press(lambda x, y: np.full(np.shape(x), DRAFT + 1.0), bed()).largest == pytest.approx(-1.0)
+
+
+@pytest.mark.parametrize("edge", [-150.0, 50.0])
+def test_a_cliff_under_a_pad_lifts_no_higher_than_its_top(edge: float) -> None:
+    """Through a drop of 500 m within a pad a plane would stand a hundred metres inside the keel, or far below it."""
+    berg = Berg(1, 1, 400.0)
+    now = berg.press(lambda x, y: np.where(x > edge, DRAFT - 1.0, DRAFT + 500.0), ROCK)
+    assert now.load > 0.0
+    assert now.largest <= 1.0 + 1e-9
 
 
 def test_the_floor_of_a_plane_that_repeats_is_asked_for_within_its_period() -> None:

@@ -118,6 +118,22 @@ def test_a_floor_is_sounded_once_on_the_way_over_it() -> None:
     assert len(points) < area / 300.0**2
 
 
+def test_the_survey_goes_around_all_of_a_berg(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the corners of its ice, not to the middles of its outer elements."""
+    boxes, find_tiles = [], Soundings.find_tiles
+
+    def kept(self: Any, pose: Any, box: Any, reach: float) -> Any:
+        boxes.append(box)
+        return find_tiles(self, pose, box, reach)
+
+    monkeypatch.setattr(Soundings, "find_tiles", kept)
+    berg = Iceberg.rectangle(9e3, 6e3, thickness=250.0, placement=(0.0, -60.0), radius=1500.0)
+    Model(berg, Forcing.uniform(depth=400.0), Parameters()).step()
+    west, south, east, north = np.array(boxes[0])
+    assert max(west, -east) <= -4.5e3
+    assert max(south, -north) <= -3e3
+
+
 def landing_loads(monkeypatch: pytest.MonkeyPatch, sea: Any, *, every: bool) -> np.ndarray:
     """Loads of the floor by step; ``every``: all pads are looked at in every step, whatever is known of the floor."""
     if every:

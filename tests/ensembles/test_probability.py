@@ -300,7 +300,9 @@ def test_the_source_of_the_spread_is_found() -> None:
     assert parts["current"] > 0.95
     assert parts["wind"] < 0.15
     assert parts["start"] < 0.15
-    assert any("comes from the current" in line for line in told(forecast_of(members, 1)))
+    assert any("by itself: current " in line for line in told(forecast_of(members, 1)))
+    assert "partly by chance" not in " ".join(told(forecast_of(members, 1)))
+    assert "partly by chance" in " ".join(told(forecast_of(members[:20], 1)))
     # Of the few members that count after an update, anything explains the spread.
     weighted = forecast_of(members, 1)
     assert sources(weighted.assign_coords(weight=("member", 0.2 ** np.arange(60.0)))) == {}

@@ -72,8 +72,9 @@ def after(
     forces = np.zeros((el.size, len(FORCES), 2))
     forces[:, FORCES.index("water"), 0], forces[:, FORCES.index("sea_floor"), 0] = 2e6, -1e9
     model.groundings.update(
-        before, el, (began, model.time), model.fragments, model.constants, lambda: forces, clearance
-    )
+        before, el, (began, model.time), model.fragments, model.constants, lambda: forces, clearance,
+        model.forcing.sea_level,
+    )  # fmt: skip
 
 
 def test_a_stay_begins_at_the_touch_and_lasts_until_the_floor_carries_nothing() -> None:
@@ -175,6 +176,9 @@ def test_what_the_sea_level_of_files_adds_to_a_chart_is_told_once() -> None:
         after(model, 30, loads={})
         after(model, 1, loads={6: 1e9})
         assert all("sea level" not in line for line in teller.lines(model))
+        ground = summarize_ground(model)
+        assert [stay["sea_level"] for stay in ground["stays"]] == [level, level]
+        assert any("the sea stood -0.63 m from the zero of the depth" in line for line in ground_lines(ground)) == said
 
 
 class LeveledForcing(FakeForcing):
@@ -276,8 +280,9 @@ def test_keel_and_floor_at_the_start_are_named() -> None:
 
 
 ROW = GroundingEvent(
-    1, HOUR, 5 * HOUR, -38.9, -55.0, 45.0, 3, 2, 4 * HOUR, 5, 4e11, 2e11, 3e9, 0.4, 2.5e5, 0.1, 900.0, 310.0, 3 * HOUR
-)
+    1, HOUR, 5 * HOUR, -38.9, -55.0, 45.0, 3, 2, 4 * HOUR, 5, 4e11, 2e11, 3e9, 0.4, 2.5e5, 0.1, 900.0, 310.0, 3 * HOUR,
+    -0.4,
+)  # fmt: skip
 
 
 def run_with(rows: list[GroundingEvent], path: Path, *, latlon: bool = True) -> FakeModel:

@@ -94,6 +94,13 @@ def test_a_berg_on_the_seam_of_a_channel_is_put_together() -> None:
     )
 
 
+def test_a_lone_element_has_no_long_axis_whatever_its_place() -> None:
+    """Bug: its second moments are round-off, so its axis pointed north, east or nowhere by chance."""
+    for lon in np.linspace(-37.3, -37.2, 50):
+        one = berg_position(np.array([lon]), np.array([-55.4 + 0.3 * lon]), np.array([9e6]), latlon=True)
+        assert np.isnan(one.azimuth)
+
+
 def test_a_resumed_track_has_the_days_before_at_their_dates() -> None:
     whole, before, after = (DailyTrack() for _ in range(3))
     FakeModel(turn_per_day=0.0).advance(3.0, recorders=[whole])

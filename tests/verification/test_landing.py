@@ -150,6 +150,18 @@ def test_a_lifted_corner_breaks_in_bending_where_theory_says() -> None:
     assert 2.0e5 < whole.bonds.flexural_stress.max() < 3.0 * 5.0e9 / 250.0**2
 
 
+def test_the_largest_loads_of_a_short_step_are_those_of_its_end() -> None:
+    """Force and torque of the floor on each element, as they bend the ice when they are largest."""
+    fracture = {"normal_strength": 1e9, "shear_strength": 1e9}
+    model = berg_model(
+        floor=rising(30.0, ahead=5.0), sediment="rock", speed=0.2, towards=30.0, fracture=fracture, dt=60.0
+    )
+    model.advance(steps=40)
+    peak, end = model.bonds.peak_stress, model.bonds.normal_stress
+    assert end.max() > 100.0
+    np.testing.assert_allclose(peak, np.maximum(end, 0.0), atol=0.01 * end.max())
+
+
 FURTHER: list[dict[str, Any]] = [{"lattice_angle": 15.0}, {"dt": 120.0}]
 
 
@@ -161,6 +173,42 @@ def test_bending_breaks_a_corner_at_the_same_time_on_any_lattice(where: dict[str
     model, when = cornered(1e5, **where)
     assert when == pytest.approx(usual_corner()[1], rel=0.1)
     assert set(model.bonds.break_strength[model.bonds.status != 0]) == {3}
+
+
+def test_bergs_that_land_at_once_bend_and_break_like_each_alone() -> None:
+    """The bonds of each under the load of its own pads."""
+    a, east = math.radians(30.0), 200e3
+    bergs = [
+        Iceberg.rectangle(18e3, 9e3, thickness=250.0, radius=1500.0, placement=(x, 0.0), density=850.0, latlon=False,
+                          velocity=(0.2 * math.cos(a), 0.2 * math.sin(a)))
+        for x in (0.0, east)
+    ]  # fmt: skip
+
+    class Twice(Forcing.uniform):
+        """The rising floor, again for the berg in the east."""
+
+        once = rising(30.0, ahead=5.0)
+
+        def depth(self, lon: Any, lat: Any) -> Any:
+            return self.once.depth(np.asarray(lon) - np.where(np.asarray(lon) > 0.5 * east, east, 0.0), lat)
+
+    alone, when = usual_corner()
+    parameters = alone.parameters.changed(grounding={"sediment": "rock"})
+    both = Model(Iceberg.join(bergs), Twice((0.0, 0.0), **PLANE), parameters)
+    for _ in range(12):
+        both.step()
+        if (both.bonds.status != 0).sum() >= 4:
+            break
+    broken, count = both.bonds.status != 0, alone.bonds.status.size
+    assert broken[:count].sum() == broken[count:].sum() == (alone.bonds.status != 0).sum()
+    assert set(both.bonds.break_strength[broken]) == {3}
+    assert both.bonds.break_time[broken] == pytest.approx(when, rel=1e-6)
+
+
+def test_water_under_a_keel_that_never_touches_is_told() -> None:
+    model = berg_model(floor=flat(DRAFT + 30.0), speed=0.1)
+    model.advance(steps=3)
+    assert model.groundings.clearance == pytest.approx(30.0, abs=1e-6)
 
 
 def flat(depth: float) -> Any:
@@ -348,6 +396,90 @@ def test_tide_floats_it_off_when_the_level_says() -> None:
         high = 0.5 * math.cos(2.0 * math.pi * t / (12.4206012 * 3600.0)) - 0.3 * math.cos(2.0 * math.pi * t / 43200.0)
         afloat = not model.elements.keel.floor_load.any()
         assert afloat == (high > 0.6) or abs(high - 0.6) < 1e-6
+
+
+LEVELS = ((0.5, 12.4206012 * 3600.0), (-0.3, 12.0 * 3600.0))
+"""Two constituents that oppose each other at the start: height (m) and period (s)."""
+
+
+def in_tide(aground: float, current: float, dt: float) -> Model:
+    """The berg on a flat bed of rock, so many metres aground at mean level, under the two constituents."""
+    level = sum(
+        (Forcing.tide(0.0, level=abs(height), period=period, level_phase=90.0 - math.copysign(90.0, height), **PLANE)
+         for height, period in LEVELS[1:]),
+        Forcing.tide(0.0, level=LEVELS[0][0], **PLANE),
+    )  # fmt: skip
+    return berg_model(floor=flat(DRAFT - aground), tide=level, speed=0.0, current=current, dt=dt, sediment="rock")
+
+
+@pytest.mark.slow
+def test_a_month_of_tides_that_never_lift_a_berg_does_not_make_it_creep() -> None:
+    """At spring tide 1 mm is left on the bed, which holds 0.8 m/s: it stays for a month as without tide for a year."""
+    model = in_tide(0.801, 0.3, 3600.0)
+    x = model.elements.lon.mean()
+    model.advance(days=30)
+    assert model.elements.keel.floor_load.any()
+    assert abs(model.elements.lon.mean() - x) < 1e-3
+
+
+@pytest.mark.slow
+def test_a_month_of_tides_walks_a_berg_by_the_hours_that_it_floats() -> None:
+    """Afloat 28 times, 62.8 hours in all; each time it starts from rest and goes half of force over mass times t2."""
+    model = in_tide(0.6, 0.1, 1800.0)
+    afloat = []
+    for _ in range(30 * 48):
+        model.step()
+        afloat.append(not model.elements.keel.floor_load.any())
+    seconds = np.arange(0.0, 30.0 * 86400.0, 10.0)
+    level = sum(height * np.cos(2.0 * math.pi * seconds / period) for height, period in LEVELS)
+    starts, ends = (np.flatnonzero(np.diff((level > 0.6).astype(int)) == sign) for sign in (1, -1))
+    spells = 10.0 * (ends - starts)
+    assert (spells.size, spells.sum() / 3600.0) == (28, pytest.approx(62.8, rel=0.01))
+    assert sum(afloat) * 0.5 == pytest.approx(62.8, rel=0.02)
+    area, mass = 18e3 * 9e3, 850.0 * 250.0 * 18e3 * 9e3
+    force = 1025.0 * (0.5 * 0.9 * 9e3 * DRAFT + 0.0025 * area) * 0.1**2
+    # As it gathers way the water drags less: 3 % over the longest of these spells.
+    assert model.elements.lon.mean() == pytest.approx((0.5 * force / mass * spells**2).sum(), rel=0.03)
+
+
+STEPS = [(i, j) for i in range(6) for j in range(3)] + [(4, 3), (5, 3), (5, 4)]
+"""Places of the elements of a berg that is not its own mirror image, in sides of 3 km."""
+
+
+def test_a_mirrored_berg_lands_in_the_mirror() -> None:
+    """The same load, and the same way but for the mirror, to what the raster of the pads leaves open."""
+
+    def landed(side: float) -> tuple[Model, float, float]:
+        x, y = 3e3 * np.array(STEPS, float).T
+        x, y, a = x - x.mean(), side * (y - y.mean()), math.radians(25.0)
+        berg = Iceberg.from_points(
+            x, y, radius=1500.0, thickness=250.0, density=850.0, latlon=False, velocity=(0.3, 0.1 * side)
+        )
+        reach = float(((x + 1500.0) * math.cos(a) + (side * y + 1500.0) * math.sin(a)).max()) + 20.0
+        floor = Forcing.slope(
+            (reach * math.cos(a), reach * math.sin(a) * side),
+            90.0 - 25.0 * side,
+            -1e-3,
+            DRAFT,
+            (1.0, 5e3),
+            latlon=False,
+        )
+        parameters = Parameters(
+            ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
+            grounding={"sediment": "sand"}, fracture={"enabled": False}, stepping={"time_step": 600.0},
+        )  # fmt: skip
+        model = Model(berg, Forcing.uniform((0.05, 0.02 * side), **PLANE) + floor, parameters)
+        model.advance(steps=24)
+        return model, float(x[0]), float(y[0])
+
+    (one, x0, y0), (other, x1, y1) = landed(1.0), landed(-1.0)
+    first, second = one.elements, other.elements
+    assert first.keel.floor_load.sum() > 5e9
+    assert second.keel.floor_load.sum() == pytest.approx(first.keel.floor_load.sum(), rel=0.005)
+    way = first.lon[0] - x0, first.lat[0] - y0
+    assert math.hypot(*way) > 1e3
+    assert second.lon[0] - x1 == pytest.approx(way[0], abs=1e-3 * math.hypot(*way))
+    assert second.lat[0] - y1 == pytest.approx(-way[1], abs=1e-3 * math.hypot(*way))
 
 
 def test_bad_beds_are_refused_by_name() -> None:

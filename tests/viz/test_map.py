@@ -17,7 +17,7 @@ from riftberg import draw_map, open_run
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Box, Scene, corner_offsets, element_polygons
 from riftberg.viz.panels import Panel, speed_bar
-from riftberg.viz.style import Labels, degree_label, new_figure, round_length
+from riftberg.viz.style import Labels, degree_label, lay_out, new_figure, round_length
 
 LED = 11.0
 
@@ -203,6 +203,18 @@ def test_labels_never_overlap() -> None:
     lines = [text for text in ax.texts if not text.get_text()]
     assert led
     assert sorted(text.xy for text in led) == sorted(text.xy for text in lines)
+
+
+@pytest.mark.parametrize("heights", [0.4, 2.5])
+def test_maps_that_are_laid_out_keep_their_place_when_they_are_drawn(heights: float) -> None:
+    """Bug: the shape of a map was set when it was drawn, after labels had found their places: they lay on stars."""
+    figure = new_figure(6.0, 4.0, 50)
+    ax = figure.subplots()
+    ax.set(xlim=(0.0, 1.0), ylim=(0.0, heights), aspect="equal")
+    lay_out(figure)
+    laid_out = ax.transData.transform((0.3, 0.2))
+    figure.canvas.draw()
+    np.testing.assert_allclose(ax.transData.transform((0.3, 0.2)), laid_out, atol=1e-6)
 
 
 @pytest.mark.slow

@@ -37,9 +37,10 @@ ground : effects of the sea floor: law, least_clearance (m, water under the keel
     hours, times (touches), elements, load (N), capacity (N, friction that could hold it), pressing (N, force of the sea), lift
     (m, largest rise of the keel), bending_stress (Pa, largest of the ice that the floor lifts), gouge (m, how deep a bed that
     yields was pressed), way_aground (m), stopped_within (m, null where it did not stop), held_since (date, null while it
-    slides). elements_of_small_pieces: aground at the end, of pieces without a stay. For all of them together: hours, times,
-    elements, load, capacity, pressing, lift, bending_stress, gouge, way_aground (the longest); with the law seabed the
-    sediment, and capacity_on: capacity of the same load on clay and on rock (N)
+    slides), sea_level (m above the zero of the depth, at the first touch). elements_of_small_pieces: aground at the end, of
+    pieces without a stay. For all of them together: hours, times, elements, load, capacity, pressing, lift, bending_stress,
+    gouge, way_aground (the longest); with the law seabed the sediment, and capacity_on: capacity of the same load on clay and
+    on rock (N)
 ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and the part of the
     turnover by which the ledgers of mass and heat do not close; by_fragment: melt water (kg) by process of each fragment;
     null where nothing melts

@@ -37,7 +37,7 @@ class WholeBerg:
 
     name: str
     times: list[str]
-    # Largest tensile stress of any of its bonds since the last record, over its strength; empty without bonds
+    # Largest tensile stress since the last record of any bond that it has at the end, over its strength; empty without bonds
     used: list[float]
     nearest: NearestBond | None
     fracture: bool  # Whether bonds may break at all
@@ -86,7 +86,9 @@ def _most_stressed(scene: Scene, number: int) -> tuple[list[float], NearestBond 
     """Return at each record which part of its strength the most stressed bond of a berg bears, and that bond."""
     run = scene.run
     ends = np.stack([run[name].values for name in ("bond_first", "bond_second")])
-    rows = np.flatnonzero(np.isin(scene.berg[-1][ends], number).all(axis=0)) if run.sizes["bond"] else np.zeros(0, int)
+    inside = np.isin(scene.berg[-1][ends], number).all(axis=0) if run.sizes["bond"] else np.zeros(0, bool)
+    # Bonds of the berg may break and leave it whole: of those that hold at the end, how near was the next to break?
+    rows = np.flatnonzero(inside & scene.unbroken[-1])
     if not rows.size:
         return [], None
     stress, strength = scene.tension()[:, rows], scene.strengths[:, rows] * run["strength"].values[rows]
@@ -111,7 +113,7 @@ def whole_lines(berg: WholeBerg, *, latlon: bool) -> list[str]:
         off = "" if berg.fracture else " Bonds cannot break in this run (fracture.enabled is false)."
         lines.append(
             f"{berg.name.capitalize()} came nearest to breaking at {minute_text(bond.time)}: {bond.stress / 1e3:.3g} of "
-            f"{bond.strength / 1e3:.3g} kPa ({percent:.2g} %) in the bond of elements {bond.elements[0]} "
+            f"{bond.strength / 1e3:.3g} kPa ({percent:.0f} %) in the bond of elements {bond.elements[0]} "
             f"and {bond.elements[1]} at "
             f"{place_text(bond.lon, bond.lat, latlon=latlon, digits=2)}.{off}"
         )

@@ -34,6 +34,9 @@ CONES: Final = (0.5, 0.9)
 ENOUGH: Final = 10.0
 """Effective members below which an ensemble says nothing of a spread: no ellipse, radius, limit of ice, date of a share."""
 
+FEW: Final = 50.0
+"""Members below which the part of the spread that a source explains is off by 0.1 and more."""
+
 MOST_CELLS: Final = 120
 """Cells of the map of presence along its longer side."""
 
@@ -571,11 +574,8 @@ def _explained(columns: Floats, target: Floats, root: Floats, n: float) -> float
 
 
 def notes(ds: xr.Dataset) -> list[str]:
-    """Return the likeliest scenarios, and the main source of the spread, in a few short lines."""
-    lines = [scenario.told().split(" (")[0] for scenario in scenarios(ds)[:3]]
-    return lines + [
-        f"spread of the position: {name} {100 * share:.0f} %" for name, share in list(sources(ds).items())[:1]
-    ]
+    """Return the likeliest scenarios in a few short lines."""
+    return [scenario.told().split(" (")[0] for scenario in scenarios(ds)[:3]]
 
 
 # ---- in words ---------------------------------------------------------------------------------------------------------
@@ -660,7 +660,8 @@ def told(ds: xr.Dataset) -> list[str]:
     broke = dates[~np.isnat(dates) & (share_of > 0.0)]
     if not enough(share_of) and broke.size:
         count = f"{broke.size} of {count_text(int((share_of > 0.0).sum()), 'member')}"
-        lines.append(f"  first break-up in {count}, {minute_text(broke.min())} to {minute_text(broke.max())}")
+        dates_text = " to ".join(dict.fromkeys(minute_text(date) for date in (broke.min(), broke.max())))
+        lines.append(f"  first break-up in {count}, {dates_text}")
     elif half.size:
         lines.append(f"  first break-up by {minute_text(dates[order][half[0]])} with 50 %")
     if _unfinished_share(ds) > 0.0:
@@ -681,16 +682,14 @@ def told(ds: xr.Dataset) -> list[str]:
         lines.append(f"  position{whose} {place_text(lon, lat, latlon=True, digits=2)}; {spread}")
     best = np.unravel_index(int(ds["crack_probability"].values.argmax()), ds["crack_probability"].shape)
     share = float(ds["crack_probability"].values[best])
-    if share > 0.0:
+    if share >= 0.005:  # else it would be given as 0 %
         x, y = float(ds["own_x"].values[best[1]]) / 1e3, float(ds["own_y"].values[best[0]]) / 1e3
         lines.append(
             f"  likeliest place of a crack: {x:+.0f} km east, {y:+.0f} km north of the middle at the start ({100 * share:.0f} %)"
         )
     lines += [f"  scenario {s.number + 1}, {s.told()}" for s in scenarios(ds)[:4]]
-    shares = sources(ds)
-    if shares:
-        name, share = next(iter(shares.items()))
-        rest = ", ".join(f"{other} {100 * value:.0f} %" for other, value in list(shares.items())[1:4])
-        text = f"{100 * share:.0f} %" + (f"; {rest}" if rest else "")
-        lines.append(f"  most of the spread of the position comes from the {name} ({text})")
+    if shares := sources(ds):
+        parts = ", ".join(f"{name} {100 * share:.0f} %" for name, share in list(shares.items())[:4])
+        doubt = "; with so few members partly by chance" if counting < FEW else ""
+        lines.append(f"  spread of the position that each source explains by itself: {parts}{doubt}")
     return lines + reasons(ds)

@@ -74,7 +74,7 @@ class Stay:
             "lon": row.lon, "lat": row.lat, "towards": row.towards, "hours": row.seconds / 3600.0, "times": row.times,
             "elements": row.carried, "load": row.load, "capacity": row.capacity, "pressing": row.pressing,
             "lift": row.lift, "bending_stress": row.stress, "gouge": row.gouge, "way_aground": row.way,
-            "stopped_within": None if row.stopped < 0.0 else row.stopped, "held_since": self.held or None,
+            "stopped_within": None if row.stopped < 0.0 else row.stopped, "held_since": self.held or None, "sea_level": row.level,
         }  # fmt: skip
 
 
@@ -246,7 +246,8 @@ def title_lines(stays: list[Stay]) -> list[str]:
     stay = next((stay for stay in stays if stay.lasts), stays[0])
     row, until = stay.event, "the end" if stay.lasts else short_date(stay.ended)
     motion_text = f"held since {short_date(stay.held)}" if stay.held else f"slid {_metres(row.way)}"
-    more = f"; {len(stays) - 1} more on the sea floor" if len(stays) > 1 else ""
+    others = len(stays) - 1
+    more = f"; {others} other grounding{'s' if others > 1 else ''}" if others else ""
     whom = f"{stay.name} aground" if stay.name else "Aground"
     elements = f"{row.carried} element{'s' if row.carried != 1 else ''}"
     return [f"{whom} {short_date(stay.began)} to {until}: {elements}, {motion_text}{more}"]
@@ -269,6 +270,8 @@ def ground_lines(ground: dict[str, Any]) -> list[str]:
             f"  the ice would bend by {_megapascals(ground['bending_stress'])}, more than it bears: a berg that has lain there "
             "for weeks bears less (grounding.ice_modulus, fracture.flexural_strength)"
         )
+    if ground["stays"] and abs(level := ground["stays"][0]["sea_level"]) >= LEAST_LEVEL:
+        lines.append(f"  the sea stood {level:+.2f} m from the zero of the depth where and when it first touched")
     clearance, spacing = ground["least_clearance"], ground["bathymetry_spacing"]
     if ground["first"] is None and clearance is not None and 0.0 < clearance < DOUBTFUL_CLEARANCE:
         nodes = f" and has a node every {_kilometres(spacing)} here" if spacing else ""
@@ -412,12 +415,11 @@ class GroundTeller:
         if self._level or not model.forcing.has_own_level_datum:
             return []
         self._level = True
-        level = float(model.forcing.sea_level(np.array([row.lon]), np.array([row.lat]), row.time)[0])
-        if abs(level) < LEAST_LEVEL:
+        if abs(row.level) < LEAST_LEVEL:
             return []
         return [
-            f"  the sea level of the files stands at {level:+.2f} m there and counts in the depth: it is above the geoid, and a "
-            "chart may stand above another zero"
+            f"  the sea level of the files stands at {row.level:+.2f} m there and counts in the depth: it is above the geoid, "
+            "and a chart may stand above another zero"
         ]
 
     def _deep_keel(self, model: BareModel) -> list[str]:

@@ -142,6 +142,7 @@ GROUNDING_VARIABLES: Final = (
         "since when it has stood still, from the start of the run; -1 while it slides",
         limits=(-1.0, LARGEST),
     ),
+    Variable("level", "m", "sea level above the zero of the depth, where and when it touched first"),
 )
 """Stays of bergs and fragments on the sea floor, each written as ``grounding_<name>``."""
 

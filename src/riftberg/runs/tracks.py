@@ -122,8 +122,12 @@ class Shapes:
 
     @property
     def azimuth(self) -> Floats:
-        """Direction of the long axis, degrees clockwise from north, 0 to 180; NaN where no axis is longer."""
-        return principal_azimuth(self.xx, self.yy, self.xy)
+        """Direction of the long axis, degrees clockwise from north, 0 to 180; NaN where no axis is longer.
+
+        A lone element has none: its one point lies at the centroid to round-off.
+        """
+        alone = np.bincount(self.berg, minlength=self.count) == 1
+        return np.where(alone, np.nan, principal_azimuth(self.xx, self.yy, self.xy))
 
     def sides(self, length: Floats, width: Floats, gyration: Floats) -> tuple[Floats, Floats]:
         """Return length and width of the rectangles with the area of the bergs and the ratio of their second moments.
@@ -274,7 +278,7 @@ TRACK_VARIABLES: Final = (
     Variable("width", "m", "width of that rectangle"),
     Variable(
         "azimuth", "degrees",
-        "direction of the long axis, from the second moments, clockwise from north, 0 to 180; missing where no axis is longer",
+        "direction of the long axis, from the second moments, clockwise from north, 0 to 180; missing where none is longer",
     ),
     Variable(
         "stress_over_strength", "1",

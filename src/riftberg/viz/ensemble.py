@@ -224,9 +224,10 @@ def _draw_presence(ax: Axes, result: xr.Dataset) -> tuple[Any, Callable[[], None
         zorder=1.5,
     )  # fmt: skip
     tracks = [result[name].isel(fragment=0, member=choose_tracks(result)).values for name in ("lon", "lat")]
+    width = min(1.0, max(0.4, 20.0 / max(1, len(tracks[0]))))  # a few tracks are seen, hundreds hide no ice
     for n, track in enumerate(zip(*tracks, strict=True)):
         label = "members" if n == 0 else None
-        ax.plot(*chart.placed(*track), color=colours.STRENGTH, lw=0.4, alpha=0.5, zorder=4, label=label)
+        ax.plot(*chart.placed(*track), color=colours.STRENGTH, lw=width, alpha=0.7, zorder=4, label=label)
     if "control_lon" in result:
         control = (result[f"control_{name}"].values[0] for name in ("lon", "lat"))
         ax.plot(*chart.placed(*control), color="black", lw=1.8, zorder=6, label="control")
@@ -284,7 +285,7 @@ def _draw_cracks(ax: Axes, result: xr.Dataset, notes: Sequence[str]) -> Any:
     style.plain_axes(ax)
     ax.set_xlabel("km east of the middle at the start", fontsize=9)
     ax.set_ylabel("km north", fontsize=9)
-    ax.set_title("\n".join(["Where it breaks", *notes]), fontsize=8.5, pad=6)
+    ax.set_title("\n".join(["Where it breaks", *notes]).replace(" km2", " km²"), fontsize=8.5, pad=6)
     return image
 
 

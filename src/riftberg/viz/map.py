@@ -57,6 +57,9 @@ OVERVIEW: Final = 0.95
 WIDE: Final = 1.6
 """Width over height from which on the overview stands above the panels, not beside them."""
 
+UPRIGHT: Final = 1.2
+"""Largest width over height of the overview beside the panels: it fills the height that they have."""
+
 WIDEST: Final = 4.5
 """Largest width over height of the overview."""
 
@@ -203,7 +206,7 @@ def _draw_figure(scene: Scene, water: Water | None, observed: Outlines, dates: i
         figure = style.new_figure(15.5, sum(heights), dpi)
         subfigures: Any = figure.subfigures(2, 1, height_ratios=heights)
     else:
-        columns = (len(records) + 1) // 2
+        shape, columns = min(shape, UPRIGHT), (len(records) + 1) // 2
         figure = style.new_figure(15.5, 7.8, dpi)
         subfigures = figure.subfigures(1, 2, width_ratios=(0.4, 0.6))
     overview = Overview(subfigures[0].subplots(), scene, water, shape, observed)
@@ -303,6 +306,10 @@ class Overview:
             self._draw_track(number, labels)
         self.panel.draw_place(*self._covered(records), labels)
         self._draw_dates(labels, records)
+        for position in ends.values():
+            labels.prefer_off(
+                *position, points=10.0
+            )  # a name beside the end of another track would be taken for its name
         for number, position in ends.items():
             if len(ends) > 1:
                 labels.put(self.scene.name(number), *position, fontsize=8, style="italic")

@@ -139,6 +139,8 @@ def lay_out(figure: Figure) -> None:
     engine.execute(figure)
     for ax, aspect in aspects:
         ax.set_aspect(aspect)
+        if aspect != "auto":
+            ax.apply_aspect()  # now, not when the figure is drawn: labels find their places on the map as it will be
     # Not "none", which leaves an engine that does nothing: with any engine a figure is drawn twice when it is written.
     figure.set_layout_engine(None)
 
@@ -266,9 +268,9 @@ class Labels:
         """Keep labels off a rectangle of the picture, pixels."""
         self._taken.append(box)
 
-    def prefer_off(self, x: float, y: float) -> None:
+    def prefer_off(self, x: float, y: float, points: float = 2.0) -> None:
         """Keep labels off a point of a line where there is another place for them."""
-        self._better_free.append(self._mark(x, y, 2.0))
+        self._better_free.append(self._mark(x, y, points))
 
     def prefer_off_line(self, x: Any, y: Any) -> None:
         """Keep labels off some sixty points along a line; it has gaps where a point is not finite."""

@@ -56,6 +56,7 @@ class GroundingEvent:
     stopped: float  # The same when it first came to rest; -1 where it never did
     # End of the step since which it has stood still, s since the start of the run; -1 while it slides
     held: float = -1.0
+    level: float = 0.0  # Of the sea above the zero of the depth, where and when it touched first, m
 
 
 class GroundingLog:
@@ -72,13 +73,13 @@ class GroundingLog:
 
     def update(
         self, previous: Elements, el: Elements, step: tuple[float, float], tree: FragmentTree, p: KernelParameters,
-        forces: Callable[[], Floats], clearance: float,
+        forces: Callable[[], Floats], clearance: float, sea_level: Callable[[Floats, Floats, float], Floats],
     ) -> None:  # fmt: skip
         """Record the load on the floor after a long ``step`` from one time to another, s.
 
         ``previous``, ``el``: the elements at its start and at its end; ``forces``: gives the mean forces (N) of the step, shape
         (elements, forces, 2); ``clearance``: least water under a keel as the bed has it (m), NaN where the depth under the middle
-        of elements counts.
+        of elements counts; ``sea_level``: gives the level (m) above the zero of the depth, at points and a time.
         """
         depth = el.environment.depth
         touching = on_the_floor(el.body.thickness, depth, el.keel.floor_load, p)
@@ -91,20 +92,23 @@ class GroundingLog:
         for n, number in enumerate(measures.number):
             berg = tree.origin(number)
             if not 0 < berg <= len(tree.rows) or measures.area[n] >= LEAST_SHARE * tree.rows[berg - 1].area:
-                self._add(measures, n, *step)
+                self._add(measures, n, *step, sea_level)
 
-    def _add(self, m: _Measures, n: int, began: float, ended: float) -> None:
+    def _add(
+        self, m: _Measures, n: int, began: float, ended: float, sea_level: Callable[[Floats, Floats, float], Floats]
+    ) -> None:  # fmt: skip
         """Extend the last event of a fragment by a step, or begin a new one."""
         number, way, carried = m.number[n], m.way[n], int(m.carried[n])
         k, stands = self._latest.get(number, -1), m.speed[n] < STANDSTILL
         event = self.rows[k] if k >= 0 else None
         if event is None or began - event.end >= AFLOAT_TIME:
             self._latest[number] = len(self.rows)
+            level = sea_level(np.array([m.lon[n]]), np.array([m.lat[n]]), began)
             self.rows.append(
                 GroundingEvent(
                     number, began, ended, m.lon[n], m.lat[n], m.towards[n], carried, 1, ended - began, carried, m.load[n],
                     m.capacity[n], m.pressing[n], m.lift[n], m.stress[n], m.gouge[n], way,
-                    *((way, ended) if stands else (-1.0, -1.0)),
+                    *((way, ended) if stands else (-1.0, -1.0)), float(level[0]),
                 )
             )  # fmt: skip
             return
@@ -115,7 +119,7 @@ class GroundingLog:
         self.rows[k] = GroundingEvent(
             number, event.time, ended, event.lon, event.lat, event.towards, event.elements, event.times + (event.end < began),
             event.seconds + (ended - began), carried, m.load[n], m.capacity[n], m.pressing[n], max(event.lift, m.lift[n]),
-            max(event.stress, m.stress[n]), max(event.gouge, m.gouge[n]), way, stopped, held,
+            max(event.stress, m.stress[n]), max(event.gouge, m.gouge[n]), way, stopped, held, event.level,
         )  # fmt: skip
 
 
