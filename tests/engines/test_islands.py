@@ -224,7 +224,7 @@ def test_no_points_of_two_bodies_approach_faster_than_the_bound() -> None:
         angle = random.uniform(0.0, 2.0 * np.pi, (200, 4))
         velocity = twist[:, 0] + 1j * twist[:, 1] + 1j * twist[:, 2] * arm * np.exp(1j * angle)
         assert np.abs(velocity[:, :, None] - velocity[:, None, :]).max() <= bound
-        assert plain(approach_bound)(twist + [0.7, -0.4, 0.0], arm) == pytest.approx(bound)
+        assert plain(approach_bound)(np.add(twist, [0.7, -0.4, 0.0]), arm) == pytest.approx(bound)
 
 
 def test_islands_are_those_that_hang_together() -> None:
