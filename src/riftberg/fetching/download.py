@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from riftberg.errors import ForcingError
 from riftberg.system.atomic_files import only_writer
-from riftberg.system.input_files import reading, value_shown
+from riftberg.system.input_files import is_of_macos, reading, value_shown
 from riftberg.system.process import say
 
 if TYPE_CHECKING:
@@ -404,7 +404,8 @@ def unpacked(archive: Path, ending: str, most: float = math.inf) -> list[tuple[s
     remedy = "It was removed: run the same command again"
     try:
         with reading(archive, "a damaged zip archive", remedy, ForcingError), zipfile.ZipFile(archive) as opened:
-            members = [m for m in opened.infolist() if not m.is_dir() and m.filename.lower().endswith(ending)]
+            files = [m for m in opened.infolist() if not (m.is_dir() or is_of_macos(m.filename))]
+            members = [member for member in files if member.filename.lower().endswith(ending)]
             size = sum(member.file_size for member in members)
             if not members or size > most:
                 content = f"{size / 1e6:.0f} MB of {ending} files" if members else f"no {ending} files"
