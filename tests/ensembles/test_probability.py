@@ -192,6 +192,14 @@ def test_members_aground_at_the_start_are_pointed_out() -> None:
     assert not any("at the start:" in line for line in told(few))
 
 
+def test_no_scenario_is_shown_by_a_member_without_weight() -> None:
+    """Bug: after sightings the representative of one was a member that these ruled out."""
+    north = [0.0, 0.1, 0.2, 3.0]
+    members = [outcome(k, [-37.0] * 3, [-56.0, -56.0, -56.0 + d]) for k, d in enumerate(north)]
+    (found,) = scenarios(forecast_of(members, 2, weight=[0.0, 0.0, 0.0, 1.0]))
+    assert (found.probability, found.representative) == (1.0, 3)
+
+
 def test_one_member_has_a_position_and_no_spread() -> None:
     """Bug: position nan, nan; 90 % within an ellipse of nan by nan km."""
     lines = told(forecast_of([outcome(0, [-37.0, -36.5], [-56.0, -56.2])], 1))

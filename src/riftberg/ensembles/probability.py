@@ -472,6 +472,7 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
         )
     for number in np.unique(ended["scenario"].values):
         rows = np.flatnonzero(ended["scenario"].values == number)
+        rows = rows[weight[rows] > 0.0] if weight[rows].any() else rows  # after sightings the others stand for nothing
         end = ends[rows]
         index = int(np.nanargmin(np.hypot(*(end - np.nanmean(end, axis=0)).T))) if np.isfinite(end).any() else 0
         member = int(rows[index])
