@@ -57,6 +57,15 @@ def test_the_berg_has_the_mass_and_the_slope_of_the_shelf(packing, radius: float
     np.testing.assert_allclose(e.mass, 850.0 * e.thickness * e.length * e.width, rtol=1e-13)
 
 
+def test_a_cell_that_is_whole_up_to_rounding_is_whole() -> None:
+    """Bug: a mask in single precision, whose cells were 0.99999994 ice, had no cell inside, and nothing to weigh there."""
+    reports = [
+        IceShelf.of(grid(), part * (ellipse() > 0.5), slope()).berg(radius=3000.0).report["misfit_inside"]
+        for part in (1.0, 1.0 - 6e-8)
+    ]
+    assert reports[1] == pytest.approx(reports[0], rel=1e-3)
+
+
 def test_inside_the_berg_weighs_what_the_shelf_did_and_the_rim_shrinks_with_the_elements() -> None:
     shelf = IceShelf.of(grid(), ellipse() > 0.5, slope())
     area = shelf.grid.arrays.area[shelf.grid.domain]

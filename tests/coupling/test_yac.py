@@ -534,6 +534,34 @@ def test_a_grid_in_metres_is_refused(tmp_path: Path) -> None:
         YacComponent(model, read_coupling(coupling_file(tmp_path)))
 
 
+def with_rows(noise: float, turn: float = 0.0) -> Any:
+    """A model on rows of longitude and latitude with noise on their corners (degrees), or whose axes are turned (rad)."""
+    from riftberg import Iceberg, Model, Parameters
+    from riftberg.coupling.fields import OceanForcing
+
+    lon, lat = np.meshgrid(-40.0 + 0.25 * np.arange(17), -58.0 + 0.25 * np.arange(13))
+    off = noise * np.random.default_rng(3).uniform(-0.5, 0.5, (2, *lon.shape))
+    grid = ocean_grid(lon + off[0], lat + off[1], cos_angle=np.full(lon.shape, np.cos(turn)),
+                      sin_angle=np.full(lon.shape, np.sin(turn)))  # fmt: skip
+    berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-38.0, -56.5))
+    return Model(berg, OceanForcing(grid, grid.fields()), Parameters(), "2020-12-09")
+
+
+@pytest.mark.parametrize(("noise", "turn"), [(1e-13, 0.0), (5e-7, 1e-9), (1e-3, 0.0), (0.0, 1e-3), (0.0, np.pi)])
+def test_rows_of_longitude_and_latitude_may_differ_by_rounding(
+    noise: float, turn: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bug: they were no rows unless they were so to the last digit."""
+
+    def begins(*_: Any, **__: Any) -> None:
+        raise InputError("the coupler begins")
+
+    monkeypatch.setattr(subprocess, "Popen", begins)  # the first that it does then is to watch
+    message = "the coupler begins" if noise < 1e-6 and turn < 1e-6 else "no rows of longitude and latitude"
+    with pytest.raises(InputError, match=message):
+        YacComponent(with_rows(noise, turn), read_coupling(coupling_file(tmp_path)))
+
+
 def test_floor_and_land_come_from_the_experiment(tmp_path: Path) -> None:
     """A sea floor that rises to the east out of the water."""
     coupling = read_coupling(coupling_file(tmp_path))

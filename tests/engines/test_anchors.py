@@ -114,3 +114,18 @@ def test_friction_does_not_depend_on_axes_or_on_the_unit_of_force() -> None:
         np.array([-pushed[1], pushed[0], pushed[2]]),
     )  # fmt: skip
     np.testing.assert_allclose(two, [-one[1], one[0], one[2]], rtol=1e-9)
+
+
+def test_sub_steps_of_a_sliding_body_are_a_part_of_its_stopping_time() -> None:
+    """Unless it stops within the way by which its anchors stretch (0.1 m here), or does not stop."""
+    a, _ = standing(1)
+    body = np.zeros(len(a), np.int64)
+
+    def longest(speed: float, stop: float, last: float = 1e3) -> float:
+        twist = np.array([[0.6 * speed, 0.8 * speed, 0.0]])
+        return float(plain(anchors.longest_sliding_step)(a, body, twist, np.array([stop]), last))
+
+    assert longest(0.1, 50.0) == pytest.approx(anchors.SLIDING_STEP * 50.0)
+    assert longest(0.1, 50.0, last=3.0) == 6.0
+    assert longest(0.5 * 0.1 / 50.0, 50.0) == math.inf
+    assert longest(0.1, math.inf) == math.inf

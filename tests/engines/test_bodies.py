@@ -62,6 +62,25 @@ def test_coriolis_takes_the_momentum_of_the_way() -> None:
     np.testing.assert_allclose(applied[:, CORIOLIS], np.stack([f * north, -f * east], axis=1), rtol=1e-9)
 
 
+def test_impulses_of_the_media_on_elements_add_up_to_that_on_their_body() -> None:
+    """Both are linear about the same twist: time * G - S (way - time * twist)."""
+    random = np.random.default_rng(6)
+    where, body, count = levers(random.uniform(-1.0, 1.0, (3, 2))), np.zeros(3, np.int64), 3
+    how = forcing(
+        count, coriolis=random.normal(size=count), mass=random.uniform(1.0, 2.0, count),
+        sides=random.uniform(0.2, 1.0, (count, 2, 4)), side_drag=random.uniform(0.5, 1.0, count),
+    )  # fmt: skip
+    how.media[:] = random.uniform(0.1, 0.5, how.media.shape)
+    how.media[..., LIMIT] = 0.0
+    twist, way, time = random.normal(size=(1, 3)), random.normal(size=(1, 3)), 3.0
+    force, jacobian, applied = np.zeros((1, 3)), np.zeros((1, 3, 3)), np.zeros((count, len(FORCES), 2))
+    assemble_force_and_jacobian(body, where, twist, how, np.ones(1, bool), force, jacobian)
+    island: Any = SimpleNamespace(body_of=body, levers=where, forcing=how)
+    plain(accumulate_impulse)(island, SimpleNamespace(twist=twist, twist_integral=way), time, applied)
+    wanted = time * force[0] - jacobian[0] @ (way[0] - time * twist[0])
+    np.testing.assert_allclose(np.einsum("e,efi->i", how.mass, applied), wanted[:2], rtol=1e-10)
+
+
 def test_the_floor_takes_the_momentum_that_its_friction_and_slope_give() -> None:
     anchor, applied = anchors.allocate_anchors(2), np.zeros((2, len(FORCES), 2))
     anchor[0, [anchors.ANCHOR_X, anchors.ANCHOR_Y, anchors.STIFFNESS, anchors.SLOPE_X]] = 3e6, -2e6, 1.0, 1e6

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from riftberg import FieldRules, Forcing, GriddedForcing, Iceberg, Model, Parameters
-from riftberg.engines.quasi_static.contact.islands import find_islands
+from riftberg.compiled.kernels import plain
+from riftberg.engines.quasi_static.contact.islands import approach_bound, find_islands
 from riftberg.engines.quasi_static.step import TimeStep
 from riftberg.ocean.grid import Grid
 
@@ -170,6 +171,19 @@ def test_a_meeting_does_not_depend_on_the_order_of_the_bergs(sea: Forcing) -> No
         np.testing.assert_allclose(end[:, 2:], ends[0][:, 2:], rtol=0.0, atol=2e-9)  # m s-1
 
 
+def test_a_lone_berg_has_its_own_face_wherever_it_stands_in_the_list() -> None:
+    """Footprints of bergs of one element come before those of lattices, whatever the order of the elements."""
+    lone = Iceberg.from_points([6300.0], [2000.0], radius=1500.0, thickness=200.0, latlon=False, velocity=(-0.1, 0.0))
+    ends = []
+    for bergs in ([lone, bonded(0.0, 0.3)], [bonded(0.0, 0.3), lone]):
+        model = Model(Iceberg.join(bergs), Forcing.uniform(), parameters(stepping={"time_step": 900.0}))
+        model.advance(steps=3)
+        assert model.contacts.rows
+        el = model.elements
+        ends.append(np.array(sorted(zip(el.lon, el.lat, el.u, el.v, strict=True))))
+    np.testing.assert_allclose(ends[1], ends[0], rtol=0.0, atol=2e-6)
+
+
 def test_the_load_of_a_blow_does_not_depend_on_which_berg_comes_first() -> None:
     """Force and torque of a contact go to the elements of both sides, here off the middle of one of them."""
     bergs, peaks = [bonded(0.0, 0.0, 21e3), single(6500.0, -0.3, 5300.0)], []
@@ -196,6 +210,18 @@ def test_pairs_far_apart_meet_as_if_each_were_alone() -> None:
         ends.append(np.column_stack([el.lon, el.lat, el.u, el.v, el.spin]))
         assert len(model.contacts.rows) == len(bergs) // 2
     np.testing.assert_allclose(np.vstack(ends[1:]), ends[0], rtol=1e-9, atol=1e-9)
+
+
+def test_no_points_of_two_bodies_approach_faster_than_the_bound() -> None:
+    """And it does not grow where all move along."""
+    random = np.random.default_rng(4)
+    for _ in range(50):
+        twist, arm = random.normal(size=(4, 3)) * [0.3, 0.3, 1e-4], random.uniform(100.0, 9e3, 4)
+        bound = plain(approach_bound)(twist, arm)
+        angle = random.uniform(0.0, 2.0 * np.pi, (200, 4))
+        velocity = twist[:, 0] + 1j * twist[:, 1] + 1j * twist[:, 2] * arm * np.exp(1j * angle)
+        assert np.abs(velocity[:, :, None] - velocity[:, None, :]).max() <= bound
+        assert plain(approach_bound)(np.add(twist, [0.7, -0.4, 0.0]), arm) == pytest.approx(bound)
 
 
 def test_islands_are_those_that_hang_together() -> None:

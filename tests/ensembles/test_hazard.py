@@ -119,7 +119,7 @@ def test_positions_have_the_radii_that_hold_half_and_most_of_the_members() -> No
 
 def test_ice_near_a_place_is_found_between_the_tracks_times() -> None:
     """Bergs that pass north of a point within a day: the closest approach lies between two positions."""
-    north = [0.1, 0.2, 0.4, 0.8] * 3
+    north = [0.1, 0.2, 0.4, 0.8] * 5
     members = [outcome(k, [-38.0, -36.0], [-56.0 + d] * 2, area=4e6) for k, d in enumerate(north)]
     found = approach(forecast_of(members, 1), "rig", shapely.Point(-37.0, -56.0), 25e3)
     radius = np.sqrt(4.0 / np.pi)
@@ -367,6 +367,26 @@ def test_few_members_that_come_near_have_a_first_and_a_last_date_and_ten_have_sh
     assert few.first_arrival[0].astype("datetime64[m]").item().strftime("%Y-%m-%d %H:%M") in few.told()
     assert "half of these by" in many.told()
     assert [name for name in many.rows()[-1] if name.startswith("arrival")][1] == "arrival_50_percent"
+
+
+def test_of_few_that_come_near_of_many_members_the_first_and_the_last_date_is_told(tmp_path: Path) -> None:
+    """Bug: of thirty members two came near, and half of these by a date."""
+    ds = spread_out(30, None)
+    write_sweep(ds, tmp_path / "forecast.nc")
+    places = [{"type": "Feature", "properties": {"name": name}, "geometry": {"type": "Point", "coordinates": at}}
+              for name, at in (("rig", [-30.2, -53.1]), ("start", [-37.0, -56.0]))]  # fmt: skip
+    (tmp_path / "places.json").write_text(json.dumps({"type": "FeatureCollection", "features": places}))
+    near_by = ["--near", str(tmp_path / "places.json"), "--within", "20km"]
+    done = CliRunner().invoke(app, ["hazard", str(tmp_path), *near_by])
+    assert done.exit_code == 0, done.output
+    rows = {row["place"]: row for row in csv.DictReader((tmp_path / "hazard" / "near.csv").read_text().splitlines())}
+    assert (rows["rig"]["arrival_50_percent"], rows["start"]["arrival_first"]) == ("", "")
+    assert rows["rig"]["arrival_first"]
+    assert rows["start"]["arrival_50_percent"] == "2020-12-09T00:00Z"
+    found = approach(ds, "rig", shapely.Point(-30.2, -53.1), 20e3)
+    assert 0.0 < found.probability[-1] < 10.0 / 30.0
+    assert len(found.first_arrival) == 2
+    assert "half of these by" not in found.told()
 
 
 def test_ten_members_have_limits_radii_and_ellipses() -> None:

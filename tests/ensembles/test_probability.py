@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 import riftberg
 from riftberg import Forcing, Iceberg, Model, Parameters, open_run, open_sweep
 from riftberg.cli.main import app
-from riftberg.config.units import place_text
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
 from riftberg.ensembles.hazard import approach, ice_limits
 from riftberg.ensembles.member import Outcome, broken_off
@@ -165,23 +164,41 @@ def test_area_classes_and_ground() -> None:
     assert ds["p_aground"].values.tolist() == [0.0, 0.0, 0.0, 0.5, 0.5]
 
 
+def ashore(days: list[float], weight: list[float] | None = None) -> list[str]:
+    """Lines that tell of members that run aground so many days after the start, the k-th k km farther north."""
+    members = [outcome(k, [-37.0] * 5, [-56.0 + k / 111.2] * 5, aground=day) for k, day in enumerate(days)]
+    return [line for line in told(forecast_of(members, 4, weight=weight)) if "ran aground" in line]
+
+
 def test_a_forecast_says_when_and_where_members_run_aground() -> None:
-    lines = told(forecast_of([still(0, aground=1.0), still(1, aground=3.0), still(2, aground=2.0), still(3)], 4))
-    (line,) = [line for line in lines if "ran aground" in line]
-    ds = forecast_of([still(0, aground=2.0)], 4)
-    lon, lat = float(ds["aground_lon"].values[0]), float(ds["aground_lat"].values[0])
-    when = str(ds["first_aground"].values[0])[:16].replace("T", " ")
-    assert line == (
-        f"  of 3 members that ran aground half did by {when}, about {place_text(lon, lat, latlon=True, digits=2)}, half of them "
-        "within 0 km of it"
-    )
-    assert not any("ran aground" in line for line in told(forecast_of([still(0)], 4)))
+    assert ashore([1.0, 3.0, 2.0] * 7 + [np.nan]) == [
+        "  of 21 members that ran aground half did by 2020-12-11 00:00, about 55.91 S, 37.00 W, half of them within 5 km of it"
+    ]
+    assert ashore([np.nan]) == []
+
+
+def test_of_few_members_that_run_aground_the_range_is_told_and_no_median() -> None:
+    """Bug: one of many ran aground, and half of it within 0 km; members of no weight had a say."""
+    assert ashore([2.0] + [np.nan] * 19) == ["  1 of 20 members ran aground, 2020-12-11 00:00, 56.00 S, 37.00 W"]
+    (line,) = ashore([1.0, 3.0, np.nan] * 8, weight=[1.0] * 3 + [0.0] * 21)
+    assert line.startswith("  2 of 3 members ran aground, 2020-12-10 00:00 to 2020-12-12 00:00, ")
+    assert "half" not in line
+    (weighed,) = ashore([1.0] * 12 + [3.0] * 12, weight=[1.0] * 12 + [1.2] * 12)
+    assert "half did by 2020-12-12 00:00" in weighed
 
 
 def test_members_aground_at_the_start_are_pointed_out() -> None:
     many, few = (forecast_of([still(k, aground=0.0 if k < n else np.nan) for k in range(30)], 4) for n in (10, 1))
     assert any("33 % of the members are aground at the start" in line for line in told(many))
     assert not any("at the start:" in line for line in told(few))
+
+
+def test_no_scenario_is_shown_by_a_member_without_weight() -> None:
+    """Bug: after sightings the representative of one was a member that these ruled out."""
+    north = [0.0, 0.1, 0.2, 3.0]
+    members = [outcome(k, [-37.0] * 3, [-56.0, -56.0, -56.0 + d]) for k, d in enumerate(north)]
+    (found,) = scenarios(forecast_of(members, 2, weight=[0.0, 0.0, 0.0, 1.0]))
+    assert (found.probability, found.representative) == (1.0, 3)
 
 
 def test_one_member_has_a_position_and_no_spread() -> None:

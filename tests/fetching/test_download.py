@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gc
+import gzip
 import hashlib
 import io
 import types
+import warnings
 from pathlib import Path
 from typing import BinaryIO
 
@@ -283,6 +286,7 @@ def test_refusals_say_what_they_mean(code: int, words: str, shelf: Shelf, base: 
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:%s\nsize 1\n" % (b"0" * 64)
 PAGE, JSON = b"\n <!DOCTYPE html><html>login</html>", b'{"error": "quota"}'
 XML = b'<?xml version="1.0"?><Error><Code>NoSuchKey</Code></Error>'
+CODED = gzip.compress(CONTENT)[:-50]  # cut before it was sent: the length is right
 WRONG_ANSWERS = {
     "unasked part": (
         b"206 OK\r\nContent-Length: 3\r\nContent-Range: bytes 5-7/8\r\n\r\nabc",
@@ -299,6 +303,14 @@ WRONG_ANSWERS = {
     "length a word": (b"200 OK\r\nContent-Length: abc\r\n\r\nabc", "'abc' for the length"),
     "length below 0": (b"200 OK\r\nContent-Length: -5\r\n\r\nabc", "'-5' for the length"),
     "length a fraction": (b"200 OK\r\nContent-Length: 3.0\r\n\r\nabc", "'3.0' for the length"),
+    "gzip that was cut": (
+        b"200 OK\r\nContent-Encoding: gzip\r\nContent-Length: %d\r\n\r\n%s" % (len(CODED), CODED),
+        "does not say where the file ends",
+    ),
+    "coding unknown": (
+        b"200 OK\r\nContent-Encoding: aes128gcm\r\nContent-Length: 3\r\n\r\nabc",
+        "does not say where the file ends",
+    ),
     "page": (b"200 OK\r\nContent-Length: %d\r\n\r\n%s" % (len(PAGE), PAGE), "a web page in place of the file"),
     "XML": (b"200 OK\r\nContent-Length: %d\r\n\r\n%s" % (len(XML), XML), "a web page in place of the file"),
     "JSON": (b"200 OK\r\nContent-Length: %d\r\n\r\n%s" % (len(JSON), JSON), "a message in place of the file"),
@@ -312,6 +324,24 @@ def test_an_answer_that_is_not_the_whole_file_is_not_taken_for_it(kind: str, tmp
     answer, words = WRONG_ANSWERS[kind]
     with answering(b"HTTP/1.1 " + answer) as base, pytest.raises(ForcingError, match=words):
         fetch_one("field.nc", None, tmp_path, base, Resuming(attempts=2, pause=0.0, timeout=5.0))
+    assert not (tmp_path / "field.nc").exists()
+
+
+@pytest.mark.parametrize("place", [b"http://[::1", b"http://a..b/", b"http://\xff/", b"//[x/", b"file:///etc/passwd"])
+def test_a_redirect_to_what_is_no_address_is_told(place: bytes, tmp_path: Path) -> None:
+    """Bug: a bare ValueError, in asking for a newer version too."""
+    answer = b"HTTP/1.1 302 OK\r\nLocation: %s\r\nContent-Length: 0\r\n\r\n" % place
+    there = tmp_path / "there.nc"
+    there.write_bytes(CONTENT)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)  # the client leaves the connection to the collector
+        with answering(answer) as base:
+            with pytest.raises(ForcingError, match="could not be fetched"):
+                fetch_one("field.nc", None, tmp_path, base, Resuming(attempts=2, pause=0.0, timeout=5.0))
+            told: list[str] = []
+            assert fetch_one("there.nc", None, tmp_path, base, Resuming(), renew=True, tell=told.append) == there
+        gc.collect()
+    assert "cannot be asked" in told[0]
     assert not (tmp_path / "field.nc").exists()
 
 

@@ -228,6 +228,13 @@ def test_a_damaged_database_is_removed_and_told(fault: str, tmp_path: Path) -> N
     [
         ({"a/b.csv": "one", "c/B.CSV": "two"}, r"holds b\.csv twice"),
         ({"readme.txt": "words"}, r"holds no \.csv files"),
+        ({"__MACOSX/a.csv": "fork", "b/._c.csv": "fork"}, r"holds no \.csv files"),
+        ({"\x1b[2Ja.csv": "one"}, r"which is no name for a file"),
+        ({"a\nb.csv": "one"}, r"which is no name for a file"),
+        ({".hidden.csv": "one"}, r"which is no name for a file"),
+        ({f"{'a' * 300}.csv": "one"}, r"which is no name for a file"),
+        ({"C:a.csv": "one"}, r"which is no name for a file"),
+        ({"-rf.csv": "one"}, r"which is no name for a file"),
         ({"a.csv": "0" * 250_000_000}, r"holds 250 MB of \.csv files"),
     ],
 )
@@ -235,6 +242,28 @@ def test_a_database_that_cannot_be_unpacked_is_refused(members: dict[str, str], 
     with pytest.raises(ForcingError, match=words):
         fetch.unpack_tables(zipped(tmp_path / "d.zip", members), tmp_path)
     assert not list(tmp_path.glob("*.csv"))
+
+
+def test_what_macos_packs_beside_a_table_is_no_table(tmp_path: Path) -> None:
+    """Bug: "holds a.csv twice"; and others of its files were unpacked as tables."""
+    archive = zipped(tmp_path / "d.zip", {"a.csv": "one", "__MACOSX/a.csv": "fork", "__MACOSX/._a.csv": "fork"})
+    assert [table.read_text() for table in fetch.unpack_tables(archive, tmp_path)] == ["one"]
+
+
+@pytest.mark.parametrize("record", ["[]", "{", "null", "\xff"])
+def test_with_a_damaged_record_of_what_was_unpacked_all_tables_are_the_users(record: str, tmp_path: Path) -> None:
+    """Bug: a bare JSONDecodeError or AttributeError."""
+    archive = zipped(tmp_path / "d.zip", {"a.csv": "theirs"})
+    (tmp_path / ".d.zip.json").write_text(record, encoding="latin-1")
+    (tmp_path / "a.csv").write_text("mine")
+    with pytest.raises(ForcingError, match=r"a\.csv: is there already"):
+        fetch.unpack_tables(archive, tmp_path)
+    (tmp_path / "a.csv").unlink()
+    (tmp_path / "a.csv").mkdir()
+    with pytest.raises(ForcingError, match=r"a\.csv: is there already"):
+        fetch.unpack_tables(archive, tmp_path)
+    (tmp_path / "a.csv").rmdir()
+    assert [table.read_text() for table in fetch.unpack_tables(archive, tmp_path)] == ["theirs"]
 
 
 def test_an_experiment_is_written_that_reads_and_has_the_listed_size(folder: Path) -> None:

@@ -628,3 +628,72 @@ def test_the_minutes_of_a_zone_count_like_its_hours(text: str, utc: str) -> None
     ds = xr.Dataset({"uo": ("time", [0.1])}, coords={"time": ("time", np.array([text], object))})
     found = xr.decode_cf(with_text_dates(ds))["time"].values[0]
     assert found == np.datetime64(utc)
+
+
+# Rounding: what two files, or a date and its bounds, write in different precision is the same
+
+
+def stored(folder: Path, ds: xr.Dataset, name: str) -> Path:
+    """Write a file beside others."""
+    ds.to_netcdf(folder / name)
+    return folder / name
+
+
+def noise(ds: xr.Dataset, part: float) -> xr.Dataset:
+    """Axes that are wrong by a part of themselves."""
+    return ds.assign_coords({name: (name, (1.0 + part) * ds[name].values, ds[name].attrs) for name in ("lat", "lon")})
+
+
+@pytest.mark.parametrize("part", [3e-16, 5e-8])
+def test_files_of_one_series_whose_axes_differ_by_rounding_are_joined(tmp_path: Path, part: float) -> None:
+    """Bug: the run took one of them, and said that its dates lay outside of the records."""
+    first, then = (dated(growing(days), days) for days in ([0, 1, 2], [3, 4, 5]))
+    files = [stored(tmp_path, first, "first.nc"), stored(tmp_path, noise(then, part), "then.nc")]
+    assert forced(files, day(1.5), 48.0)[0] == pytest.approx(0.35, abs=1e-6)
+
+
+def test_files_on_grids_that_differ_are_not_joined(tmp_path: Path) -> None:
+    """By a thousandth of a cell: these are not the same points."""
+    first, then = (dated(growing(days), days) for days in ([0, 1, 2], [3, 4, 5]))
+    shifted = then.assign_coords(lon=then["lon"] + 5e-4)
+    with pytest.raises(ForcingError, match="outside the records"):
+        forced([stored(tmp_path, first, "first.nc"), stored(tmp_path, shifted, "then.nc")], day(1.5), 48.0)
+
+
+@pytest.mark.parametrize("late", [1e-12, 1e-8, 4e-6])
+def test_components_whose_dates_differ_by_rounding_belong_together(tmp_path: Path, late: float) -> None:
+    """Bug: "no value of uo, vo in the box: all land or missing"; ``late``: in days."""
+    days = np.arange(6.0)
+    files = [
+        stored(tmp_path, dated(growing(days, (name,)), days + shift), f"{name}.nc")
+        for name, shift in (("uo", 0.0), ("vo", late))
+    ]
+    assert forced(files, day(1.5), 24.0)[0] == pytest.approx(0.25, abs=1e-6)
+
+
+def test_of_files_that_overlap_by_rounding_the_later_counts(tmp_path: Path) -> None:
+    """Bug: records of the same date in both were two records a millisecond apart, and nothing told of it."""
+    earlier, later = dated(growing(range(4)), range(4)), dated(growing([3, 4, 5], offset=1.0), [3 + 1e-8, 4, 5])
+    files = [stored(tmp_path, earlier, "earlier.nc"), stored(tmp_path, later, "later.nc")]
+    grown, told = forced(files, day(3.5))
+    assert grown == pytest.approx(1.35, abs=1e-6)
+    assert "share dates" in told
+
+
+@pytest.mark.parametrize("late", [1e-12, 1e-8])
+def test_daily_means_stamped_almost_at_midnight_are_put_at_noon(tmp_path: Path, late: float) -> None:
+    ds = dated(growing(range(8)), np.arange(8) + late)
+    for field in ds.data_vars.values():
+        field.attrs["cell_methods"] = "time: mean"
+    grown, told = forced(written(tmp_path, ds), day(2.5))
+    assert grown == pytest.approx(0.2, abs=1e-6)
+    assert "noon" in told
+
+
+def test_a_date_that_lies_out_of_its_bounds_by_rounding_is_within(tmp_path: Path) -> None:
+    """Bug: the bounds were not believed, and daily means were taken for values of midnight."""
+    ds = dated(growing(range(8)), range(8), bounds="time_bounds")
+    ds["time_bounds"] = (("time", "two"), np.stack([np.arange(8) + 1e-8, np.arange(8) + 1.0], axis=1))
+    for name in UO_VO:
+        ds[name].attrs["cell_methods"] = "time: mean"
+    assert forced(written(tmp_path, ds), day(2.5))[0] == pytest.approx(0.2, abs=1e-6)

@@ -103,20 +103,28 @@ class Gathering(Forcing.uniform):
         elements.vorticity[:] = self.vorticity
 
 
+def rectangle(
+    middle: tuple[float, float], sides: tuple[float, float], thickness: float, turn: float, **motion: Any
+) -> tuple[Iceberg, Any]:
+    """A berg of one element, turned by so many degrees, and its outline about its middle."""
+    (length, width), (x, y) = sides, middle
+    outline = shapely.affinity.rotate(shapely.box(-0.5 * length, -0.5 * width, 0.5 * length, 0.5 * width), turn)
+    berg = Iceberg.from_points(
+        [x], [y], radius=0.5 * np.sqrt(length * width), thickness=thickness, latlon=False,
+        outline=shapely.affinity.translate(outline, x, y), packing="square", **motion,
+    )  # fmt: skip
+    berg.elements.length[:], berg.elements.width[:] = sides
+    return berg, outline
+
+
 def dense_field(rows: int, dt: float) -> tuple[Model, list[Any]]:
     """Bergs of 60 x 40 x 40 m, turned at random, with water between them; the model and their outlines."""
     angle, spot = np.random.default_rng(7), 75.0 * (np.arange(rows) - 0.5 * (rows - 1))
     bergs, outlines = [], []
     for x, y in [(x, 0.8 * y) for x in spot for y in spot]:
-        outline = shapely.affinity.rotate(
-            shapely.box(x - 30.0, y - 20.0, x + 30.0, y + 20.0), angle.uniform(-15.0, 15.0)
-        )
-        berg = Iceberg.from_points(
-            [x], [y], radius=0.5 * np.sqrt(2400.0), thickness=40.0, latlon=False, outline=outline, packing="square"
-        )
-        berg.elements.length[:], berg.elements.width[:] = 60.0, 40.0
+        berg, outline = rectangle((x, y), (60.0, 40.0), 40.0, angle.uniform(-15.0, 15.0))
         bergs.append(berg)
-        outlines.append(shapely.affinity.translate(outline, -x, -y))
+        outlines.append(outline)
     p = Parameters(earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt}, fracture={"enabled": False})
     return Model(Iceberg.join(bergs), Gathering(wind=(1.0, 2.0)), p), outlines
 
@@ -149,3 +157,18 @@ def test_a_dense_field_of_small_bergs_comes_to_rest_and_sinks_no_farther_into_it
     turn = np.angle((now * was.conj()).sum())
     assert abs(now - was * np.exp(1j * turn)).max() < 0.02
     np.testing.assert_allclose(el.rotation - earlier[1], turn, atol=1e-3)
+
+
+def test_a_slender_berg_does_not_turn_into_another_in_a_long_step() -> None:
+    """In half an hour of still water it turns by 97 degrees and lets the other pass; one step alone ends at 60, in that one."""
+    way = np.exp(1j * np.radians(60.0))
+    middle, velocity = 610.0 * way, -0.08 * way
+    pairs = [
+        rectangle((0.0, 0.0), (600.0, 60.0), 40.0, 0.0, spin=5e-3),
+        rectangle((middle.real, middle.imag), (400.0, 400.0), 200.0, 60.0, velocity=(velocity.real, velocity.imag)),
+    ]
+    p = Parameters(earth={"latlon": False, "period": 0.0}, fracture={"enabled": False})
+    model = Model(Iceberg.join([berg for berg, _ in pairs]), Forcing.uniform(slope=(0.0, 0.0)), p)
+    model.advance(steps=1)
+    assert overlaps(model, [outline for _, outline in pairs]) < 1.0
+    assert np.degrees(model.elements.rotation[0]) == pytest.approx(97.0, abs=5.0)

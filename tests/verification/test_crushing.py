@@ -183,8 +183,11 @@ def pressed(latlon: bool, between: float = 4.0, dt: float = 1800.0, **fracture: 
     return model
 
 
-def after_oblique_impact(turn: float, swapped: bool = False) -> np.ndarray:
-    """Velocities and spins of two small bergs after an impact off the centre, in the axes of the scene; ``turn`` in degrees."""
+def after_oblique_impact(turn: float, swapped: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Velocities and spins of two small bergs after an impact off the centre, in the axes of the scene; ``turn`` in degrees.
+
+    And the largest tension (Pa) of each in it.
+    """
     c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
     shape = {"thickness": 250.0, "radius": 1500.0, "latlon": False}
     bergs = [
@@ -198,20 +201,25 @@ def after_oblique_impact(turn: float, swapped: bool = False) -> np.ndarray:
         fracture={"enabled": False},
     )  # fmt: skip
     model = Model(Iceberg.join(bergs[::-1] if swapped else bergs), Forcing.uniform(), parameters)
-    model.advance(steps=2)
+    el, tension = model.elements, np.zeros(2)
+    for _ in range(2):
+        model.advance(steps=1)
+        tension = np.maximum(tension, model.bonds.peak_stress)
     assert model.contacts.rows
-    el = model.elements
     rows = [2, 3, 0, 1] if swapped else [0, 1, 2, 3]
-    return np.column_stack([c * el.u + s * el.v, c * el.v - s * el.u, 1e3 * el.spin])[rows]
+    moved = np.column_stack([c * el.u + s * el.v, c * el.v - s * el.u, 1e3 * el.spin])[rows]
+    return moved, tension[::-1] if swapped else tension
 
 
 def test_an_impact_hangs_on_neither_the_axes_nor_the_order_of_the_bergs() -> None:
     """By round-off, and a millionth of the lattice by which the regions of elements are moved."""
-    plain = after_oblique_impact(0.0)
+    plain, tension = after_oblique_impact(0.0)
     assert np.abs(plain[:, 2]).min() > 1e-3  # both turn
-    for turn in (33.0, 90.0, -127.0):
-        np.testing.assert_allclose(after_oblique_impact(turn), plain, rtol=1e-4, atol=1e-6)
-    np.testing.assert_allclose(after_oblique_impact(0.0, swapped=True), plain, rtol=1e-4, atol=1e-6)
+    assert tension.min() > 100.0
+    for turn, swapped in ((33.0, False), (90.0, False), (-127.0, False), (0.0, True)):
+        moved, drawn = after_oblique_impact(turn, swapped)
+        np.testing.assert_allclose(moved, plain, rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(drawn, tension, rtol=0.01)  # 0.8 % by the elastic mesh of two elements
 
 
 def in_parts(model: Model, parts: Sequence[float]) -> list[float]:
@@ -287,6 +295,24 @@ def test_faces_that_stand_on_each_other_come_to_their_load_without_a_swing(betwe
     assert max(found) < 1.05 * 5e8
     assert (np.diff(found) > -0.05 * 5e8).all()
     assert found[-1] == pytest.approx(5e8, rel=0.01)
+
+
+def test_a_push_that_begins_as_an_impact_rests_after_half_a_period_without_a_swing() -> None:
+    """It comes to the load twice over, as a spring does, and from then on bears half of the force that is given to one berg.
+
+    Left an impact, it would rock on its hundredfold stiffness of unloading, and take 75 sub-steps for each swing.
+    """
+    model, forces = pressed(False, between=0.0, dt=2.0), []
+    model.elements.load_x[:4] = 3.5e10
+    for name in ("u", "u_sync", "u_pair"):
+        getattr(model.elements, name)[:4] += 0.0125
+    for _ in range(30):
+        model.advance(steps=1)
+        forces.append(model._stepper.state_dict()["meeting_state"][:, FORCE].sum())
+    half_period = np.pi / math.sqrt(1.5e6 * 250.0 * 10e3 / 20.0 / (0.5 * 850.0 * 250.0 * 1e8))
+    assert max(forces) == pytest.approx(2.0 * 7e10, rel=0.05)
+    assert abs(2.0 * (int(np.argmax(forces)) + 1) - half_period) < 4.0
+    np.testing.assert_allclose(forces[math.ceil(1.2 * half_period / 2.0) :], 7e10, rtol=0.01)
 
 
 @pytest.mark.parametrize("dt", [100.0, 300.0])

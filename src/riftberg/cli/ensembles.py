@@ -572,7 +572,10 @@ def _read_targets(path: Path) -> list[tuple[str, Any]]:
 
 def _table(rows: list[dict[str, Any]]) -> str:
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    columns = dict.fromkeys(
+        name for row in rows for name in row
+    )  # places have their own: shares of arrivals, or their ends
+    writer = csv.DictWriter(text, list(columns), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()

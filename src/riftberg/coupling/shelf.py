@@ -115,7 +115,7 @@ HALF: Final = 0.5
 """Cells of which more than this part is ice belong to the outline; the mass counts all parts."""
 
 WHOLE: Final = 0.995
-"""Cells of which elements cover at least this part lie inside of the berg."""
+"""Cells of which ice and elements cover more than this part lie inside of the berg."""
 
 _FINE: Final = 0.05
 """Sides of cells are cut to this length (degrees) before they are laid flat: parallels are bent there."""
@@ -271,7 +271,7 @@ class IceShelf:
         finished = replace(berg, elements=elements)
         per_area = self.mass / self.grid.arrays.area[self.grid.domain]
         # Cells at the edge are left out: there the lattice cannot follow the outline.
-        inside = (self.part == 1.0) & (self._shares(berg, self.part >= 0.0).per_area(area) > WHOLE)
+        inside = (self.part > WHOLE) & (self._shares(berg, self.part >= 0.0).per_area(area) > WHOLE)
         off = np.abs(self.misfit(finished)[inside]) / per_area[inside]
         report = {
             **berg.report, "source": "ice shelf", "shelf_mass": float(self.mass.sum()),

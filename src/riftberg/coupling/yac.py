@@ -39,6 +39,7 @@ from riftberg.system.process import say
 _LOG = logging.getLogger(__name__)
 
 LAST_GIVEN: Final = "yac_given"  # Name under which a restart keeps what the bergs gave last
+ROUND_OFF: Final = 1e-6  # Up to which corners stand in one row or column, degrees, and their axes point east: 0.1 m
 
 
 class YacSettings(Section):
@@ -280,7 +281,8 @@ class YacComponent:
         g = exchange.grid.arrays
         corners = np.s_[g.halo - 1 : g.halo + g.nj, g.halo - 1 : g.halo + g.ni]
         lon, lat = g.lon[corners], g.lat[corners]
-        if not g.latlon or np.ptp(lon, axis=0).any() or np.ptp(lat, axis=1).any() or (g.cos_angle != 1.0).any():
+        bent = max(np.ptp(lon, axis=0).max(), np.ptp(lat, axis=1).max())
+        if not g.latlon or bent > ROUND_OFF or (np.abs(g.sin_angle) > ROUND_OFF).any() or (g.cos_angle < 0.0).any():
             raise InputError("no rows of longitude and latitude", where="YacComponent, grid of the exchange",
                              remedy="Exchange on these; the ocean may have any grid")  # fmt: skip
         if abs((start - exchange.model.date).total_seconds()) > 1e-3:

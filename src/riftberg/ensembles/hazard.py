@@ -268,7 +268,7 @@ class Approach:
         p, low, high = (100.0 * float(a[-1]) for a in (self.probability, self.low, self.high))
         first, *half, last = self.first_arrival
         least, middle, most = self.closest.min(), float(quantiles(self.closest, self.weight, 0.5)), self.closest.max()
-        far = f" km, median {middle / 1e3:.0f}" if half else f" to {most / 1e3:.0f}"
+        far = f" km, median {middle / 1e3:.0f}" if enough(self.weight) else f" to {most / 1e3:.0f}"
         near_by = f"closest approach {least / 1e3:.0f}{far} km"
         arrival = (
             f", half of these by {minute_text(half[0])}" if half else f", {minute_text(first)} to {minute_text(last)}"
@@ -344,7 +344,7 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     share, low, high = with_interval(share, effective(weight), unknown)
     came = np.isfinite(arrived)
     start = ds["time"].values[0]
-    levels = (0.1, 0.5, 0.9) if enough(weight) else (0.0, 1.0)
+    levels = (0.1, 0.5, 0.9) if enough(weight[came] if came.any() else weight) else (0.0, 1.0)
     dates = np.full(len(levels), np.datetime64("NaT", "s"))
     if came.any():
         seconds = np.rint(3600.0 * quantiles(arrived, weight, levels))

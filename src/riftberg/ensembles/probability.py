@@ -475,6 +475,7 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
         )
     for number in np.unique(ended["scenario"].values):
         rows = np.flatnonzero(ended["scenario"].values == number)
+        rows = rows[weight[rows] > 0.0] if weight[rows].any() else rows  # after sightings the others stand for nothing
         end = ends[rows]
         index = int(np.nanargmin(np.hypot(*(end - np.nanmean(end, axis=0)).T))) if np.isfinite(end).any() else 0
         member = int(rows[index])
@@ -607,26 +608,29 @@ def reasons(ds: xr.Dataset) -> list[str]:
     return lines
 
 
-def _first_touch(done: xr.Dataset) -> list[str]:
+def _first_touch(done: xr.Dataset, weight: Floats) -> list[str]:
     """Return when and where members run aground first, in a line; nothing where none does, or where a file does not say."""
     if "aground_lon" not in done:
         return []
-    lon, lat = done["aground_lon"].values, done["aground_lat"].values
-    touched = np.isfinite(lon) & ~np.isnat(done["first_aground"].values)
+    lon, lat, when = (done[name].values for name in ("aground_lon", "aground_lat", "first_aground"))
+    touched = np.isfinite(lon) & ~np.isnat(when) & (weight > 0.0)
     if not touched.any() or "cone_lon" not in done:
         return []
-    lon, lat = lon[touched], lat[touched]
-    east = (lon - lon[0] + 180.0) % 360.0 - 180.0
-    middle = float(lon[0] + np.median(east)), float(np.median(lat))
-    offset = np.hypot((east - np.median(east)) * math.cos(math.radians(middle[1])), lat - middle[1])
-    km, dates = (
-        float(np.median(offset)) * DEGREE * EARTH_RADIUS_A68 / 1e3,
-        np.sort(done["first_aground"].values[touched]),
-    )
-    position = place_text(*middle, latlon=True, digits=2)
+    lon, lat, when, share_of = near(lon[touched], float(lon[touched][0])), lat[touched], when[touched], weight[touched]
+    if not enough(share_of):
+        ends = f"{minute_text(when.min())} to {minute_text(when.max())}" if when.size > 1 else minute_text(when[0])
+        sides = (round(float(side), 2) for side in (lon.min(), lon.max(), lat.min(), lat.max()))
+        position = box_text(*sides) if when.size > 1 else place_text(lon[0], lat[0], latlon=True, digits=2)
+        of = count_text(int((weight > 0.0).sum()), "member")
+        return [f"  {when.size} of {of} ran aground, {ends}, {position}"]
+    middle = float(quantiles(lon, share_of, 0.5)), float(quantiles(lat, share_of, 0.5))
+    offset = np.hypot((lon - middle[0]) * math.cos(middle[1] * DEGREE), lat - middle[1])
+    km = float(quantiles(offset, share_of, 0.5)) * DEGREE * EARTH_RADIUS_A68 / 1e3
+    hours = (when - when.min()) / np.timedelta64(1, "h")
+    date = when[int(np.argmin(np.abs(hours - quantiles(hours, share_of, 0.5))))]
     return [
-        f"  of {count_text(int(touched.sum()), 'member')} that ran aground half did by {minute_text(dates[dates.size // 2])}, "
-        f"about {position}, half of them within {km:.0f} km of it"
+        f"  of {count_text(when.size, 'member')} that ran aground half did by {minute_text(date)}, "
+        f"about {place_text(*middle, latlon=True, digits=2)}, half of them within {km:.0f} km of it"
     ]
 
 
@@ -648,7 +652,7 @@ def told(ds: xr.Dataset) -> list[str]:
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")
-    lines += _first_touch(done)
+    lines += _first_touch(done, weight)
     at_start = 100.0 * float(ds["p_aground"].values[0])
     if at_start > 5.0:
         doubt = "is that so, or are errors of floor and thickness too large?"

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from riftberg.errors import ForcingError
 from riftberg.system.atomic_files import only_writer
-from riftberg.system.input_files import reading, value_shown
+from riftberg.system.input_files import is_of_macos, reading, value_shown
 from riftberg.system.process import say
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ class Resuming:
             try:
                 if self._continue(partial, checked=checked):
                     return
-            except requests.RequestException as error:
+            except (requests.RequestException, ValueError) as error:  # the latter of a redirect to what is no address
                 reason = error
                 if not reached(error) and vain + 1 >= WITHOUT_NETWORK:
                     raise ForcingError(
@@ -174,7 +174,7 @@ class Resuming:
             answer = requests.head(url, headers=asking, allow_redirects=True, timeout=min(self.timeout, 15.0))
             answer.raise_for_status()
             have, size = path.stat(), _length(answer)
-        except (requests.RequestException, ForcingError):
+        except (requests.RequestException, ValueError, ForcingError):
             return None
         dated = seconds(answer.headers.get("Last-Modified", ""))
         if size and size != have.st_size:
@@ -251,7 +251,7 @@ def open_partial(path: Path, start: int) -> BinaryIO:
 
 
 def _length(answer: requests.Response) -> int:
-    """Return how many bytes are to come; 0 = not told, or told of a coded form of the file."""
+    """Return how many bytes are to come; 0 = not told."""
     stated = answer.headers.get("Content-Length", "0").strip()
     if not re.fullmatch("[0-9]{1,18}", stated):
         raise ForcingError(
@@ -259,11 +259,18 @@ def _length(answer: requests.Response) -> int:
             where=answer.url,
             remedy="Run again later",
         )
-    return 0 if answer.headers.get("Content-Encoding", "identity") != "identity" else int(stated)
+    return 0 if _is_coded(answer) else int(stated)
+
+
+def _is_coded(answer: requests.Response) -> bool:
+    """Whether a server sends the file in another form, such as gzip, though none was asked for."""
+    return answer.headers.get("Content-Encoding", "identity").strip().lower() not in ("", "identity")
 
 
 def _tells_end(answer: requests.Response) -> bool:
-    """Whether a cut connection can be told from the end of an answer: by its length, or the last of its chunks."""
+    """Whether a cut connection can be told from the end of a file: by its length, or the last of its chunks."""
+    if _is_coded(answer):  # these tell the end of the coded form, which may have been cut before
+        return False
     chunked = "chunked" in answer.headers.get("Transfer-Encoding", "").lower()
     return chunked or "Content-Length" in answer.headers
 
@@ -397,7 +404,8 @@ def unpacked(archive: Path, ending: str, most: float = math.inf) -> list[tuple[s
     remedy = "It was removed: run the same command again"
     try:
         with reading(archive, "a damaged zip archive", remedy, ForcingError), zipfile.ZipFile(archive) as opened:
-            members = [m for m in opened.infolist() if not m.is_dir() and m.filename.lower().endswith(ending)]
+            files = [m for m in opened.infolist() if not (m.is_dir() or is_of_macos(m.filename))]
+            members = [member for member in files if member.filename.lower().endswith(ending)]
             size = sum(member.file_size for member in members)
             if not members or size > most:
                 content = f"{size / 1e6:.0f} MB of {ending} files" if members else f"no {ending} files"

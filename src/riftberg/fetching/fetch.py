@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,7 @@ from riftberg.fetching.download import (
 )
 from riftberg.fetching.services import fetch_product
 from riftberg.system.atomic_files import only_writer, refusal, replacing, write_text
+from riftberg.system.input_files import value_shown
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 __all__ = ["BASE_URL", "FILES", "HOURLY", "Hourly", "check_hourly", "fetch_a68a", "fetch_product", "merge_hourly"]
@@ -279,19 +281,36 @@ def fetch_positions(database: str, folder: str | Path, *, progress: Progress | b
         return unpack_tables(path, folder) if stream.read(2) == b"PK" else [path]
 
 
+PLAIN_NAME: Final = re.compile(r"\w[\w ().+-]{0,99}")
+"""Names of files that every system can have, and a terminal show."""
+
+
+def _unpacked_before(record: Path) -> dict[str, str]:
+    """Return the checksums of the tables that were unpacked before; none where the record is damaged: then all are the user's."""
+    try:
+        written = json.loads(record.read_text())
+    except (OSError, ValueError):
+        return {}
+    return written if isinstance(written, dict) else {}
+
+
 def unpack_tables(path: Path, folder: Path) -> list[Path]:
     """Unpack the tables of a database, all into one folder; a file there that it did not unpack before is not touched."""
     record = folder / f".{path.name}.json"
-    written: dict[str, str] = json.loads(record.read_text()) if record.exists() else {}
+    written = _unpacked_before(record)
     tables: dict[Path, bytes] = {}
     for name, content in unpacked(path, ".csv", LARGEST_ZIP):
         target = folder / Path(name.replace("\\", "/")).name.lower()
+        if not PLAIN_NAME.fullmatch(target.name):
+            fault = f"the archive holds {value_shown(target.name)}, which is no name for a file"
+            raise ForcingError(fault, where=str(path), remedy="Unpack it by hand, under another name")
         if target in tables:
             remedy = "Unpack it by hand, into several folders"
             raise ForcingError(f"the archive holds {target.name} twice", where=str(path), remedy=remedy)
         exists = target.is_symlink() or target.exists()
         if exists and (
             target.is_symlink()
+            or not target.is_file()
             or checksum(target) not in (written.get(target.name), hashlib.sha256(content).hexdigest())
         ):
             remedy = "Move it away, or name another folder"

@@ -268,8 +268,12 @@ def _same(a: xr.DataArray, b: xr.DataArray) -> bool:
     """Tell whether two coordinates hold the same dates, to the second."""
     if (a.dtype.kind == "M") != (b.dtype.kind == "M") or a.shape != b.shape:
         return False
-    tolerance = timedelta(seconds=1) if a.dtype == object else np.timedelta64(1, "s")
-    return bool(np.all(np.abs(a.values - b.values) < tolerance))
+    return bool(np.all(np.abs(a.values - b.values) < _rounding(a)))
+
+
+def _rounding(dates: xr.DataArray) -> Any:
+    """Return a second, by which dates that are meant to be the same may differ."""
+    return timedelta(seconds=1) if dates.dtype == object else np.timedelta64(1, "s")
 
 
 def _follow(start: xr.DataArray, end: xr.DataArray) -> bool:
@@ -290,7 +294,7 @@ def _middles(ds: xr.Dataset, dates: xr.DataArray, bounds: xr.Variable | None, fi
         return dates, None
     first, last = bounds.values.min(axis=-1), bounds.values.max(axis=-1)  # some files write the end first
     wide = np.asarray(last > first, bool)
-    inside = (first <= dates.values) & (dates.values <= last)
+    inside = (first - _rounding(dates) < dates.values) & (dates.values < last + _rounding(dates))
     if not wide.any() or not inside[wide].all():
         return dates, None
     lengths = last - first

@@ -542,10 +542,11 @@ def tidy_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
 
 
 def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
-    """Return the dataset with ``time`` as ``datetime64[ns]``.
+    """Return the dataset with ``time`` as ``datetime64[ns]``, in whole seconds.
 
-    Dates of other calendars are taken by their label (year, month, day, ...): products that state a Julian calendar
-    write the ordinary date.
+    Parts of a second are rounding: with them neither dates of two files would be the same, nor midnight be midnight. Dates of
+    other calendars are taken by their label (year, month, day, ...): products that state a Julian calendar write the ordinary
+    date.
     """
     time, values = ds["time"], ds["time"].values
     if time.dtype == object:
@@ -555,6 +556,7 @@ def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
         stamps = [_by_label(date, where) for date in np.atleast_1d(values)]
         values = np.array(stamps, dtype="datetime64[us]").reshape(time.shape)
     values = nanoseconds(values, where=where, kind=ForcingError, remedy=_OTHER_YEARS)
+    values = (values + np.timedelta64(500, "ms")).astype("datetime64[s]").astype(values.dtype)
     if np.isnat(values).any():
         raise ForcingError(
             f"{int(np.isnat(values).sum())} of {values.size} dates are missing",

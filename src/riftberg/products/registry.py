@@ -25,6 +25,11 @@ from riftberg.system.netcdf_lock import closing_files, open_netcdf
 STAGES = ("nrt", "interim", "final")
 """Issues of one file, the most final last, as OSCAR has them in its names."""
 
+AXES = ("depth", "lat", "lon", "y", "x")
+
+SINGLE = 2e-7
+"""Part of the largest value of an axis by which others that are written in single precision differ from it."""
+
 LONGEST_NAME = 60
 """Letters of the title of a dataset that serve as its name."""
 
@@ -230,7 +235,7 @@ def joined_files(files: Sequence[tuple[xr.Dataset, Product]]) -> list[xr.Dataset
     """Join files of one product: first those with the same fields in time, then different fields on the same points."""
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
     products = {product.name: product for _, product in files}
-    for ds, product in files:
+    for ds, (_, product) in zip(_on_common_axes([ds for ds, _ in files]), files, strict=True):
         groups.setdefault((product.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
     # Where means hold follows from the time between the records of all files: these are joined in time first.
     joined = [(dataset, products[str(key[0])]) for key, group in groups.items() for dataset in _join_in_time(group)]
@@ -256,7 +261,7 @@ def in_memory(datasets: Sequence[xr.Dataset], names: Mapping[str, str] | None = 
         titled = " ".join(title.replace("/", " ").split())[:LONGEST_NAME] if isinstance(title, str) else ""
         label = str(ds.encoding.get("source") or titled or f"dataset {number}")
         canonical += [_settle_means(dataset, product) for dataset in canonical_parts(ds.copy(), product, label)]
-    return pair_vectors(_merge_fields(canonical))
+    return pair_vectors(_merge_fields(_on_common_axes(canonical)))
 
 
 def _settle_means(ds: xr.Dataset, product: Product) -> xr.Dataset:
@@ -274,11 +279,29 @@ def _settle_means(ds: xr.Dataset, product: Product) -> xr.Dataset:
     return ds.assign_attrs(interval_seconds=own_interval(stepped))
 
 
+def _on_common_axes(datasets: Iterable[xr.Dataset]) -> list[xr.Dataset]:
+    """Put axes and positions that differ from those of an earlier dataset by the rounding of single precision on these."""
+    result: list[xr.Dataset] = []
+    axes: dict[tuple[str, tuple[int, ...]], list[Any]] = {}
+    for ds in datasets:
+        for name in [name for name in AXES if name in ds.coords]:
+            values = ds[name].values
+            others = axes.setdefault((name, values.shape), [])
+            rounding = SINGLE * float(np.nanmax(np.abs(values), initial=0.0))
+            alike = (axis for axis in others if np.allclose(values, axis, rtol=0.0, atol=rounding, equal_nan=True))
+            common = next(alike, None)
+            if common is None:
+                others.append(values)
+            elif common.tobytes() != values.tobytes():
+                ds = ds.assign_coords({name: (ds[name].dims, common, ds[name].attrs)})
+        result.append(ds)
+    return result
+
+
 def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
     """Return a key of the grid: dimensions, and the values of axes and positions."""
-    dims = [(name, ds.sizes[name]) for name in ("depth", "lat", "lon", "y", "x", "node") if name in ds.dims]
-    values = [ds[name].values.tobytes() for name in ("depth", "lat", "lon", "y", "x") if name in ds.coords]
-    return (*dims, *values)
+    dims = [(name, ds.sizes[name]) for name in (*AXES, "node") if name in ds.dims]
+    return (*dims, *(ds[name].values.tobytes() for name in AXES if name in ds.coords))
 
 
 def _join_in_time(datasets: list[xr.Dataset]) -> list[xr.Dataset]:

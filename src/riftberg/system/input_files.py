@@ -313,9 +313,12 @@ def check_archive(path: Path, most: float, *, remedy: str, kind: type[InputError
             raise kind(f"{member.filename} in the archive is encrypted", where=shown(path), remedy=remedy)
     size = sum(member.file_size for member in members)
     refuse_large(size, most, f"bytes once unpacked ({human(size)})", where=shown(path), remedy=remedy, kind=kind)
-    # macOS packs what it knows of a file beside it, under the same name.
-    names = [member.filename for member in members]
-    return [name for name in names if not name.startswith("__MACOSX/") and not Path(name).name.startswith("._")]
+    return [member.filename for member in members if not is_of_macos(member.filename)]
+
+
+def is_of_macos(name: str) -> bool:
+    """Whether a file in an archive is what macOS knows of another one, which it packs beside that under the same name."""
+    return name.startswith("__MACOSX/") or Path(name).name.startswith("._")
 
 
 def shown(path: object) -> str:
