@@ -13,7 +13,7 @@ from contract import CORIOLIS, FORCES, SEA_FLOOR
 from riftberg import Parameters
 from riftberg.compiled.kernels import plain
 from riftberg.engines.common.broad_phase import contact_cells
-from riftberg.engines.common.forces.media import Medium
+from riftberg.engines.common.forces.media import LIMIT, Medium
 from riftberg.engines.common.fragments.connectivity import bridge_moments, find_bridges
 from riftberg.engines.quasi_static.bodies.dynamics import ElementForcing, assemble_force_and_jacobian
 from riftberg.engines.quasi_static.bodies.pose import mean_displacement, subtract_mean
