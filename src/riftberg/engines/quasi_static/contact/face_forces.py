@@ -109,7 +109,8 @@ MAX_SWEEPS: Final = 400
 """Sweeps over the faces; impulses are equal and opposite after each of them, so momentum does not depend on their number."""
 
 SWEEPS_BY_NEWTON: Final = 10
-"""Sweeps after which Newton's method takes all faces at once; the sweeps that follow say whether it has found the forces."""
+"""Sweeps after which Newton's method takes all faces at once; those that follow say whether these are the forces, or find them.
+It is tried once: the cone of friction moves with the forces, so that it may end beside the solution, to which sweeps lead."""
 
 SWEEP_RTOL: Final = 1e-8
 """Change of the velocities in a sweep, as a part of the largest, at which the sweeps end."""
@@ -314,7 +315,7 @@ def sweep_faces(
     _push_all(island, pair_state, count, h, work)  # the forces of the sub-step before are a first guess
     work.changed[:] = 0
     for sweep in range(1, MAX_SWEEPS + 1):
-        if sweep % SWEEPS_BY_NEWTON == 0 and work.newton.right.shape[0] > 0:
+        if sweep == SWEEPS_BY_NEWTON and work.newton.right.shape[0] > 0:
             _solve_for_forces(island, faces, pair_state, count, h, law, work)
             work.changed[:] = sweep
         largest_change = 0.0
