@@ -1,7 +1,8 @@
 """A68a told by what is measured: 170 m of ice, drag of the textbook, a rift at the neck of the finger, on twenty lattices.
 
 The ocean of the built-in story was fitted with 17.8 times the drag of the water; here its shoal, eddy, surge and shear are
-fitted once more, with the strength of the neck. The fit goes by `FITTED` lattices; the others only report.
+fitted once more, with the strength of the neck. The fit goes by `FITTED` lattices; the others only report, and `UNSEEN` ones too,
+on which no fit was ever tried.
 
 python benchmarks/weak_neck.py                                the five lattices of the fit
 python benchmarks/weak_neck.py --all --write                  all twenty, and elements of 2 and 1.5 km, into the page
@@ -37,6 +38,14 @@ from riftberg.physics.crevasses import prestress, reserve
 
 FITTED = (3, 12, 7, 16, 0)
 """Lattices by which the ocean is fitted, of `LATTICES`; in the search the hardest come first."""
+
+TURNS = [pair for n in range(10) for pair in (("square", 4.5 + 9.0 * n), ("hexagonal", 3.0 + 6.0 * n))]
+UNSEEN = [
+    (packing, angle, ((k * 0.7549 + east) % 1.0, (k * 0.5698 + 0.77) % 1.0))
+    for east in (0.0, 0.31)
+    for k, (packing, angle) in enumerate(TURNS)
+]
+"""Forty other lattices, turned half-way between those: packing, angle (degrees), and shift in parts of the spacing."""
 
 THICKNESS = 170.0
 """Of A68a by altimetry, m (Braakmann-Folgmann et al. 2022)."""
@@ -303,19 +312,23 @@ def marks(result: Told) -> list[str]:
 
 def lattices_table(fit: Fit, *, everything: bool) -> str:
     """Run the lattices, and return a row for each; ``everything``: all twenty, and squares of 2 and 1.5 km."""
-    rows, count = [], {True: np.zeros(4, int), False: np.zeros(4, int)}
-    for k, (packing, angle, shift) in enumerate(LATTICES):
-        if everything or k in FITTED:
+    rows, count = [], {use: np.zeros(4, int) for use in ("fitted", "", "unseen")}
+    for k, (packing, angle, shift) in enumerate((*LATTICES, *UNSEEN)):
+        use = "fitted" if k in FITTED else "unseen" if k >= len(LATTICES) else ""
+        if everything or use == "fitted":
             result = told(broken_off(model_of(fit, packing, 1500.0, angle, shift)))
-            count[k in FITTED] += (*result[1:], 1)
+            count[use] += (*result[1:], 1)
             name = f"{'squares' if packing == 'square' else 'hexagons'}, {angle:g}°"
-            rows.append((name, "fitted" if k in FITTED else "", result.pieces, *marks(result)))
+            rows.append((name, use, result.pieces, *marks(result)))
             print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
     for radius in (1000.0, 750.0) if everything else ():
         result = told(broken_off(model_of(fit, "square", radius, 0.0, None)))
         rows.append((f"squares of {2e-3 * radius:g} km, 0°", "", result.pieces, *marks(result)))
         print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
-    for name, (*reached, number) in (("all", count[True] + count[False]), ("without those of the fit", count[False])):
+    totals = {
+        "all that were seen": count["fitted"] + count[""], "without those of the fit": count[""], "unseen": count["unseen"],
+    }  # fmt: skip
+    for name, (*reached, number) in totals.items():
         if number:
             rows.append((f"**{name}**", "", f"of {number} lattices of 3 km", *map(str, reached)))
     return table(("lattice", "", "breaks off", "tip", "finger", "nothing else"), rows)
