@@ -127,6 +127,7 @@ def test_bergs_of_one_element_are_described_as_all_others() -> None:
     elements.body.length[:], elements.body.width[:] = r.uniform(60.0, 3000.0, (2, count))
     elements.environment.depth[:] = np.where(np.arange(count) % 7, 1000.0, 50.0)
     elements.body.id[:] = np.arange(1, count + 1)
+    elements.place.lon[[31, 32]] = 179.9, -179.8  # the two that are bonded
     tree = FragmentTree(bergs=[("many", 30), ("G", 10)])
     assert tree.update(elements, new_bonds(np.array([31]), np.array([32])), 0.0, GROUNDED) == count - 1
     names = ["many", *(f"many.{k}" for k in range(1, 30)), "G", *(f"G.{k}" for k in range(1, 9))]
