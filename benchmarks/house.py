@@ -222,6 +222,32 @@ def twice_named(trees: dict[str, ast.Module]) -> dict[str, list[str]]:
     return {name: places for name, places in sorted(homes.items()) if len(set(places)) > 1}
 
 
+LAWS = ("errors", "physics", "state", "constants")
+"""Rooms whose names tests may hold: laws have twins there."""
+
+
+def inner_names(tests: Path) -> set[str]:
+    """Return the names of the package that tests take from inside its rooms, laws apart, and not from the package itself."""
+    held: set[str] = set()
+    for path in tests.rglob("*.py"):
+        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+        aliases: dict[str, str] = {}
+        for node in nodes:
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(f"{PACKAGE}."):
+                aliases |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
+            elif isinstance(node, ast.Import):
+                aliases |= {a.asname: a.name for a in node.names if a.asname and a.name.startswith(f"{PACKAGE}.")}
+        held |= set(aliases.values())
+        # Of modules, the names that are taken from them.
+        held |= {
+            f"{aliases[node.value.id]}.{node.attr}"
+            for node in nodes
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id.islower()
+            and aliases.get(node.value.id, "....").count(".") <= 3
+        }  # fmt: skip
+    return {name for name in held if room(name) not in LAWS}
+
+
 def folder_sizes(folder: Path) -> dict[str, tuple[int, int]]:
     """Return files and lines of each folder, without those of the folders inside it."""
     sizes: dict[str, tuple[int, int]] = defaultdict(lambda: (0, 0))
@@ -305,6 +331,7 @@ def main() -> None:
             if not name.startswith("_") and sum(not home.startswith(f"{PACKAGE}.cli.") for home in homes) > 1
         ],
         "private words in use": private,
+        "inner names held by tests": sorted(inner_names(home.parents[1] / "tests")),
     }
     print(f"{'modules':>40}  {len(trees)}")
     print(f"{'functions':>40}  {sum(1 for _ in functions(trees))}")

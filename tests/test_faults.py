@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from riftberg import allow_large
 from riftberg.cli.main import app
-from riftberg.cli.options import check_folder, check_output, results_folder
+from riftberg.cli.options import check_output, results_folder
 from riftberg.compiled.kernels import cache_folder
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
@@ -279,10 +279,12 @@ def test_a_refused_run_leaves_no_folder(tmp_path: Path) -> None:
 def test_places_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     (tmp_path / "run.nc").mkdir()
+    (tmp_path / "berg.yaml").write_text(EXPERIMENT)
     for folder, words in ((tmp_path / "file", "a file, not a folder"), (tmp_path / "file" / "x", "a file, not a folder"),
                           (Path("/proc/riftberg"), "cannot be written"), (tmp_path, "run.nc is a folder")):  # fmt: skip
-        with pytest.raises(InputError, match=words):
-            check_folder(folder, ["run.nc"])
+        result = CliRunner().invoke(app, ["run", str(tmp_path / "berg.yaml"), "-o", str(folder), "-q"])
+        assert result.exit_code == 2
+        assert words in " ".join(result.stderr.split())
     with pytest.raises(InputError, match="a folder, where a file goes"):
         check_output(tmp_path)
     with pytest.raises(InputError, match="the output is one of the inputs"):
@@ -292,8 +294,11 @@ def test_places_that_cannot_be_written(tmp_path: Path) -> None:
 def test_a_full_disk_is_found_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda path: usage(10, 10, 1000))
-    with pytest.raises(InputError, match=r"the results take about 2 MB, and 0\.001 MB are free"):
-        check_folder(tmp_path)
+    (tmp_path / "berg.yaml").write_text(EXPERIMENT)
+    result = CliRunner().invoke(app, ["run", str(tmp_path / "berg.yaml"), "-o", str(tmp_path / "out"), "-q"])
+    assert result.exit_code == 2
+    assert "0.001 MB are free" in " ".join(result.stderr.split())
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_disk_that_fills_in_the_run_is_one_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

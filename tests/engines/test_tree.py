@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from riftberg import A68A_2022, Parameters
-from riftberg.engines.common.fragments.tree import FragmentTree, _measures
+from riftberg.engines.common.fragments.tree import FragmentTree
 from riftberg.state import Bonds, Elements, new_bonds, new_elements
 
 CONSTANTS = A68A_2022.kernel_values()
@@ -118,7 +119,7 @@ def test_bergs_have_the_names_that_were_given_and_pieces_those_of_their_bergs() 
 
 
 def test_bergs_of_one_element_are_described_as_all_others() -> None:
-    """Found for all at once: the same digits as by `_measures`, names and parents included."""
+    """Found for all at once: position, area and mass are those of their element, names and parents included."""
     r, count = np.random.default_rng(4), 40
     elements = new_elements(count)
     elements.place.lon[:], elements.place.lat[:] = r.uniform(-180.0, 180.0, count), r.uniform(-80.0, -50.0, count)
@@ -126,11 +127,17 @@ def test_bergs_of_one_element_are_described_as_all_others() -> None:
     elements.body.length[:], elements.body.width[:] = r.uniform(60.0, 3000.0, (2, count))
     elements.environment.depth[:] = np.where(np.arange(count) % 7, 1000.0, 50.0)
     elements.body.id[:] = np.arange(1, count + 1)
+    elements.place.lon[[31, 32]] = 179.9, -179.8  # the two that are bonded
     tree = FragmentTree(bergs=[("many", 30), ("G", 10)])
     assert tree.update(elements, new_bonds(np.array([31]), np.array([32])), 0.0, GROUNDED) == count - 1
     names = ["many", *(f"many.{k}" for k in range(1, 30)), "G", *(f"G.{k}" for k in range(1, 9))]
     assert [row.name for row in tree.rows] == names
     for row in tree.rows:
         rows = np.flatnonzero(elements.berg == row.number)
-        assert (row.lon, row.lat, row.elements, row.area, row.mass) == _measures(rows, elements, 360.0)
+        b, mass = elements.body, elements.body.mass[rows]
+        assert (row.elements, row.area, row.mass) == (rows.size, (b.length * b.width)[rows].sum(), mass.sum())
+        lon, lat = elements.place.lon[rows], elements.place.lat[rows]
+        lon = lon[0] + (lon - lon[0] + 180.0) % 360.0 - 180.0  # on one side of the seam
+        mean = (mass @ lon / mass.sum(), mass @ lat / mass.sum())
+        assert (row.lon, row.lat) == pytest.approx(mean, rel=1e-14)
         assert row.grounded == bool((elements.environment.depth[rows] < 100.0).any())

@@ -16,7 +16,7 @@ import xarray as xr
 from distributed import Client, LocalCluster
 
 from riftberg import Forcing, Iceberg, Model, Parameters, sweep
-from riftberg.ensembles.cluster import _pack_call, run_pool
+from riftberg.ensembles.cluster import run_pool
 from riftberg.errors import InputError
 from riftberg.system.netcdf_lock import open_lazily, write_dataset
 from riftberg.system.process import Hold
@@ -159,10 +159,11 @@ def test_a_function_that_cannot_travel_is_refused(monkeypatch: pytest.MonkeyPatc
     def local(job: int) -> int:
         return job
 
-    assert _pack_call(local, 1)  # by cloudpickle, which is beside dask
+    ((future, _),) = run_pool(local, [1], 1, Hold())
+    assert future.result() == 1  # by cloudpickle, which is beside dask
     monkeypatch.setitem(sys.modules, "cloudpickle", None)
     with pytest.raises(InputError, match="cannot be sent to other processes"):
-        _pack_call(local, 1)
+        list(run_pool(local, [1], 1, Hold()))
 
 
 PLAIN = """
