@@ -23,6 +23,8 @@ bergs = Iceberg.from_points(
 class Converging(Forcing):
     """A current along x that converges on a line in the first half of the channel."""
 
+    title = "a current that converges on the middle of the channel"
+
     def currents(self, lon, lat, time):
         """Return the current (m/s) at arrays of points (m)."""
         along = np.asarray(lon) % period

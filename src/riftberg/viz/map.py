@@ -191,8 +191,8 @@ def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
     """Return a title that names the run, its dates, its forcing and its melt."""
     first = title or run_heading(run, "Iceberg drift")
     second = str(run.attrs.get("forcing_title", "")).strip()
-    melted = "".join(f"\n{line}" for line in [*title_lines(scene.stays), *melt_lines(run)[:1]])
-    return f"{first}, {style.span_text(scene.times)}" + (f"\nForcing: {second}" if second else "") + melted
+    more = "".join(f"\n{line.rstrip('.')}" for line in [*title_lines(scene.stays), *melt_lines(run)[:1]])
+    return f"{first}, {style.span_text(scene.times)}" + (f"\nForcing: {second}" if second else "") + more
 
 
 def _draw_figure(scene: Scene, water: Water | None, observed: Outlines, dates: int, title: str, dpi: int) -> Figure:
