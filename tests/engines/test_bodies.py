@@ -142,7 +142,7 @@ def test_the_only_bond_between_two_parts_bears_their_moment() -> None:
     first, second, rows = np.array([0, 1]), np.array([1, 2]), np.array([0, 1])
     bridges = find_bridges(first, second, rows, 3)
     moment = np.zeros(2)
-    moment[bridges.bond] = bridge_moments(bridges, first, second, rows, xy, load, np.zeros(3, bool))
+    moment[bridges.bond] = bridge_moments(bridges, first, second, rows, xy, load, np.zeros(3, bool), np.zeros(2))
     assert sorted(bridges.bond) == [0, 1]
     for k in (0, 1):
         away = xy[: k + 1] - 0.5 * (xy[k] + xy[k + 1])

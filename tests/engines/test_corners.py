@@ -86,6 +86,19 @@ def test_a_corner_that_hangs_along_the_outline_bears_no_more_than_the_ice(
     assert 0.85 < pulled_at_the_ends(SHAPES[name], packing, angle) < 1.15
 
 
+@pytest.mark.quick(2)
+@pytest.mark.parametrize(
+    ("shape", "packing", "angle"),
+    [(shapely.Polygon([(-14e3, 0.0), (14e3, -7.5e3), (14e3, 7.5e3)]), "hexagonal", 36.0),
+     (shapely.Polygon([(-14e3, 0.0), (14e3, -7.5e3), (14e3, 7.5e3)]), "square", 18.0),
+     (shapely.box(-20e3, -1.5e3, 20e3, 1.5e3), "hexagonal", 9.0)],
+    ids=["tip of hexagons", "tip of squares", "corner of a bar"],
+)  # fmt: skip
+def test_a_tip_hangs_by_the_face_that_the_outline_leaves(shape: shapely.Polygon, packing: str, angle: float) -> None:
+    """Bug: its moment was taken about the middle of its bond, on the facet of a whole cell: up to 3.6 times the tension."""
+    assert 0.85 < pulled_at_the_rim(shape, packing, angle) < 1.3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])

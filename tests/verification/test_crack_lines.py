@@ -130,6 +130,7 @@ def test_what_a_last_bond_bears_is_the_balance_of_the_part_beyond_it(seed) -> No
     intact = np.flatnonzero(rng.random(first.size) < 0.9)
     xy, load = rng.normal(size=(count, 2)), rng.normal(size=(count, 3))
     held = rng.random(count) < (0.1 if seed % 2 else 0.0)
+    shift = rng.normal(size=intact.size)  # of the faces along themselves
     whole = np.ones(first.size, np.int64)
     whole[intact] = 0
     found, moments, bridges = (
@@ -137,7 +138,7 @@ def test_what_a_last_bond_bears_is_the_balance_of_the_part_beyond_it(seed) -> No
         np.zeros(intact.size),
         np.zeros(intact.size, bool),
     )
-    moments[found.bond], bridges[found.bond] = bridge_moments(found, first, second, intact, xy, load, held), True
+    moments[found.bond], bridges[found.bond] = bridge_moments(found, first, second, intact, xy, load, held, shift), True
     seen = 0
     for k, bond in enumerate(intact):
         parted = whole.copy()
@@ -149,7 +150,8 @@ def test_what_a_last_bond_bears_is_the_balance_of_the_part_beyond_it(seed) -> No
         if not bridges[k] or not free:
             assert moments[k] == 0.0
             continue
-        arm = xy - 0.5 * (xy[first[bond]] + xy[second[bond]])
+        way = xy[second[bond]] - xy[first[bond]]
+        arm = xy - 0.5 * (xy[first[bond]] + xy[second[bond]]) - shift[k] * np.array([-way[1], way[0]])
         about = load[:, 2] + arm[:, 0] * load[:, 1] - arm[:, 1] * load[:, 0]
         assert any(moments[k] == pytest.approx(about[side].sum(), rel=1e-10) for side in free)
         seen += 1

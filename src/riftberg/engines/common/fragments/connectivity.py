@@ -150,9 +150,12 @@ def _find_bridges(first: Ints, second: Ints, intact: Ints, count: int) -> tuple[
 
 @kernel
 def bridge_moments(
-    bridges: Bridges, first: Ints, second: Ints, intact: Ints, xy: Floats, load: Floats, supported: NDArray[np.bool_]
-) -> Floats:
-    """Find the moment (N m) that each bridge alone bears about its middle; 0 between two parts with supports.
+    bridges: Bridges, first: Ints, second: Ints, intact: Ints, xy: Floats, load: Floats, supported: NDArray[np.bool_],
+    shift: Floats,
+) -> Floats:  # fmt: skip
+    """Find the moment (N m) that each bridge alone bears about the middle of its face; 0 between two parts with supports.
+
+    ``shift``: of that to the left of the middle of each intact bond, in parts of its length.
 
     From the balance of the part on one side of the bond. Loads of free fragments are in balance, so either side will do; a
     part with supports (``supported``: of the elements) bears unknown forces, and the other one counts.
@@ -178,6 +181,7 @@ def bridge_moments(
                 continue
             fx, fy, turning = sums[r, 0] - fx, sums[r, 1] - fy, sums[r, 2] - turning
         b = intact[bridges.bond[n]]
-        x, y = 0.5 * (xy[first[b], 0] + xy[second[b], 0]), 0.5 * (xy[first[b], 1] + xy[second[b], 1])
+        dx, dy, left = xy[second[b], 0] - xy[first[b], 0], xy[second[b], 1] - xy[first[b], 1], shift[bridges.bond[n]]
+        x, y = xy[first[b], 0] + 0.5 * dx - left * dy, xy[first[b], 1] + 0.5 * dy + left * dx
         moment[n] = turning - (x * fy - y * fx)
     return moment

@@ -16,7 +16,14 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.engines.common.fragments.connectivity import Bridges, bridge_moments, find_bridges
 from riftberg.engines.quasi_static.lattice.block_ldl import BlockLDL, Factors, solve_factored
-from riftberg.engines.quasi_static.lattice.cells import Booleans, ElasticCells, freed_edges, held_ties, outline_ties
+from riftberg.engines.quasi_static.lattice.cells import (
+    Booleans,
+    ElasticCells,
+    faces_across,
+    freed_edges,
+    held_ties,
+    outline_ties,
+)
 from riftberg.engines.quasi_static.lattice.equilibrium import ElasticLattice
 from riftberg.engines.quasi_static.lattice.triangles import (
     ClosingFaces,
@@ -78,6 +85,8 @@ class CellTopology:
         tie, cells_of_tie = outline_ties(mesh)
         is_living = living[cells_of_tie].all(axis=1)
         self.outline_tie, self.on_outline = tie[is_living], row[cells_of_tie[is_living]]
+        from_cell, self.face_shift, self.face_length = faces_across(mesh)
+        self.face_from = np.where(from_cell >= 0, row[from_cell], -1)
         self.freed = freed_edges(self.mesh, self.broken) | self.lost
         vertex = self.mesh.triangle
         self.at = freedoms(number[vertex], number[mesh.owner[vertex]])
@@ -216,6 +225,7 @@ class StressTables(NamedTuple):
     counts: tuple[int, int]  # Bonds of the mesh, nodes on the outline
     bridges: Bridges
     lattice: tuple[Ints, Ints, Ints, Floats, Booleans]  # First and second ends, intact bonds, coordinates, supports
+    shift: Floats  # Of the middle of the face from that of each intact bond, to its left, in parts of its length
     modulus: Floats  # Of the section of each intact bond, times 6, m3
 
 
@@ -227,7 +237,8 @@ def find_stresses(t: StressTables, displacement: Floats, load: Floats, tensor: F
 
     Bonds lie inside the ice, so the stress at nodes of the outline beside them counts where it is larger. Bridges bear
     6 M / (H w^2) at the end of the facet in addition, as in a beam as high as the facet is long (w): the mean stress of a bond
-    knows nothing of the moment M that it bears.
+    knows nothing of the moment M that it bears. Where the outline cuts the facet at both ends, M and w are those of what it
+    leaves.
     """
     triangle = triangle_stresses(t.at, t.by_displacement, displacement)
     if t.faces.row.size > 0:
@@ -243,7 +254,7 @@ def find_stresses(t: StressTables, displacement: Floats, load: Floats, tensor: F
             stress[beside[0, n], i] = max(stress[beside[0, n], i], at_node[beside[1, n], i])
     bridge = t.bridges.bond
     if bridge.size > 0:
-        moment = bridge_moments(t.bridges, *t.lattice[:4], load, t.lattice[4])
+        moment = bridge_moments(t.bridges, *t.lattice[:4], load, t.lattice[4], t.shift)
         for n in range(bridge.size):
             stress[bridge[n], 0] += 6.0 * abs(moment[n]) / t.modulus[bridge[n]]
     return triangle
@@ -432,12 +443,16 @@ class CellStiffness:
         row = np.full(self._broken.size, -1)
         row[number] = np.arange(rows.size)
         beside = np.stack([row[topology.bond_beside], topology.node_beside])
-        width = lattice.width[rows] * self.facet[lattice.first[rows]]
+        first = lattice.first[rows]
+        turned = np.where(topology.face_from[number] == first, 1.0, -1.0)
+        is_across = topology.face_from[number] >= 0
+        width = lattice.width[rows] * np.where(is_across, topology.face_length[number], self.facet[first])
         return StressTables(
             self._at, self._triangles.stress, self.faces.tables,
             topology.at_bond.exclude_freed(self._whole), topology.at_node.exclude_freed(self._whole), number,
             beside[:, beside[0] >= 0], (self._broken.size, topology.outer_nodes), self._bridges(lattice, rows),
-            (lattice.first, lattice.second, rows, self._xy, topology.held), lattice.thickness[rows] * width**2,
+            (lattice.first, lattice.second, rows, self._xy, topology.held), turned * topology.face_shift[number],
+            lattice.thickness[rows] * width**2,
         )  # fmt: skip
 
     def _bridges(self, lattice: ElasticLattice, rows: Ints) -> Bridges:

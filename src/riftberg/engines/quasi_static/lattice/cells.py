@@ -187,12 +187,11 @@ def outline_ties(mesh: CellMesh) -> tuple[Ints, Ints]:
     where the ice of a third one parts them, as along a row, or where the outline turns inwards: in the bend of a row, or at the
     root of a finger, they touch in a point.
     """
-    ends = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
-    _, at, count = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
-    start, end = ends[at[count == 1]].T  # the outline, with the ice on its left
+    ends, at = _outline_edges(mesh)
+    start, end = ends[at].T  # the outline, with the ice on its left
     following, leading = np.zeros((2, mesh.owner.size), np.int64)
     following[start], leading[end] = end, start
-    tie = mesh.edge_tie.ravel()[at[count == 1]]
+    tie = mesh.edge_tie.ravel()[at]
     start, end, tie = start[tie >= 0], end[tie >= 0], tie[tie >= 0]
     position, cells = mesh.xy @ np.array([1.0, 1.0j]), mesh.owner[np.column_stack([start, end])]
     first_centre, second_centre = position[cells].T
@@ -205,13 +204,7 @@ def outline_ties(mesh: CellMesh) -> tuple[Ints, Ints]:
     turns = np.angle(along * incoming.conj()), np.angle(outgoing * along.conj())
     inwards = np.min([*turns, turns[0] + turns[1]], axis=0) < -INWARDS
 
-    # The point of the outline at equal distances from both centres.
-    start_offset, end_offset = (
-        abs(abs(position[n] - first_centre) ** 2 - abs(position[n] - second_centre) ** 2) for n in (start, end)
-    )
-    middle = position[start] + along * (
-        start_offset / np.where(start_offset + end_offset > 0.0, start_offset + end_offset, 1.0)
-    )
+    middle = _parting_points(position, start, end, cells)
     nearest = cKDTree(mesh.xy[: mesh.cells]).query(np.column_stack([middle.real, middle.imag]))[0]
     bond_cell = np.column_stack([np.repeat(mesh.edge_bond.ravel(), 2), mesh.owner[ends].ravel()])
     first, second = np.unique(bond_cell[bond_cell[:, 0] >= 0], axis=0)[:, 1].reshape(-1, 2).T.copy()
@@ -221,6 +214,44 @@ def outline_ties(mesh: CellMesh) -> tuple[Ints, Ints]:
     meet = (block[:, 0] != block[:, 1]) & ~inwards & (nearest > NEARER * abs(middle - first_centre))
     tie, first = np.unique(tie[meet], return_index=True)
     return tie, cells[meet][first]
+
+
+def faces_across(mesh: CellMesh) -> tuple[Ints, Floats, Floats]:
+    """Return how the faces of bonds lie that reach from outline to outline: the cell from which a bond counts, -1 for others.
+
+    And by how much the middle of the face lies to the left of that of the bond, and its length, in parts of the distance of
+    the cells; shape (bonds,) each.
+    """
+    ends, at = _outline_edges(mesh)
+    bond = mesh.edge_bond.ravel()[at]
+    at, bond = at[bond >= 0], bond[bond >= 0]
+    order = np.argsort(bond, kind="stable")
+    at, bond = at[order], bond[order]
+    once = np.flatnonzero(np.bincount(bond, minlength=mesh.bonds) == 2)
+    pair = np.searchsorted(bond, once)[:, None] + [0, 1]
+    position, (start, end) = mesh.xy @ np.array([1.0, 1.0j]), np.moveaxis(ends[at[pair]], -1, 0)
+    cells = np.sort(mesh.owner[ends[at[pair]]], axis=-1)
+    left, right = _parting_points(position, start, end, cells).T
+    first, second = position[cells[:, 0]].T
+    from_cell, shift, length = np.full(mesh.bonds, -1), np.zeros(mesh.bonds), np.zeros(mesh.bonds)
+    from_cell[once], length[once] = cells[:, 0, 0], abs(left - right) / abs(second - first)
+    shift[once] = ((left + right - first - second) / (2.0j * (second - first))).real
+    return from_cell, shift, length
+
+
+def _outline_edges(mesh: CellMesh) -> tuple[Ints, Ints]:
+    """Return the ends of all edges of the triangles, and which of the edges lie on the outline."""
+    ends = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+    _, at, count = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
+    return ends, at[count == 1]
+
+
+def _parting_points(position: Any, start: Ints, end: Ints, cells: Ints) -> Any:
+    """Points of the outline, between nodes, at equal distances from the centres of two cells."""
+    first, second = np.moveaxis(position[cells], -1, 0)
+    before, after = (abs(abs(position[n] - first) ** 2 - abs(position[n] - second) ** 2) for n in (start, end))
+    part = before / np.where(before + after > 0.0, before + after, 1.0)
+    return position[start] + (position[end] - position[start]) * part
 
 
 def _farther(step: Ints, position: Any, start: Ints, reach: Floats) -> Ints:
