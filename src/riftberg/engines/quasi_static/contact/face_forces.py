@@ -4,7 +4,8 @@
 
 with the media G as in `riftberg.engines.quasi_static.contact.islands`, and the forces F of the faces at the depth that the new
 velocities lead to. Normals, lever arms and overlaps are taken at the predicted middle, at one common point for both bodies, so
-momentum and angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the velocities.
+momentum and angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the
+velocities, and Newton's method where they are slow (`riftberg.engines.quasi_static.contact.face_newton`).
 
 A sub-step goes through this file from top to bottom: velocities without contact, the faces that overlap, their forces, the
 crushing by these, and the loads of the hardest push.
