@@ -87,6 +87,11 @@ def drawn(seed: int, *, latlon: bool) -> Experiment:
     }
     forcing = {"kind": "formula", **({"uniform": constant} if r.random() < 0.5 else formula)}
     bergs = [berg(n) for n in range(r.choice([1, 2, 3]))]
+    # A bed throws out a keel that begins a hundred metres inside it, and the run is refused.
+    shallowest = 0.87 * max(berg["thickness"] for berg in bergs) - 20.0
+    constant["depth"] = max(constant["depth"], shallowest)
+    if formula["slope"]:
+        formula["slope"]["depth"] = max(formula["slope"]["depth"], shallowest + 150.0)  # it rises by that within 15 km
     return {"start": "2020-12-09 13:00", "days": 0.25, "bergs": bergs, "forcing": forcing, "parameters": parameters}
 
 
