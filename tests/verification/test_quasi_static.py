@@ -273,6 +273,9 @@ def test_laws_that_it_cannot_hold_are_refused() -> None:
 # A68a
 
 
+SMOOTH_SIDES = {"water_side": 0.0, "air_side": 0.0}
+
+
 def story(dt: float, *, fracture: bool = True, without: tuple[str, ...] = (), **groups: Any) -> Model:
     """The built-in A68a with the quasi-static scheme."""
     stepping = {"scheme": "quasi_static", "time_step": dt, **groups.pop("stepping", {})}
@@ -295,10 +298,12 @@ def apart(a: Model, b: Model) -> float:
 
 @pytest.mark.slow
 def test_path_and_rotation_are_those_of_the_explicit_scheme(agrees) -> None:
-    """A68a after ten days without breaks: steps of 1800 s against the explicit scheme at 300 s."""
-    quick = story(1800.0, fracture=False, without=("shoal",))
+    """A68a after ten days without breaks, sides without drag (each engine has a law for them): steps of 1800 s against the explicit scheme at 300 s."""
+    quick = story(1800.0, fracture=False, without=("shoal",), drag=SMOOTH_SIDES)
     quick.advance(days=10)
-    slow = story(300.0, fracture=False, without=("shoal",), stepping={"scheme": "mts", "substeps": 15})
+    slow = story(
+        300.0, fracture=False, without=("shoal",), drag=SMOOTH_SIDES, stepping={"scheme": "mts", "substeps": 15}
+    )
     slow.advance(days=10)
     agrees("quasi-static: A68a after 10 days, from the explicit path (m)", 0.0, apart(quick, slow), abs=300.0)
     difference = (azimuth(quick) - azimuth(slow) + 90.0) % 180.0 - 90.0
@@ -311,12 +316,12 @@ def test_explicit_stress_tends_to_equilibrium_as_its_steps_shrink(agrees) -> Non
 
     Against the equilibrium of its bonds under the loads of the quasi-static scheme.
     """
-    quick = story(1800.0, fracture=False, without=("shoal",))
+    quick = story(1800.0, fracture=False, without=("shoal",), drag=SMOOTH_SIDES)
     quick.advance(steps=2 * 255)
     explicit = {}
     for dt, substeps in ((150.0, 8), (50.0, 4)):
         stepping = {"scheme": "mts", "substeps": substeps}
-        model = story(dt, fracture=False, without=("shoal",), stepping=stepping)
+        model = story(dt, fracture=False, without=("shoal",), drag=SMOOTH_SIDES, stepping=stepping)
         for there, here in ((quick.elements, model.elements), (quick.bonds, model.bonds)):
             for name, values in there.arrays().items():
                 if name != "substeps":
@@ -327,10 +332,10 @@ def test_explicit_stress_tends_to_equilibrium_as_its_steps_shrink(agrees) -> Non
     quick.advance(steps=22)
     stress = CONVERGENCE.Beams(quick).stress(quick)
     off = {dt: float(np.sqrt(np.mean((s - stress) ** 2)) / stress.max()) for dt, s in explicit.items()}
-    agrees("quasi-static: stress from explicit 50 s, rms over largest", 0.0, off[50.0], abs=0.004)
-    agrees("quasi-static: stress from explicit 150 s, rms over largest", 0.0, off[150.0], abs=0.012)
+    agrees("quasi-static: stress from explicit 50 s, rms over largest", 0.0, off[50.0], abs=0.003)
+    agrees("quasi-static: stress from explicit 150 s, rms over largest", 0.0, off[150.0], abs=0.003)
     agrees("quasi-static: largest stress from explicit 50 s (Pa)", float(explicit[50.0].max()), stress.max(), rel=0.02)
-    assert off[50.0] < 0.5 * off[150.0]
+    assert off[50.0] < off[150.0]
 
 
 @pytest.mark.slow
