@@ -298,7 +298,10 @@ def apart(a: Model, b: Model) -> float:
 
 @pytest.mark.slow
 def test_path_and_rotation_are_those_of_the_explicit_scheme(agrees) -> None:
-    """A68a after ten days without breaks, sides without drag (each engine has a law for them): steps of 1800 s against the explicit scheme at 300 s."""
+    """A68a after ten days without breaks: steps of 1800 s against the explicit scheme at 300 s.
+
+    Sides are without drag: each engine has a law for them.
+    """
     quick = story(1800.0, fracture=False, without=("shoal",), drag=SMOOTH_SIDES)
     quick.advance(days=10)
     slow = story(
