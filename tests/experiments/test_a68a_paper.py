@@ -231,7 +231,7 @@ def test_the_numerics_are_the_references_unless_riftbergs_are_asked_for(small: P
     assert parameters(None) == parameters("reference")
     assert parameters(None).compatibility == A68A_2022_KID.compatibility
     assert parameters("own").quirks == A68A_2022.quirks
-    assert parameters("own").bonds.objective_damping
+    assert parameters("own").stepping.scheme == "quasi_static"
     changed = build("a68a-paper", Options({"fracture": {"normal_strength": 2e4}}, days=1.0, data=small))[0].parameters
     assert changed.fracture.normal_strength == 2e4
 
