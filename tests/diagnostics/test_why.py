@@ -183,7 +183,10 @@ def test_a_landing_in_the_quasi_static_scheme_is_told_as_one() -> None:
     """Bug: nothing rings in that scheme, but the tip of A68a "broke in the ringing after the kicks of the slow forces"."""
     model, _ = build("a68a")
     (tip,) = why.explain(model.run(days=8.0)).breakups
-    assert (tip.grounded, tip.sudden, tip.in_equilibrium) == (True, True, True)
+    assert (tip.grounded, tip.in_equilibrium) == (True, True)
+    assert "ringing" not in why.reason_lines(why.Reasons("a68a", "", [tip], 0, 18e3))[0]
+    # On a bed the load grows for an hour; had it come at once:
+    tip = dataclasses.replace(tip, sudden=True)
     landed = [tip, dataclasses.replace(tip, decisive=dataclasses.replace(tip.decisive, aground=0))]
     landed[1].first_bonds[0] = dataclasses.replace(tip.first_bonds[0], grounded=True)
     texts = why.reason_lines(why.Reasons("a68a", "", landed, 0, 18e3))

@@ -18,7 +18,10 @@ WEAK = {"fracture": {"normal_strength": 2e3, "shear_strength": 2e3}}
 WEAKER = {"fracture": {"normal_strength": 630.0, "shear_strength": 630.0}}
 WEAR = {"damage": {"enabled": True, "threshold": 0.1, "time_scale": 3600.0}}
 EXPLICIT = A68A_2022_MTS
-LAWS = {"breaking": EXPLICIT.changed(**WEAK), "wearing": A68A_2022.changed(**WEAKER, **WEAR)}
+LAWS = {
+    "breaking": EXPLICIT.changed(**WEAK),
+    "wearing": A68A_2022.changed(**WEAKER, **WEAR, stepping={"time_step": 1800.0}),
+}
 MADE_ANEW = {"history", "date_created"}
 """Attributes that say when a file was written."""
 

@@ -363,7 +363,7 @@ def drifter(east: float = 0.2, eddy: float = 0.5, spacing: float = 3000.0, step:
     """Return a berg in an eddy, with a lattice and a step of its own."""
     berg = Iceberg.rectangle("30 km", "9 km", radius=0.5 * spacing, thickness=200.0, placement=(-37.0, -56.0))
     sea = Forcing.uniform(current=(east, 0.05)) + Forcing.eddy((-37.1, -56.1), radius=15e3, speed=eddy)
-    return Model(berg, sea, Parameters.model_validate({"stepping": {"time_step": step}}), start=START.isoformat())
+    return Model(berg, sea, Parameters(stepping={"time_step": step}), start=START.isoformat())
 
 
 def test_outlines_of_members_that_broke_up() -> None:

@@ -141,7 +141,9 @@ def read_elements(run: xr.Dataset, record: int, p: KernelParameters) -> Elements
         name = names.get(v.name, in_file(v.name))
         if name in run.variables:
             stored = run[name].isel(time=record) if "time" in run[name].dims else run[name]
-            getattr(el, v.name)[:] = stored.values
+            values, target = stored.values, getattr(el, v.name)
+            # Elements that are not born yet are missing, and a whole number cannot be.
+            target[:] = np.nan_to_num(values) if target.dtype.kind in "iu" else values
     # Drag acts at the velocity of the moment, which `u` of a restart would not be: it lacks the last half kick.
     el.u[:], el.v[:] = el.u_sync, el.v_sync
     measure_outlines(el, p)
