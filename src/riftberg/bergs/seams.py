@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any, Final
@@ -116,9 +117,7 @@ def shrink(shape: Any, width: float) -> Any:
     """Return a shape (shapely) without a margin of ``width``; its corners stay sharp."""
     least = 0.5 * (shape.area - width * shape.length)
     # GEOS 3.14 loses some outlines whole: one of 57 hexagons was nothing, a millionth less or more and it was right.
-    for corners, change in (
-        (corners, change) for corners in ("mitre", "bevel", "round") for change in (0.0, 1e-6, -1e-6)
-    ):
+    for corners, change in itertools.product(("mitre", "bevel", "round"), (0.0, 1e-6, -1e-6)):
         smaller = shapely.buffer(shape, -width * (1.0 + change), join_style=corners)
         if smaller.area > least:
             break

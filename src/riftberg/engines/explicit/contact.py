@@ -1,4 +1,4 @@
-"""Contact in the sub-steps: broken bonds and bergs that touch (equations 5.5)."""
+"""Contact in the sub-steps: broken bonds and bergs that touch (equation 5.5)."""
 
 from __future__ import annotations
 

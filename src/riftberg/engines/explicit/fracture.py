@@ -1,4 +1,4 @@
-"""Fracture in the sub-steps: bonds that bear more than they can break, and what they bore goes to the state (equations 7.2)."""
+"""Fracture in the sub-steps: overloaded bonds break, and the state keeps what each bond bore (equation 7.2)."""
 
 from __future__ import annotations
 

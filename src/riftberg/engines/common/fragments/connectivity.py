@@ -155,7 +155,7 @@ def bridge_moments(
 ) -> Floats:  # fmt: skip
     """Find the moment (N m) that each bridge alone bears about the middle of its face; 0 between two parts with supports.
 
-    ``shift``: of that to the left of the middle of each intact bond, in parts of its length.
+    ``shift``: how far the middle of the face of each intact bond lies to the left of that of the bond, over its length.
 
     From the balance of the part on one side of the bond. Loads of free fragments are in balance, so either side will do; a
     part with supports (``supported``: of the elements) bears unknown forces, and the other one counts.

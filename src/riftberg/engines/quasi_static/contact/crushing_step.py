@@ -39,6 +39,7 @@ from riftberg.engines.quasi_static.contact.face_forces import (
     TOUCHED,
     CrushingLaw,
     allocate_crushing,
+    copy_twists,
     find_faces,
     find_free_motion,
     find_mobilities,
@@ -191,9 +192,7 @@ def _find_velocities(
             work.middle[b, i] = result.path[b, i] + 0.5 * h * twist[b, i]
             work.new[b, i] = twist[b, i]
     for turn in range(MOST_TURNS):
-        for b in range(twist.shape[0]):
-            for i in range(3):
-                work.guess[b, i] = work.new[b, i]
+        copy_twists(work.new, work.guess)
         aground = find_grip(
             result.anchors, island.body_of, island.levers, h, twist, work.guess, work.floor, work.floor_force, work.floor_drag
         )  # fmt: skip

@@ -312,7 +312,7 @@ def sweep_faces(
         k, row = work.active[f], work.face[f]
         a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
         scale = max(scale, abs(_speed(row, ROW_N, work.new[a], work.new[b])), abs(row[SLIDING]))
-    _copy(work.new, work.newton.free)
+    copy_twists(work.new, work.newton.free)
     _push_all(island, pair_state, count, h, work)  # the forces of the sub-step before are a first guess
     work.changed[:] = 0
     for sweep in range(1, MAX_SWEEPS + 1):
@@ -393,7 +393,7 @@ def _solve_for_forces(
         state[FORCE] = max(newton.course[f, PUSH], 0.0)
         most = law.friction * state[FORCE]
         state[FRICTION] = min(max(newton.course[f, DRAG], -most), most)
-    _copy(newton.free, work.new)
+    copy_twists(newton.free, work.new)
     _push_all(island, pair_state, count, h, work)
 
 
@@ -427,11 +427,11 @@ def _push_all(island: Island, pair_state: Floats, count: int, h: float, work: Cr
 
 
 @kernel
-def _copy(a: Floats, out: Floats) -> None:
-    """Copy rows of three numbers."""
-    for b in range(a.shape[0]):
+def copy_twists(twist: Floats, out: Floats) -> None:
+    """Copy the twists of all bodies; without a loop numba would make an array between them."""
+    for b in range(twist.shape[0]):
         for i in range(3):
-            out[b, i] = a[b, i]
+            out[b, i] = twist[b, i]
 
 
 @kernel

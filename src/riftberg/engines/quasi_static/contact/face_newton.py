@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
+from riftberg.physics.contact import sliding_force
 from riftberg.physics.geometry import invert, multiply, solve, times
 from riftberg.state import Floats, Ints
 
@@ -81,9 +82,8 @@ def find_pieces(work: NewtonWorkspace, count: int, friction: float) -> bool:
     """Find on which pieces of the law the faces are at the present velocities; returns whether any has changed."""
     changed = False
     for f in range(count):
-        law, line, closing = work.law[f], work.line[f], work.course[f, CLOSING_NOW]
-        unloading, loading = law[UNLOADING] + law[UNLOADING_RATE] * closing, law[LOADING] + law[LOADING_RATE] * closing
-        force = max(min(unloading, loading, law[CRUSHING]), 0.0)
+        law, line = work.law[f], work.line[f]
+        unloading, force = _pressing_force(law, work.course[f, CLOSING_NOW])
         if force == 0.0:
             pressing, line[FORCE], line[BY_CLOSING] = APART, 0.0, 0.0
         elif force == law[CRUSHING]:
@@ -110,6 +110,13 @@ def find_pieces(work: NewtonWorkspace, count: int, friction: float) -> bool:
         changed = changed or work.piece[f, 0] != pressing or work.piece[f, 1] != moving
         work.piece[f, 0], work.piece[f, 1] = pressing, moving
     return changed
+
+
+@kernel
+def _pressing_force(law: Floats, closing: float) -> tuple[float, float]:
+    """Force across a face at a closing speed (m s-1): by unloading alone, and the least of all pieces of the law; N."""
+    unloading, loading = law[UNLOADING] + law[UNLOADING_RATE] * closing, law[LOADING] + law[LOADING_RATE] * closing
+    return unloading, max(min(unloading, loading, law[CRUSHING]), 0.0)
 
 
 @kernel
@@ -223,9 +230,8 @@ def _energy_slope(work: NewtonWorkspace, count: int, friction: float, share: flo
         push, drag = _solved_forces(work, f)
         to_closing, to_sliding = course[NEXT_CLOSING] - course[CLOSING_NOW], course[NEXT_SLIDING] - course[SLIDING_NOW]
         closing, sliding = course[CLOSING_NOW] + share * to_closing, course[SLIDING_NOW] + share * to_sliding
-        unloading, loading = law[UNLOADING] + law[UNLOADING_RATE] * closing, law[LOADING] + law[LOADING_RATE] * closing
-        force = max(min(unloading, loading, law[CRUSHING]), 0.0)
-        stop = min(max(law[STICKING] + law[SHEAR_RATE] * sliding, -friction * force), friction * force)
+        _, force = _pressing_force(law, closing)
+        stop = sliding_force(law[STICKING], sliding, law[SHEAR_RATE], 0.0, friction * force)
         # The kinetic term is that of the forces that lead to the velocities, which change evenly on the way.
         slope += (force - course[PUSH] - share * (push - course[PUSH])) * to_closing
         slope += (stop - course[DRAG] - share * (drag - course[DRAG])) * to_sliding

@@ -180,14 +180,14 @@ def freed_edges(mesh: CellMesh, broken: Booleans) -> Booleans:
     return np.asarray(~(is_intact[mesh.edge_bond] & is_held[mesh.edge_tie]))
 
 
-def outline_ties(mesh: CellMesh) -> tuple[Ints, Ints]:
+def outline_ties(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
     """Return the ties by which ice that hangs by one bond meets the rest along the outline, and their cells, shape (ties, 2).
 
     By one bond as the mesh was made: ice that a crack has left hanging by one bond hangs by it alone. Cells do not meet
     where the ice of a third one parts them, as along a row, or where the outline turns inwards: in the bend of a row, or at the
-    root of a finger, they touch in a point.
+    root of a finger, they touch in a point. ``edges``: of `find_outline_edges`.
     """
-    ends, at = _outline_edges(mesh)
+    ends, at = edges
     start, end = ends[at].T  # the outline, with the ice on its left
     following, leading = np.zeros((2, mesh.owner.size), np.int64)
     following[start], leading[end] = end, start
@@ -216,13 +216,13 @@ def outline_ties(mesh: CellMesh) -> tuple[Ints, Ints]:
     return tie, cells[meet][first]
 
 
-def faces_across(mesh: CellMesh) -> tuple[Ints, Floats, Floats]:
+def faces_across(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Floats, Floats]:
     """Return how the faces of bonds lie that reach from outline to outline: the cell from which a bond counts, -1 for others.
 
     And by how much the middle of the face lies to the left of that of the bond, and its length, in parts of the distance of
-    the cells; shape (bonds,) each.
+    the cells; shape (bonds,) each. ``edges``: of `find_outline_edges`.
     """
-    ends, at = _outline_edges(mesh)
+    ends, at = edges
     bond = mesh.edge_bond.ravel()[at]
     at, bond = at[bond >= 0], bond[bond >= 0]
     order = np.argsort(bond, kind="stable")
@@ -239,7 +239,7 @@ def faces_across(mesh: CellMesh) -> tuple[Ints, Floats, Floats]:
     return from_cell, shift, length
 
 
-def _outline_edges(mesh: CellMesh) -> tuple[Ints, Ints]:
+def find_outline_edges(mesh: CellMesh) -> tuple[Ints, Ints]:
     """Return the ends of all edges of the triangles, and which of the edges lie on the outline."""
     ends = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
     _, at, count = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
@@ -249,9 +249,9 @@ def _outline_edges(mesh: CellMesh) -> tuple[Ints, Ints]:
 def _parting_points(position: Any, start: Ints, end: Ints, cells: Ints) -> Any:
     """Points of the outline, between nodes, at equal distances from the centres of two cells."""
     first, second = np.moveaxis(position[cells], -1, 0)
-    before, after = (abs(abs(position[n] - first) ** 2 - abs(position[n] - second) ** 2) for n in (start, end))
-    part = before / np.where(before + after > 0.0, before + after, 1.0)
-    return position[start] + (position[end] - position[start]) * part
+    at_start, at_end = (abs(abs(position[n] - first) ** 2 - abs(position[n] - second) ** 2) for n in (start, end))
+    share = at_start / np.where(at_start + at_end > 0.0, at_start + at_end, 1.0)
+    return position[start] + (position[end] - position[start]) * share
 
 
 def _farther(step: Ints, position: Any, start: Ints, reach: Floats) -> Ints:
