@@ -13,6 +13,7 @@ import shapely
 import xarray as xr
 from shapely.affinity import rotate, translate
 from shapely.geometry import mapping
+from shapely.ops import split
 
 from riftberg import Iceberg
 from riftberg.bergs.outline import read_features
@@ -418,3 +419,41 @@ def test_a_margin_is_taken_from_an_outline_that_geos_loses() -> None:
     for turn in (0.0, 30.0):
         berg = rotate(outline, turn, origin=(0.0, 0.0))
         assert shrink(berg, 2.0).area == pytest.approx(berg.area - 2.0 * berg.length, rel=1e-4)
+
+
+def tiles(seed: int, gap: float) -> list[shapely.Polygon]:
+    """Cells of random points in a box, some of them cut in two, each moved by a part of a gap."""
+    rng = np.random.default_rng(seed)
+    box = shapely.box(0.0, 0.0, 60.0, 40.0)
+    cells = shapely.get_parts(shapely.voronoi_polygons(shapely.multipoints(rng.uniform(0.0, (60.0, 40.0), (80, 2)))))
+    whole = [cell for cell in shapely.intersection(cells, box) if cell.area > 0.0]
+    line = shapely.LineString(
+        [(-1.0, 13.0), (25.0, 17.0), (61.0, 9.0)]
+    )  # its ends on an edge divide a neighbour's edge
+    cut = [piece for n, cell in enumerate(whole) for piece in (split(cell, line).geoms if n % 2 else [cell])]
+    return [translate(piece, *(rng.uniform(-0.2, 0.2, 2) * gap)) for piece in cut]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_tiles_are_joined_by_the_edges_that_no_two_share(seed: int) -> None:
+    """As the union of all of them, a little wider, would be; corners within an edge of a neighbour divide it."""
+    pieces = tiles(seed, 1e-3)
+    joined = join_polygons(pieces, 1e-3)
+    assert joined.geom_type == "Polygon"
+    assert not joined.interiors
+    assert joined.area == pytest.approx(2400.0, abs=0.1)
+    reference = shapely.buffer(
+        shapely.union_all(shapely.buffer(pieces, 1e-3, join_style="mitre")), -1e-3, join_style="mitre"
+    )
+    assert shapely.hausdorff_distance(joined, max(shapely.get_parts(reference), key=shapely.area)) < 0.01
+    assert shapely.hausdorff_distance(joined, join_polygons(pieces[::-1], 1e-3)) < 2e-3
+    apart = [piece for piece in pieces if piece.bounds[2] < 25.0 or piece.bounds[0] > 35.0]
+    assert len(shapely.get_parts(join_polygons(apart, 1e-3))) > 1
+
+
+def test_polygons_that_overlap_or_have_holes_are_joined_too() -> None:
+    ring = shapely.box(0.0, 0.0, 10.0, 10.0).difference(shapely.box(4.0, 4.0, 6.0, 6.0))
+    assert join_polygons([ring, shapely.box(10.0, 0.0, 12.0, 10.0)], 1e-3).area == pytest.approx(116.0, abs=0.01)
+    assert join_polygons(
+        [shapely.box(0.0, 0.0, 10.0, 10.0), shapely.box(5.0, 0.0, 15.0, 10.0)], 1e-3
+    ).area == pytest.approx(150.0, abs=0.01)

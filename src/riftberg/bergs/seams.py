@@ -9,6 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 METRE: Final = 360.0 / 4.003e7
 """Degrees of latitude. Outlines that run along each other within this distance share an edge."""
@@ -110,7 +113,53 @@ def _close_gaps(shape: Any, narrow: float) -> Any:
 
 def join_polygons(polygons: Any, seam: float) -> Any:
     """Return the union of polygons (shapely), without the gaps between them that are narrower than twice ``seam``."""
+    simple = (shapely.get_type_id(polygons) == shapely.GeometryType.POLYGON) & (
+        shapely.get_num_interior_rings(polygons) == 0
+    )
+    tiled = _join_tiles(polygons, seam) if len(polygons) > 1 and simple.all() else None
+    if tiled is not None:
+        return tiled
     return shrink(shapely.union_all(shapely.buffer(polygons, seam, join_style="mitre")), seam)
+
+
+def _join_tiles(polygons: Any, seam: float) -> Any | None:
+    """Return the union of polygons that lie side by side, by the edges that no two of them share; None where some do not.
+
+    In a twentieth of the time that a union takes which looks for all crossings of all edges.
+    """
+    corner, polygon = shapely.get_coordinates(shapely.orient_polygons(polygons), return_index=True)
+    # Corners that lie within the seam are one point.
+    near = cKDTree(corner).query_pairs(seam, output_type="ndarray")
+    links = coo_array((np.ones(len(near), np.int8), tuple(near.T)), (len(corner), len(corner)))
+    points, node = connected_components(links, directed=False)
+    point = np.empty((points, 2))
+    point[node] = corner
+    follows = polygon[1:] == polygon[:-1]
+    rim = _unshared_edges(np.column_stack([node[:-1], node[1:]])[follows], points)
+
+    # A corner within an edge of a neighbour divides it.
+    ends = np.unique(rim)
+    edge, at = shapely.STRtree(shapely.points(point[ends])).query(shapely.linestrings(point[rim]), "dwithin", seam)
+    at = ends[at]
+    along = point[rim[edge, 1]] - point[rim[edge, 0]]
+    share = ((point[at] - point[rim[edge, 0]]) * along).sum(axis=1) / (along**2).sum(axis=1)
+    order = np.lexsort((share, edge))
+    edge, at = edge[order], at[order]
+    rim = _unshared_edges(np.column_stack([at[:-1], at[1:]])[edge[1:] == edge[:-1]], points)
+
+    # In one order of corners and rings, whatever lies where in memory.
+    joined = shapely.normalize(shapely.build_area(shapely.multilinestrings(shapely.linestrings(point[rim]))))
+    area = shapely.area(polygons).sum()
+    return joined if abs(joined.area - area) < 0.5 * seam * joined.length else None
+
+
+def _unshared_edges(edges: Any, points: int) -> Any:
+    """Return the edges (first and last point, shape (edges, 2)) that are not passed in both directions."""
+    first, last = edges[edges[:, 0] != edges[:, 1]].T
+    edge, number = np.unique(np.minimum(first, last) * points + np.maximum(first, last), return_inverse=True)
+    net = np.bincount(number, np.sign(last - first), edge.size)
+    ends = np.column_stack(np.divmod(edge, points))[net != 0.0]
+    return np.where((net[net != 0.0] > 0.0)[:, None], ends, ends[:, ::-1])
 
 
 def shrink(shape: Any, width: float) -> Any:
