@@ -18,11 +18,17 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 import shapely
-from shapely.ops import split
 
 from riftberg.engines.common.forces.sizes import count_sides, interaction_sizes
 from riftberg.engines.common.lattices import laid_flat, lattices, outline_cells
 from riftberg.engines.common.run_state import RunState
+from riftberg.engines.quasi_static.lattice.crack_cuts import (
+    area_and_centroid,
+    count_crossings,
+    distance_to_line,
+    divide_polygon,
+    touches_line,
+)
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import find_rows
@@ -54,6 +60,9 @@ ONWARD: Final = 2.0
 
 SHORTEST_EDGE: Final = 1e-5
 """Shortest edge of a footprint, as a part of the radius: a few times the edges that the moved centres leave at a corner."""
+
+NO_AREA: Final = 1e-9
+"""Area of a polygon, over the square of the radius, that is none."""
 
 
 def add_new_footprints(
@@ -131,19 +140,26 @@ def _convex_rings(ice: Any, radius: float) -> list[Floats]:
     """Divide polygons into convex ones; returns the corners of each (m), anticlockwise."""
     rings = []
     for polygon in shapely.get_parts(ice):
-        if polygon.geom_type != "Polygon" or polygon.area < 1e-9 * radius * radius:
+        if polygon.geom_type != "Polygon" or polygon.area < NO_AREA * radius * radius:
             continue
         # A hole is no part of a ring of corners, and contact needs convex faces: other polygons are laid out in triangles.
         convex = shapely.convex_hull(polygon).area <= (1.0 + 1e-12) * polygon.area
         pieces = [polygon] if convex else shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
         for piece in pieces:
-            # An edge of millimetres, which the round-off and the moved centres leave at corners, says not which way a face
-            # looks: the depth of an overlap that is cut by it would be a micrometre off, one way or the other.
-            ring = np.asarray(shapely.orient_polygons(piece).exterior.coords)[:-1, :2]
-            edge = np.hypot(*(ring - np.roll(ring, 1, axis=0)).T)
-            if np.count_nonzero(edge > SHORTEST_EDGE * radius) > 2:
-                rings.append(ring[edge > SHORTEST_EDGE * radius])
+            ring = _without_short_edges(np.asarray(shapely.orient_polygons(piece).exterior.coords)[:-1, :2], radius)
+            if len(ring) > 2:
+                rings.append(ring)
     return rings
+
+
+def _without_short_edges(ring: Floats, radius: float) -> Floats:
+    """Return the corners of a polygon without edges of millimetres, which round-off and the moved centres leave at corners.
+
+    They say not which way a face looks: the depth of an overlap that is cut by one would be a micrometre off, one way or the
+    other.
+    """
+    edge = np.hypot(*(ring - np.roll(ring, 1, axis=0)).T)
+    return ring[edge > SHORTEST_EDGE * radius]
 
 
 def _nearest_regions(xy: Floats, ice: Any, spacing: float) -> list[Any]:
@@ -209,28 +225,25 @@ def _divide(rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: In
     crossing = (1.0 - fraction) * centre[i] + fraction * centre[j]
     side, ends = math.sqrt(float(footprints.size[i].mean())), crossing[[0, -1]] - crossing[[1, -2]]
     ends = crossing[[0, -1]] + ONWARD * side * ends / np.hypot(*ends.T)[:, None]
-    crack = shapely.LineString([ends[0], *crossing, ends[1]])
+    line = np.vstack([ends[:1], crossing, ends[1:]])
     neighbours = np.flatnonzero(np.isin(berg, berg[np.union1d(i, j)]))
-    neighbours = neighbours[shapely.dwithin(shapely.points(centre[neighbours]), crack, 2.0 * side)]
-
-    def lies_beyond(point: Floats, e: int) -> bool:
-        """Whether the crack runs between a point and an element."""
-        crossings = shapely.intersection(shapely.LineString([point, centre[e]]), crack)
-        return bool(shapely.get_num_coordinates(crossings) % 2)
-
+    near = [distance_to_line(x, y, line) <= 2.0 * side for x, y in centre[neighbours].tolist()]
+    neighbours = neighbours[near]
     transferred: dict[int, list[Floats]] = {}
     for e in neighbours.tolist():
-        polygons = [shapely.Polygon(ring) for ring in rings[e]]
-        if not shapely.intersects(polygons, crack).any():
+        polygons = rings[e]
+        if not any(touches_line(polygon, line) for polygon in polygons):
             continue
         rings[e] = []
-        for piece in (piece for polygon in polygons for piece in split(polygon, crack).geoms):
-            middle, target = np.array(piece.centroid.coords[0]), e
-            if lies_beyond(middle, e):
+        for piece in (piece for polygon in polygons for piece in divide_polygon(polygon, line)):
+            ring, (area, middle), target = _without_short_edges(piece, side), area_and_centroid(piece), e
+            if area < NO_AREA * side * side or len(ring) < 3:
+                continue
+            if count_crossings(middle, centre[e], line) % 2:  # it lies beyond the crack
                 others = neighbours[berg[neighbours] != berg[e]]
                 nearest = others[np.argsort(np.hypot(*(centre[others] - middle).T))].tolist()
-                target = next((other for other in nearest if not lies_beyond(middle, other)), e)
-            (rings[e] if target == e else transferred.setdefault(target, [])).extend(_convex_rings(piece, side))
+                target = next((other for other in nearest if not count_crossings(middle, centre[other], line) % 2), e)
+            (rings[e] if target == e else transferred.setdefault(target, [])).append(ring)
     for e, added in transferred.items():
         rings[e].extend(added)
 

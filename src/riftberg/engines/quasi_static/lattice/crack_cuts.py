@@ -1,0 +1,143 @@
+"""Convex polygons that the line of a crack divides.
+
+In a fixed order of sums: a geometry library takes lines in the order in which they lie in memory, and where pieces strike each
+other the last digit of a corner decides which bonds break next.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from riftberg.compiled.kernels import kernel
+from riftberg.state import Floats
+
+LEAST: Final = 1e-9
+"""Length of a crack in a polygon, in parts of the longest way across it, that divides nothing."""
+
+
+def divide_polygon(corner: Floats, line: Floats) -> list[Floats]:
+    """Divide a convex polygon along a line into convex pieces; what ends within it does not divide it.
+
+    ``corner``: anticlockwise, m; ``line``: its points, m; shape (points, 2) each.
+    """
+    pieces = [corner]
+    for start, end in _crossings(corner, line):
+        divided: list[Floats] = []
+        for piece in pieces:
+            # Only the pieces that the segment itself crosses: its continuation divides those alone, which stay convex.
+            divided += _cut(piece, start, end) if crosses(piece, start, end) else [piece]
+        pieces = divided
+    return pieces
+
+
+def _crossings(corner: Floats, line: Floats) -> list[tuple[Floats, Floats]]:
+    """Return the segments of a line from where it enters a convex polygon to where it leaves it."""
+    crossings: list[tuple[Floats, Floats]] = []
+    path: list[tuple[Floats, Floats]] = []
+    begins_inside = False
+    for n, (start, end) in enumerate(pairwise(line)):
+        enters, leaves = clip(corner, start, end)
+        if path and (enters > 0.0 or enters >= leaves):  # it has left the polygon where two segments meet
+            crossings += [] if begins_inside else path
+            path = []
+        if enters >= leaves:
+            continue
+        if not path:
+            begins_inside = n == 0 and enters == 0.0
+        path.append((start + enters * (end - start), start + leaves * (end - start)))
+        if leaves < 1.0:
+            crossings += [] if begins_inside else path
+            path = []
+    return crossings
+
+
+def _cut(corner: Floats, start: Floats, end: Floats) -> list[Floats]:
+    """Cut a convex polygon along the straight line through two points."""
+    along = end - start
+    side = along[0] * (corner[:, 1] - start[1]) - along[1] * (corner[:, 0] - start[0])
+    halves: tuple[list[Floats], list[Floats]] = ([], [])
+    for n in range(len(corner)):
+        here, there = side[n], side[(n + 1) % len(corner)]
+        for half, sign in zip(halves, (1.0, -1.0), strict=True):
+            if sign * here >= 0.0:
+                half.append(corner[n])
+            if here * there < 0.0:
+                half.append(corner[n] + here / (here - there) * (corner[(n + 1) % len(corner)] - corner[n]))
+    return [np.array(half) for half in halves if len(half) > 2]
+
+
+@kernel
+def clip(corner: Floats, start: Floats, end: Floats) -> tuple[float, float]:
+    """Return between which shares of a segment it lies within a convex polygon; from 1 to 0 where it does not."""
+    first, last = 0.0, 1.0
+    for n in range(len(corner)):
+        m = (n + 1) % len(corner)
+        nx, ny = corner[m, 1] - corner[n, 1], corner[n, 0] - corner[m, 0]  # outwards
+        outside = nx * (start[0] - corner[n, 0]) + ny * (start[1] - corner[n, 1])
+        growth = nx * (end[0] - start[0]) + ny * (end[1] - start[1])
+        if growth > 0.0:
+            last = min(last, -outside / growth)
+        elif growth < 0.0:
+            first = max(first, -outside / growth)
+        elif outside >= 0.0:
+            return 1.0, 0.0
+    return (first, last) if last > first else (1.0, 0.0)
+
+
+@kernel
+def crosses(corner: Floats, start: Floats, end: Floats) -> bool:
+    """Whether a part of a segment lies within a convex polygon."""
+    first, last = clip(corner, start, end)
+    size = 0.0
+    for n in range(1, len(corner)):
+        size = max(size, np.hypot(corner[n, 0] - corner[0, 0], corner[n, 1] - corner[0, 1]))
+    return bool((last - first) * np.hypot(end[0] - start[0], end[1] - start[1]) > LEAST * size)
+
+
+@kernel
+def touches_line(corner: Floats, line: Floats) -> bool:
+    """Whether a part of a line lies within a convex polygon."""
+    touches = False
+    for n in range(len(line) - 1):
+        touches = touches or crosses(corner, line[n], line[n + 1])
+    return touches
+
+
+@kernel
+def count_crossings(start: Floats, end: Floats, line: Floats) -> int:
+    """Return how often a line crosses a segment."""
+    count = 0
+    for n in range(len(line) - 1):
+        px, py, qx, qy = line[n, 0], line[n, 1], line[n + 1, 0], line[n + 1, 1]
+        # A point on the line counts as one on its left, so that a way through a corner crosses once.
+        a = (qx - px) * (start[1] - py) - (qy - py) * (start[0] - px) >= 0.0
+        b = (qx - px) * (end[1] - py) - (qy - py) * (end[0] - px) >= 0.0
+        c = (end[0] - start[0]) * (py - start[1]) - (end[1] - start[1]) * (px - start[0]) >= 0.0
+        d = (end[0] - start[0]) * (qy - start[1]) - (end[1] - start[1]) * (qx - start[0]) >= 0.0
+        count += int(a != b and c != d)
+    return count
+
+
+@kernel
+def distance_to_line(x: float, y: float, line: Floats) -> float:
+    """Return the distance of a point from a line, m."""
+    least = np.inf
+    for n in range(len(line) - 1):
+        dx, dy = line[n + 1, 0] - line[n, 0], line[n + 1, 1] - line[n, 1]
+        size = dx * dx + dy * dy
+        share = ((x - line[n, 0]) * dx + (y - line[n, 1]) * dy) / size if size > 0.0 else 0.0
+        share = min(max(share, 0.0), 1.0)
+        least = min(least, np.hypot(x - line[n, 0] - share * dx, y - line[n, 1] - share * dy))
+    return float(least)
+
+
+def area_and_centroid(corner: Floats) -> tuple[float, Floats]:
+    """Return the area (m2) and centroid (m) of a polygon."""
+    x, y = (corner - corner[0]).T
+    cross = x[:-1] * y[1:] - x[1:] * y[:-1]
+    area = 0.5 * float(cross.sum())
+    middle = np.array([((x[:-1] + x[1:]) * cross).sum(), ((y[:-1] + y[1:]) * cross).sum()])
+    return area, corner[0] + middle / (6.0 * area) if area else corner.mean(axis=0)
