@@ -58,3 +58,30 @@ def test_numba_thread_setting_changes_nothing() -> None:
         )
         digests.add(done.stdout.strip())
     assert len(digests) == 1
+
+
+BREAKING = """
+import hashlib
+from riftberg import Forcing, Iceberg, Model, Parameters
+berg = Iceberg.rectangle("90 km", "40 km", thickness="200 m", radius="1.5 km", placement=(-37.0, -56.0))
+sea = Forcing.uniform(current=(0.3, 0.1), wind=(15.0, -5.0)) + Forcing.eddy((-37.2, -56.3), radius=30e3, speed=0.8)
+model = Model(berg, sea, Parameters().changed(fracture={"normal_strength": 1.5e3}))
+model.advance(steps=30)
+print(model.bonds_broken, len(model.fragments.rows))
+state = (a for part in (model.elements, model.bonds) for a in part.arrays().values())
+print(hashlib.sha256(b"".join(a.tobytes() for a in state)).hexdigest())
+"""
+
+
+@pytest.mark.slow
+def test_threads_of_a_library_change_nothing_where_a_berg_breaks() -> None:
+    """Bug: sums of linear algebra differed with its threads, and members of a forecast shattered otherwise with workers."""
+    printed = set()
+    for threads in ("1", "2"):
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads}
+        done = subprocess.run(
+            [sys.executable, "-c", BREAKING], env=environment, capture_output=True, text=True, check=True, timeout=300
+        )
+        printed.add(done.stdout)
+    assert len(printed) == 1
+    assert int(printed.pop().split()[0]) > 10

@@ -25,6 +25,7 @@ from riftberg.engines.quasi_static.lattice.cells import (
     held_ties,
     outline_ties,
 )
+from riftberg.engines.quasi_static.lattice.dense import factor_semidefinite
 from riftberg.engines.quasi_static.lattice.equilibrium import ElasticLattice
 from riftberg.engines.quasi_static.lattice.triangles import (
     ClosingFaces,
@@ -45,7 +46,7 @@ from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import find_rows
 
 NEGLIGIBLE = 1e-12
-"""Eigenvalues of the loss of stiffness by a break, in parts of the stiffness before, that count as round-off."""
+"""Pivots of the loss of stiffness by a break, in parts of the stiffness before, that count as round-off."""
 
 
 @lru_cache(maxsize=2)
@@ -398,9 +399,9 @@ class CellStiffness:
         stiffness[changed], self._triangles.stress[changed] = new_stiffness, new.stress
         self._blocks = self._outline = self._faces = self._tables = None
         self.at_tips = {}
-        value, vector = np.linalg.eigh(reduction * np.outer(scale[at], scale[at]))
-        columns = np.zeros((int((value > least).sum()), scale.size))
-        columns[:, at] = (vector[:, value > least] * np.sqrt(value[value > least])).T
+        rows = factor_semidefinite(reduction * np.outer(scale[at], scale[at]), least)
+        columns = np.zeros((len(rows), scale.size))
+        columns[:, at] = rows
         return columns
 
     def displacements(self, of_elements: Floats) -> Floats:
@@ -487,9 +488,9 @@ class CellStiffness:
         weight = self._mesh.weight * self._mesh.area * np.exp(-0.5 * square / radius**2)
         weight *= (self._of_body == body) & (square <= 9.0 * radius**2)
         filled = float(weight.sum()) / (2.0 * math.pi * radius**2 * (1.0 - math.exp(-4.5)))
-        weight *= offset @ direction > 0.0
+        weight *= offset[:, 0] * direction[0] + offset[:, 1] * direction[1] > 0.0
         total = float(weight.sum())
-        return (np.asarray(weight @ stress / total) if total > 0.0 else np.zeros(3)), filled
+        return (np.asarray((weight[:, None] * stress).sum(axis=0) / total) if total > 0.0 else np.zeros(3)), filled
 
 
 @kernel

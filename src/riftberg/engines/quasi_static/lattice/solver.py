@@ -17,6 +17,7 @@ from riftberg.compiled.kernels import borrower
 from riftberg.engines.quasi_static.lattice.block_ldl import BlockLDL
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
 from riftberg.engines.quasi_static.lattice.cells import Booleans
+from riftberg.engines.quasi_static.lattice.dense import multiply_rows, solve_dense
 from riftberg.engines.quasi_static.lattice.equilibrium import ElasticLattice, Supports
 from riftberg.errors import RunError
 from riftberg.state import Floats, Ints
@@ -76,8 +77,9 @@ class StiffnessSolver:
         self._ldl = BlockLDL(topology.first, topology.second, diagonal, between)
         self._columns: list[Floats] = []  # w of K + sum of -w w^T
         self._solved: list[Floats] = []  # K^-1 w
-        self._correction: tuple[Floats, Floats, Floats] | None = None  # W, A and W A - 1 of `_correct_displacement`
-        # By which faces are closed, with W the rows w of K + sum of w w^T and A = K^-1 W^T: A, and (1 + W A)^-1 W.
+        # W^T, A^T and W A - 1 of `_correct_displacement`.
+        self._correction: tuple[Floats, Floats, Floats] | None = None
+        # By which faces are closed, with W the rows w of K + sum of w w^T and A = K^-1 W^T: A^T, and ((1 + W A)^-1 W)^T.
         self._pressed: dict[bytes, tuple[Floats, Floats]] = {}
 
     @property
@@ -135,20 +137,21 @@ class StiffnessSolver:
             w = np.zeros((len(at), self._free.size))
             np.put_along_axis(w, at, columns * self._scale[at] * self._free[at], axis=1)
             a = np.array([self._correct_displacement(self._ldl.solve(column)) for column in w]).reshape(w.shape)
-            self._pressed[key] = a.T.copy(), np.linalg.solve(w @ a.T + np.eye(len(w)), w)
-        a_t, pressing = self._pressed[key]
-        d = displacement.reshape(-1)
-        return np.asarray((d - a_t @ (pressing @ d)).reshape(-1, 3))
+            matrix = multiply_rows(w.T.copy(), a.T.copy()) + np.eye(len(w))
+            self._pressed[key] = a, solve_dense(matrix, w).T.copy()
+        a, pressing = self._pressed[key]
+        d = displacement.reshape(-1, 1)
+        return np.asarray((d - multiply_rows(a, multiply_rows(pressing, d))).reshape(-1, 3))
 
     def _correct_displacement(self, d: Floats) -> Floats:
         """Correct d = K^-1 b in place for bonds that have broken since."""
         if self._columns:
             # Woodbury: (K - W^T W)^-1 b = d + A (1 - W A)^-1 W d, with A = K^-1 W^T.
             if self._correction is None:
-                w, a = np.array(self._columns), np.array(self._solved)
-                self._correction = w, a, w @ a.T - np.eye(len(w))
-            w, a, matrix = self._correction
-            d -= a.T @ np.linalg.solve(matrix, w @ d)
+                w_t, a = np.column_stack(self._columns), np.array(self._solved)
+                self._correction = w_t, a, multiply_rows(w_t, a.T.copy()) - np.eye(len(a))
+            w_t, a, matrix = self._correction
+            d -= multiply_rows(a, solve_dense(matrix, multiply_rows(w_t, d[:, None])))[:, 0]
         return d
 
     def _check_residual(self, displacement: Floats, largest: float, load: Floats) -> None:
