@@ -32,6 +32,11 @@ def speeds(levers: np.ndarray, ends: np.ndarray, velocity: np.ndarray) -> np.nda
     return np.einsum("fkn,fn->fk", levers, np.hstack([velocity[ends[:, 0]], velocity[ends[:, 1]]]))
 
 
+def kicks(levers: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Changes of the velocities of two bodies by a unit impulse across a face, then along it."""
+    return np.hstack([levers[:, :3] @ first.T, levers[:, 3:] @ second.T]).ravel()
+
+
 def velocities(work: newton.NewtonWorkspace, levers, ends, compliance, forces: np.ndarray, h: float) -> np.ndarray:
     """Velocities to which forces and frictions lead."""
     out = work.free.copy()
@@ -57,7 +62,7 @@ def test_the_system_is_solved_by_elimination(bodies: int, faces: int) -> None:
     newton.find_pieces(work, faces, 0.2)
     newton.begin_system(work)
     for f, (a, b) in enumerate(ends):
-        newton.add_face(work, f, levers[f, 0], levers[f, 1], a, b, 0.3, compliance)
+        newton.add_face(work, f, levers[f].ravel(), kicks(levers[f], compliance[a], compliance[b]), a, b, 0.3)
     matrix, right = work.matrix.transpose(0, 2, 1, 3).reshape(3 * bodies, -1).copy(), work.right.ravel().copy()
     solved = np.empty((bodies, 3))
     newton.solve_system(work, solved)
@@ -80,7 +85,7 @@ def test_forces_of_all_faces_at_once_are_those_of_their_law(seed: int) -> None:
             break
         newton.begin_system(work)
         for f, (a, b) in enumerate(ends):
-            newton.add_face(work, f, levers[f, 0], levers[f, 1], a, b, h, compliance)
+            newton.add_face(work, f, levers[f].ravel(), kicks(levers[f], compliance[a], compliance[b]), a, b, h)
         newton.solve_system(work, solved)
         course[:, newton.NEXT_CLOSING :] = speeds(levers, ends, solved)
         share = newton.approach_solution(work, 30, friction)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -69,7 +70,7 @@ class LawsWithMemory(NamedTuple):
 class Memory:
     """Fragments, ice and laws at the end of a time step, for the next one; a step makes a new one of it.
 
-    A restart file holds the first five; the others are found anew.
+    A restart file holds the first six; the others are found anew.
     """
 
     bodies: Bodies | None = None
@@ -77,6 +78,7 @@ class Memory:
     cells: ElasticCells | None = None  # Of bonded ice, made at the start of a run
     tips: CrackTips = NO_TIPS
     laws: LawsWithMemory = field(default_factory=LawsWithMemory)
+    longest_trial: float = math.inf  # Next trial step, s, while others push fragments over the bed
 
     footprints: FootprintBook | None = None  # Of the fragments, for the laws
     topology_key: tuple[bytes, ...] = ()  # Of the elements, bonds and ice to which the following belongs
@@ -106,7 +108,16 @@ class Memory:
         tips = dict(zip(TIP_NAMES, self.tips, strict=True)) if self.tips.crack.size else {}
         cells = {} if self.cells is None else cells_to_arrays(self.cells)
         laws = [law.state_dict() for law in (self.footprints, self.laws.seabed, self.laws.faces) if law]
-        return {**bodies, **snapshot, **cells, **tips, **{name: array for law in laws for name, array in law.items()}}
+        # Files hold finite numbers: no length stands for an endless one.
+        trial = {"longest_trial": np.array([self.longest_trial])} if math.isfinite(self.longest_trial) else {}
+        return {
+            **bodies,
+            **snapshot,
+            **cells,
+            **tips,
+            **trial,
+            **{name: array for law in laws for name, array in law.items()},
+        }
 
     def resumed(self, saved: Mapping[str, Any]) -> Memory:
         """Return the memory with the arrays of `to_arrays`; its laws take theirs."""
@@ -122,4 +133,12 @@ class Memory:
         for law in (self.footprints, self.laws.seabed, self.laws.faces):
             if law is not None:
                 law.load_state_dict(saved)
-        return replace(self, bodies=bodies, snapshot=snapshot, cells=cells, tips=tips_from_arrays(saved))
+        longest_trial = float(np.asarray(saved.get("longest_trial", math.inf)).item())
+        return replace(
+            self,
+            bodies=bodies,
+            snapshot=snapshot,
+            cells=cells,
+            tips=tips_from_arrays(saved),
+            longest_trial=longest_trial,
+        )

@@ -45,6 +45,12 @@ EVENT_TOLERANCE = 1.0 / 64.0
 """Events are located to this part of the shortest interval between two of them: the shortest sub-step for fracture by contact,
 the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
 
+CLOSE = 0.01
+"""Part of the strength by which the stress may exceed it where a crack by contact begins."""
+
+IMPACT_SUBSTEPS = 75
+"""Sub-steps of an impact, from touching to parting."""
+
 UNEVEN = 0.05
 """Part of the strength by which the stress may miss it where loads that grow evenly would reach it: beyond it they do not."""
 
@@ -110,7 +116,8 @@ class TimeStep:
         longest = longest_trial_step(self.state.operators.forcing, self.dt)
         if self._begins_touching():  # they go on to touch, as a rule: a longer trial would be taken in vain
             longest = min(longest, LONGEST_CONTACT_STEP)
-        self._max_dt = self._longest = longest
+        self._longest = longest
+        self._max_dt = min(longest, self._memory.longest_trial)  # as the last step ended
         end, next_dt = self.start + self.dt, math.inf
         while (rest := end - self.state.time) > 1e-9 * self.dt:
             # The rest in equal parts, so that the last one is no shorter than it must be.
@@ -131,6 +138,7 @@ class TimeStep:
         lattice = self.lattice
         return replace(
             self._memory, bodies=self.state.bodies, cells=lattice.elastic_cells, tips=self.tips, lattice=lattice,
+            longest_trial=self._max_dt if self._max_dt < self._longest else math.inf,
             # After a crack the loads are those of a lattice that has been renumbered since: the next step finds them anew, as a
             # restarted run does.
             state=None if self.cracked else self.state, sizes=self.motion.sizes, topology=lattice.topology,
@@ -184,7 +192,7 @@ class TimeStep:
             self._propagate_crack(impact=True)
             # The next crack by crushing follows soon, and to locate it from a long step takes through the impact many times.
             # The factor only trades steps against trials: each step is located to the same tolerance.
-            return max(8.0 * trial.h, shortest)
+            return max(8.0 * trial.h, IMPACT_SUBSTEPS * shortest)
 
         if self._overload_at_end(trial) <= 0.0:
             self._accept(trial)
@@ -242,11 +250,37 @@ class TimeStep:
         if 0.0 < least < trial.h:
             early = least, until(least)
             lower, upper = (early, upper) if early[1] <= 0.0 else (lower, early)
-        end = upper[0] if upper[0] <= least else first_moment(until, lower, upper, tolerance)
+        if upper[0] > least:
+            lower, upper = self._bracket_impact(trial, until, lower, upper)
+        end = upper[0] if upper[0] <= least else first_moment(until, lower, upper, tolerance, CLOSE)
         if latest[0] == end > elapsed:
             return latest[1]
         self._rollback()
         return self.motion.trial(self.state, end - elapsed)
+
+    def _bracket_impact(
+        self, trial: Trial, value: Callable[[float], float], lower: tuple[float, float], upper: tuple[float, float]
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Narrow a bracket to the impact that breaks the ice: it takes seconds, where halving begins with hours.
+
+        ``lower``, ``upper``: ends of the bracket, and the values there.
+        """
+        peak, contact = self._peak_equilibrium(trial), trial.contact
+        if contact is None or peak is None:
+            return lower, upper
+        bond, ratio = self.lattice.critical_bond(peak)
+        struck = contact.peak_load.bodies == trial.state.bodies.body[self.bonds.first[bond]]
+        if ratio <= 1.0 or not struck.any():
+            return lower, upper
+        # A shorter trial takes other sub-steps: two more of them, and it has seen the peak.
+        t = float(contact.peak_load.time[struck][0]) + 2.0 * contact.shortest_substep
+        back = IMPACT_SUBSTEPS * contact.shortest_substep
+        while lower[0] < t < upper[0]:
+            end = t, value(t)
+            if end[1] <= 0.0:
+                return end, upper
+            upper, t, back = end, t - back, 4.0 * back
+        return lower, upper
 
     def _checkpoint(self) -> None:
         """Copy the arrays that a trial step changes in the model and that the next trial reads before it fills them anew."""
@@ -423,19 +457,23 @@ def first_bodies(el: Elements, bonds: Bonds, p: KernelParameters) -> Bodies:
 
 
 def first_moment(
-    value: Callable[[float], float], lower: tuple[float, float], upper: tuple[float, float], tolerance: float
+    value: Callable[[float], float],
+    lower: tuple[float, float],
+    upper: tuple[float, float],
+    tolerance: float,
+    close: float = 0.0,
 ) -> float:
     """Find the first moment at which ``value`` is above 0, to ``tolerance`` (s): the end of the bracket, just after it.
 
-    ``lower`` and ``upper``: the ends of a bracket, and the values there. By the ITP method (Oliveira and Takahashi 2020,
-    doi:10.1145/3423597): the secant through both ends, moved towards the middle, and never so far from it that bisection would
-    need more than one evaluation less. Values may jump, as the sea floor and other fragments act from one moment to the next;
-    of signs alone it makes bisection.
+    ``lower`` and ``upper``: the ends of a bracket, and the values there; ``close``: a value that is near enough to 0. By the ITP
+    method (Oliveira and Takahashi 2020, doi:10.1145/3423597): the secant through both ends, moved towards the middle, and never
+    so far from it that bisection would need more than one evaluation less. Values may jump, as the sea floor and other fragments
+    act from one moment to the next; of signs alone it makes bisection.
     """
     (a, low), (b, high), width = lower, upper, upper[0] - lower[0]
     most = math.ceil(math.log2(max(width / tolerance, 1.0))) + 1  # one more than bisection
     for n in range(most):
-        if b - a <= tolerance:
+        if b - a <= tolerance or high <= close:
             break
         low, high, middle = max(-1.0, low), min(high, 1.0), 0.5 * (a + b)  # without ice or strength they are infinite
         from_secant = middle - (a * high - b * low) / (high - low)

@@ -53,10 +53,10 @@ from riftberg.engines.quasi_static.contact.face_forces import (
 from riftberg.engines.quasi_static.contact.face_pairs import (
     CrushingWorkspace,
     Faces,
+    allocate_pair,
     find_pair_gap,
     find_pair_overlap,
     locate_pair,
-    most_corners,
 )
 from riftberg.engines.quasi_static.contact.islands import (
     Island,
@@ -116,11 +116,11 @@ def integrate_faces(
 
     ``results``, and ``pair_state`` with a row for each pair, are changed in place.
     """
-    shortest, dissipated, corners = dt, 0.0, most_corners(faces)
+    shortest, dissipated, pair = dt, 0.0, allocate_pair(faces)
     for k in range(lists.start.size - 1):
         e = slice(lists.row_start[k], lists.row_start[k + 1])
         island, result = select_island(lists, k, all_islands), select_result(lists, k, results)
-        work = allocate_crushing(island, corners)
+        work = allocate_crushing(island, pair)
         island_faces = Faces(faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e])
         for i in range(island.body_of.size):
             m, a = island.levers[i], island.body_of[i]
@@ -165,7 +165,7 @@ def _integrate_island(
         update_faces(island, faces, pair_state, overlaps, h, law, work, result)
         drag_anchors(result.anchors, island.body_of, island.levers, h, work.new, work.path_twist, result.rubbed)
         find_stop(work.floor, h, twist, work.new, work.stop)
-        record_peak(island, pair_state, overlaps, result, work)
+        record_peak(island, pair_state, overlaps, dt - remaining + h, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
                 media.twist_integral[b, i] += 0.5 * h * (twist[b, i] + work.new[b, i])

@@ -131,22 +131,32 @@ class CrushingLaw(NamedTuple):
 
 
 NX, NY, AREA, AREA_PER_SPEED, ROW_N, ROW_T = 0, 1, 2, 3, 4, 10
-MOBILITY_N, MOBILITY_T, OFFSET, SLIDING, CLOSING, LAST_FORCE, LAST_FRICTION = 16, 17, 18, 22, 23, 24, 25
+MOBILITY_N, MOBILITY_T, OFFSET, SLIDING, CLOSING, LAST_FORCE, LAST_FRICTION, KICK_N, KICK_T = (
+    16,
+    17,
+    18,
+    22,
+    23,
+    24,
+    25,
+    26,
+    32,
+)
 """Columns of ``face``."""
 
 
 @kernel
-def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
-    """Return a workspace for an island whose polygons have so many corners at most."""
+def allocate_crushing(island: Island, pair: PairWorkspace) -> CrushingWorkspace:
+    """Return a workspace for an island; ``pair``: of `allocate_pair`."""
     bodies, pairs, rows = island.bonded.size, island.first.size, island.body_of.size
     return CrushingWorkspace(
         np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((bodies, 3)),
         np.empty((bodies, 3)), np.empty((bodies, 3)), np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies),
         np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.empty(pairs),
-        np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 26)),
+        np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 38)),
         np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
         np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
-        PairWorkspace(np.empty((corners, 2)), np.empty((corners, 2)), np.empty((2, 4 * corners, 3))),
+        pair,
         np.empty((4, 3, 3)), np.zeros(1), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.empty((bodies, 3)),
         np.zeros(bodies, np.int64), np.full(bodies, np.inf), allocate_newton(bodies, pairs),
     )  # fmt: skip
@@ -256,10 +266,12 @@ def find_mobilities(
         k, row = work.active[f], work.face[f]
         i, j, chord = island.first[k], island.second[k], pair_state[k, CHORD]
         compliance_1, compliance_2 = work.compliance[island.body_of[i]], work.compliance[island.body_of[j]]
-        row[MOBILITY_N], row[MOBILITY_T] = (
-            _mobility_along(row, ROW_N, compliance_1, compliance_2),
-            _mobility_along(row, ROW_T, compliance_1, compliance_2),
-        )
+        _fill_kick(row, ROW_N, KICK_N, compliance_1, compliance_2)
+        _fill_kick(row, ROW_T, KICK_T, compliance_1, compliance_2)
+        row[MOBILITY_N] = row[MOBILITY_T] = 0.0
+        for n in range(6):
+            row[MOBILITY_N] += row[ROW_N + n] * row[KICK_N + n]
+            row[MOBILITY_T] += row[ROW_T + n] * row[KICK_T + n]
         row[AREA_PER_SPEED] = 0.5 * h * chord
         if pair_state[k, PHASE] == REST:
             stiffness = face_stiffness(law.strength, min(faces.thickness[i], faces.thickness[j]), chord, law.depth)
@@ -274,6 +286,16 @@ def _fill_row(
     row[column] = sign * (ux * (m[0] - oy * m[6]) + uy * (m[3] + ox * m[6]))
     row[column + 1] = sign * (ux * (m[1] - oy * m[7]) + uy * (m[4] + ox * m[7]))
     row[column + 2] = sign * (ux * (mx - oy * m[8]) + uy * (my + ox * m[8]))
+
+
+@kernel
+def _fill_kick(row: Floats, column: int, kick: int, compliance_1: Floats, compliance_2: Floats) -> None:
+    """Find the changes of the velocities of both bodies by a unit impulse along a row."""
+    for i in range(3):
+        row[kick + i] = row[kick + 3 + i] = 0.0
+        for j in range(3):
+            row[kick + i] += compliance_1[i, j] * row[column + j]
+            row[kick + 3 + i] += compliance_2[i, j] * row[column + 3 + j]
 
 
 @kernel
@@ -328,7 +350,7 @@ def sweep_faces(
             if max(work.changed[a], work.changed[b]) < sweep - 1:
                 continue
             largest = 0.0
-            compliance_1, compliance_2, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
+            v, w = work.new[a], work.new[b]
             thickness = min(faces.thickness[i], faces.thickness[j])
             mobility = h * row[MOBILITY_N]
             free = _speed(row, ROW_N, v, w) + mobility * state[FORCE]
@@ -338,7 +360,7 @@ def sweep_faces(
             )  # fmt: skip
             change = force - state[FORCE]
             state[FORCE] = force
-            _push(row, ROW_N, h * change, compliance_1, compliance_2, v, w)
+            _push(row, KICK_N, h * change, v, w)
             largest = max(largest, abs(mobility * change))
             if law.friction > 0.0:
                 mobility = h * row[MOBILITY_T]
@@ -347,7 +369,7 @@ def sweep_faces(
                 slide = sliding_force(row[LAST_FRICTION], h * free, stiffness, h * mobility, law.friction * force)
                 change = slide - state[FRICTION]
                 state[FRICTION] = slide
-                _push(row, ROW_T, h * change, compliance_1, compliance_2, v, w)
+                _push(row, KICK_T, h * change, v, w)
                 largest = max(largest, abs(mobility * change))
             if largest > SWEEP_RTOL * scale:
                 work.changed[a] = work.changed[b] = sweep
@@ -382,7 +404,7 @@ def _solve_for_forces(
         for f in range(count):
             k, row = work.active[f], work.face[f]
             a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
-            add_face(newton, f, row[ROW_N : ROW_N + 6], row[ROW_T : ROW_T + 6], a, b, h, work.compliance)
+            add_face(newton, f, row[ROW_N : ROW_N + 12], row[KICK_N : KICK_N + 12], a, b, h)
         solve_system(newton, work.new)
         _find_speeds(island, count, work, newton.course, NEXT_CLOSING, NEXT_SLIDING)
         share = approach_solution(newton, count, law.friction)
@@ -422,8 +444,8 @@ def _push_all(island: Island, pair_state: Floats, count: int, h: float, work: Cr
     for f in range(count):
         k, row = work.active[f], work.face[f]
         a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
-        _push(row, ROW_N, h * pair_state[k, FORCE], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
-        _push(row, ROW_T, h * pair_state[k, FRICTION], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+        _push(row, KICK_N, h * pair_state[k, FORCE], work.new[a], work.new[b])
+        _push(row, KICK_T, h * pair_state[k, FRICTION], work.new[a], work.new[b])
 
 
 @kernel
@@ -435,14 +457,11 @@ def copy_twists(twist: Floats, out: Floats) -> None:
 
 
 @kernel
-def _push(
-    row: Floats, column: int, impulse: float, compliance_1: Floats, compliance_2: Floats, v: Floats, w: Floats
-) -> None:
-    """Change the velocities of both bodies by an impulse against a row."""
+def _push(row: Floats, column: int, impulse: float, v: Floats, w: Floats) -> None:
+    """Change the velocities of both bodies by an impulse against a row; ``column``: of their kicks by a unit impulse."""
     for i in range(3):
-        for j in range(3):
-            v[i] -= impulse * compliance_1[i, j] * row[column + j]
-            w[i] -= impulse * compliance_2[i, j] * row[column + 3 + j]
+        v[i] -= impulse * row[column + i]
+        w[i] -= impulse * row[column + 3 + i]
 
 
 @borrower
@@ -527,8 +546,10 @@ def update_faces(
 
 
 @borrower
-def record_peak(island: Island, pair_state: Floats, count: int, result: IslandResult, work: CrushingWorkspace) -> None:
-    """Record the loads of the bonded bodies that contact presses harder in this sub-step than before in the step."""
+def record_peak(
+    island: Island, pair_state: Floats, count: int, time: float, result: IslandResult, work: CrushingWorkspace
+) -> None:
+    """Record the loads of the bonded bodies that contact presses harder, ``time`` s from the start, than before in the step."""
     if count == 0:
         return
     body_of, harder = island.body_of, False
@@ -552,7 +573,7 @@ def record_peak(island: Island, pair_state: Floats, count: int, result: IslandRe
         work.contact_force[j, 0] += x
         work.contact_force[j, 1] += y
         work.contact_force[j, 2] += pair_state[k, TORQUE_2]
-    record_loads(island, work.size, work.peak, work.new, work.middle, work.force, work.contact_force, result)
+    record_loads(island, work.size, work.peak, work.new, work.middle, work.force, work.contact_force, time, result)
 
 
 @borrower

@@ -72,7 +72,7 @@ def allocate_newton(bodies: int, pairs: int) -> NewtonWorkspace:
     solved = bodies if bodies <= MOST_BODIES else 0
     return NewtonWorkspace(
         np.empty((bodies, 3)), np.empty((pairs, 7)), np.empty((pairs, 5)), np.empty((pairs, 6)), np.empty((pairs, 2), np.int64),
-        np.empty((solved, solved, 3, 3)), np.empty((solved, 3)), np.empty((solved, solved), np.bool_),
+        np.zeros((solved, solved, 3, 3)), np.empty((solved, 3)), np.zeros((solved, solved), np.bool_),
         np.empty(solved, np.int64), np.empty(solved, np.int64), np.empty(solved, np.int64), np.empty((4, 3, 3)),
     )  # fmt: skip
 
@@ -122,22 +122,24 @@ def _pressing_force(law: Floats, closing: float) -> tuple[float, float]:
 @kernel
 def begin_system(work: NewtonWorkspace) -> None:
     """Begin the system of bodies without contact."""
-    work.matrix[:, :, :, :], work.linked[:, :] = 0.0, False
     for b in range(work.right.shape[0]):
+        for c in range(work.right.shape[0]):
+            if work.linked[b, c] or b == c:  # all others are zero
+                work.matrix[b, c], work.linked[b, c] = 0.0, False
         for i in range(3):
             work.matrix[b, b, i, i], work.right[b, i] = 1.0, work.free[b, i]
 
 
 @kernel
-def add_face(
-    work: NewtonWorkspace, f: int, across: Floats, along: Floats, a: int, b: int, h: float, compliance: Floats
-) -> None:
-    """Add face ``f`` between two bodies to the system; ``across``, ``along``: levers of both bodies, shape (6,)."""
-    line = work.line[f]
+def add_face(work: NewtonWorkspace, f: int, levers: Floats, kicks: Floats, a: int, b: int, h: float) -> None:
+    """Add face ``f`` between two bodies to the system.
+
+    ``levers``: across and then along the face, of both bodies; ``kicks``: changes of their velocities by a unit impulse.
+    """
+    line, across, along = work.line[f], levers[:6], levers[6:]
     work.linked[a, b] = work.linked[b, a] = True
     for body, k in ((a, 0), (b, 3)):
-        # What a unit force and a unit friction change of the velocities of the body.
-        push, drag = times(compliance[body], across[k : k + 3]), times(compliance[body], along[k : k + 3])
+        push, drag = kicks[k : k + 3], kicks[6 + k : 9 + k]
         for i in range(3):
             work.right[body, i] -= h * (push[i] * line[FORCE] + drag[i] * line[FRICTION])
             by_closing = h * (push[i] * line[BY_CLOSING] + drag[i] * line[FRICTION_BY_CLOSING])

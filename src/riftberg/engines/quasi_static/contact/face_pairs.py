@@ -27,11 +27,26 @@ class Faces(NamedTuple):
 
 
 class PairWorkspace(NamedTuple):
-    """Polygons of a pair in their positions, and the overlap of both."""
+    """Polygons of both elements of a pair in their positions, and the overlap of two."""
 
-    corners_1: Floats  # Corners of a polygon in its place, m
+    corners_1: Floats  # Of all polygons of an element, one after the other, m
     corners_2: Floats
+    box_1: Floats  # Least and largest coordinates of each polygon: west, south, east, north, m
+    box_2: Floats
     cut: Floats  # Corners of the overlap; see `riftberg.physics.geometry.overlap`
+
+
+@kernel
+def allocate_pair(faces: Faces) -> PairWorkspace:
+    """Return a workspace for the polygons of any two elements."""
+    corners, polygons = 0, 0
+    for e in range(faces.begin.size):
+        corners = max(corners, faces.ring[faces.end[e]] - faces.ring[faces.begin[e]])
+        polygons = max(polygons, faces.end[e] - faces.begin[e])
+    return PairWorkspace(
+        np.empty((corners, 2)), np.empty((corners, 2)), np.empty((polygons, 4)), np.empty((polygons, 4)),
+        np.empty((2, 4 * corners, 3)),
+    )  # fmt: skip
 
 
 class CrushingWorkspace(NamedTuple):
@@ -56,8 +71,9 @@ class CrushingWorkspace(NamedTuple):
     active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
     # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
-    # closing speed (m s-1), force across and along (N) in the last sub-step
-    face: Floats  # shape (pairs, 26)
+    # closing speed (m s-1), force across and along (N) in the last sub-step, changes of the velocities of both bodies by a unit
+    # impulse along each of the two rows (12)
+    face: Floats  # shape (pairs, 38)
     accelerations: Floats  # By each force, m s-2; shape (elements, forces, 2)
     drag_rate: Floats  # Of `ForceTerms`; shape (elements, 3)
     force: Floats
@@ -82,17 +98,12 @@ def face_gaps(first: Ints, second: Ints, separation: Floats, faces: Faces) -> Fl
 
     ``separation``: from the second to the first element, m.
     """
-    most = most_corners(faces)
-    corners_1, corners_2, gaps = np.empty((most, 2)), np.empty((most, 2)), np.full((first.size, 3), np.inf)
+    pair, gaps = allocate_pair(faces), np.empty((first.size, 3))
     for k in range(first.size):
         i, j = first[k], second[k]
-        for p in range(faces.begin[i], faces.end[i]):
-            count_1 = _place(faces, p, separation[k, 0], separation[k, 1], 1.0, 0.0, corners_1)
-            for q in range(faces.begin[j], faces.end[j]):
-                count_2 = _place(faces, q, 0.0, 0.0, 1.0, 0.0, corners_2)
-                g, nx, ny = gap(corners_1[:count_1], corners_2[:count_2])
-                if g < gaps[k, 0]:
-                    gaps[k, 0], gaps[k, 1], gaps[k, 2] = g, nx, ny
+        _place(faces, i, separation[k, 0], separation[k, 1], 1.0, 0.0, pair.corners_1, pair.box_1)
+        _place(faces, j, 0.0, 0.0, 1.0, 0.0, pair.corners_2, pair.box_2)
+        gaps[k, 0], gaps[k, 1], gaps[k, 2] = _find_least_gap(faces, i, j, pair)
     return gaps
 
 
@@ -101,14 +112,28 @@ def find_pair_gap(
     island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
 ) -> tuple[float, float, float]:
     """Gap (m) between the faces of a pair with the bodies moved by ``path``, below 0 where they overlap, and its normal."""
-    i, j = island.first[k], island.second[k]
+    i, j, pair = island.first[k], island.second[k], work.pair
     ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
+    _place(faces, i, x1, y1, ca, sa, pair.corners_1, pair.box_1)
+    _place(faces, j, x2, y2, cb, sb, pair.corners_2, pair.box_2)
+    return _find_least_gap(faces, i, j, pair)
+
+
+@borrower
+def _find_least_gap(faces: Faces, i: int, j: int, pair: PairWorkspace) -> tuple[float, float, float]:
+    """Least gap (m) between the polygons of two elements in their positions, and its normal."""
     nearest, nx, ny = np.inf, 1.0, 0.0
-    for p in range(faces.begin[i], faces.end[i]):
-        count_1 = _place(faces, p, x1, y1, ca, sa, work.pair.corners_1)
-        for q in range(faces.begin[j], faces.end[j]):
-            count_2 = _place(faces, q, x2, y2, cb, sb, work.pair.corners_2)
-            g, gx, gy = gap(work.pair.corners_1[:count_1], work.pair.corners_2[:count_2])
+    for p in range(faces.end[i] - faces.begin[i]):
+        begin, end = _find_corners(faces, i, p)
+        one, box = pair.corners_1[begin:end], pair.box_1[p]
+        for q in range(faces.end[j] - faces.begin[j]):
+            other = pair.box_2[q]
+            # No nearer than their boxes are.
+            east, north = max(box[0] - other[2], other[0] - box[2]), max(box[1] - other[3], other[1] - box[3])
+            if max(east, north) >= max(nearest, 0.0):
+                continue
+            begin, end = _find_corners(faces, j, q)
+            g, gx, gy = gap(one, pair.corners_2[begin:end])
             if g < nearest:
                 nearest, nx, ny = g, gx, gy
     return nearest, nx, ny
@@ -123,17 +148,20 @@ def find_pair_overlap(
     The skin brings each towards the other, so that neither is the first one. It takes the whole workspace, as `find_pair_gap`:
     with few arguments LLVM no longer takes these into their callers, and a sub-step costs a third more.
     """
-    i, j = island.first[k], island.second[k]
+    i, j, pair = island.first[k], island.second[k], work.pair
     ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
-    x1, y1, x2, y2 = x1 + skin_x, y1 + skin_y, x2 - skin_x, y2 - skin_y
+    _place(faces, i, x1 + skin_x, y1 + skin_y, ca, sa, pair.corners_1, pair.box_1)
+    _place(faces, j, x2 - skin_x, y2 - skin_y, cb, sb, pair.corners_2, pair.box_2)
     area = moment_x = moment_y = chord_x = chord_y = 0.0
-    for p in range(faces.begin[i], faces.end[i]):
-        count_1 = _place(faces, p, x1, y1, ca, sa, work.pair.corners_1)
-        for q in range(faces.begin[j], faces.end[j]):
-            count_2 = _place(faces, q, x2, y2, cb, sb, work.pair.corners_2)
-            overlap_area, tx, ty, cx, cy = overlap(
-                work.pair.corners_1[:count_1], work.pair.corners_2[:count_2], work.pair.cut
-            )
+    for p in range(faces.end[i] - faces.begin[i]):
+        begin, end = _find_corners(faces, i, p)
+        one, box = pair.corners_1[begin:end], pair.box_1[p]
+        for q in range(faces.end[j] - faces.begin[j]):
+            other = pair.box_2[q]
+            if box[0] > other[2] or other[0] > box[2] or box[1] > other[3] or other[1] > box[3]:
+                continue
+            begin, end = _find_corners(faces, j, q)
+            overlap_area, tx, ty, cx, cy = overlap(one, pair.corners_2[begin:end], pair.cut)
             area += overlap_area
             moment_x += tx
             moment_y += ty
@@ -154,19 +182,22 @@ def locate_pair(island: Island, path: Floats, k: int) -> tuple[float, float, flo
 
 
 @kernel
-def _place(faces: Faces, polygon: int, x: float, y: float, c: float, s: float, out: Floats) -> int:
-    """Corners of a polygon whose element stands at (x, y) and has turned by cosine and sine; returns their number."""
-    begin, n = faces.ring[polygon], faces.ring[polygon + 1] - faces.ring[polygon]
-    for k in range(n):
-        px, py = faces.corner[begin + k, 0], faces.corner[begin + k, 1]
-        out[k, 0], out[k, 1] = x + c * px - s * py, y + s * px + c * py
-    return int(n)
+def _place(faces: Faces, e: int, x: float, y: float, c: float, s: float, out: Floats, box: Floats) -> None:
+    """Place the polygons of an element that stands at (x, y) and has turned by cosine and sine, and find their boxes."""
+    begin = faces.ring[faces.begin[e]]
+    for p in range(faces.begin[e], faces.end[e]):
+        west, south, east, north = np.inf, np.inf, -np.inf, -np.inf
+        for n in range(faces.ring[p], faces.ring[p + 1]):
+            px, py = faces.corner[n, 0], faces.corner[n, 1]
+            u, v = x + c * px - s * py, y + s * px + c * py
+            out[n - begin, 0], out[n - begin, 1] = u, v
+            west, south, east, north = min(west, u), min(south, v), max(east, u), max(north, v)
+        k = p - faces.begin[e]
+        box[k, 0], box[k, 1], box[k, 2], box[k, 3] = west, south, east, north
 
 
 @kernel
-def most_corners(faces: Faces) -> int:
-    """Largest number of corners of a polygon."""
-    most = 0
-    for k in range(faces.ring.size - 1):
-        most = max(most, faces.ring[k + 1] - faces.ring[k])
-    return most
+def _find_corners(faces: Faces, e: int, number: int) -> tuple[int, int]:
+    """Return where the corners of one polygon of an element begin and end among those of all of them."""
+    p, begin = faces.begin[e] + number, faces.ring[faces.begin[e]]
+    return faces.ring[p] - begin, faces.ring[p + 1] - begin

@@ -91,6 +91,7 @@ class IslandResult(NamedTuple):
     peak_force: Floats  # On the elements when contact pressed their body hardest, N, N, N m; shape (elements, 3)
     peak_axes: Floats  # Cosine and sine of the axis of their fragment then; shape (elements, 2)
     peak_spin: Floats  # Of the bodies then, rad s-1; shape (bodies,)
+    peak_time: Floats  # When that was, s since the start of the step; shape (bodies,)
     impulse: Floats  # Given to the bodies by contact, N s, N s, N m s; shape (bodies, 3)
     anchors: Floats  # See `riftberg.engines.quasi_static.contact.anchors`; shape (elements, columns)
     rubbed: Floats  # Work of friction on the sea floor, J; shape (bodies,)
@@ -104,6 +105,7 @@ class PeakContactLoad(NamedTuple):
     axes: Floats  # Cosine and sine of the fragment's axis from local east then; shape (rows, 2)
     bodies: Ints  # The fragments
     spin: Floats  # Theirs then, rad s-1; shape (bodies,)
+    time: Floats  # When that was, s since the start of the step; shape (bodies,)
 
 
 class SubcycledMotion(NamedTuple):
@@ -208,7 +210,7 @@ def subcycled_motion(
     ``first``, ``second``: elements of the candidate pairs, as they were given.
     """
     first, second = first[islands.order], second[islands.order]
-    after, path, touched, close, applied, force, axes, spin, impulse, anchors, rubbed = result
+    after, path, touched, close, applied, force, axes, spin, time, impulse, anchors, rubbed = result
     met = touched | close
     if not met.any():
         return None
@@ -226,6 +228,7 @@ def subcycled_motion(
         axes[loaded_rows],
         islands.members[members & pressed],
         spin[members & pressed],
+        time[members & pressed],
     )
     return SubcycledMotion(
         islands.members[members], islands.rows[rows], path[members] / dt, after[members], impulse[members], anchors[rows],
@@ -318,7 +321,7 @@ def allocate_result(all_islands: Island, twist: Floats, anchors: Floats) -> Isla
     return IslandResult(
         twist, np.zeros((bodies, 3)), np.zeros(all_islands.first.size, np.bool_), np.zeros(all_islands.first.size, np.bool_),
         np.zeros((rows, all_islands.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), all_islands.levers[:, 9:11].copy(),
-        np.zeros(bodies), np.zeros((bodies, 3)), anchors, np.zeros(bodies),
+        np.zeros(bodies), np.zeros(bodies), np.zeros((bodies, 3)), anchors, np.zeros(bodies),
     )  # fmt: skip
 
 
@@ -336,6 +339,7 @@ def select_result(lists: Islands, k: int, r: IslandResult) -> IslandResult:
         r.peak_force[e],
         r.peak_axes[e],
         r.peak_spin[b],
+        r.peak_time[b],
         r.impulse[b],
         r.anchors[e],
         r.rubbed[b],
@@ -455,12 +459,13 @@ def linearised_force(about: Linearisation, twist: Floats, net_force: Floats) -> 
 
 @borrower
 def record_loads(
-    island: Island, size: Floats, peak: Floats, twist: Floats, path: Floats, force: Floats, contact_force: Floats,
+    island: Island, size: Floats, peak: Floats, twist: Floats, path: Floats, force: Floats, contact_force: Floats, time: float,
     result: IslandResult,
 ) -> None:  # fmt: skip
     """Record the loads of the bonded bodies on which the forces of contact add up to more, ``size``, than so far, ``peak`` (N).
 
-    ``twist``, ``path``: of the bodies now; ``force``, ``contact_force``: on the elements by media and by contact (N, N, N m).
+    ``twist``, ``path``: of the bodies now; ``force``, ``contact_force``: on the elements by media and by contact (N, N, N m);
+    ``time``: since the start of the step, s.
     """
     body_of = island.body_of
     for e in range(body_of.size):
@@ -477,7 +482,8 @@ def record_loads(
         result.peak_axes[e, 0], result.peak_axes[e, 1] = m[9] * c - m[10] * s, m[10] * c + m[9] * s
         result.peak_spin[b] = q[2]
     for b in range(size.size):
-        peak[b] = max(peak[b], size[b])
+        if size[b] > peak[b]:
+            peak[b], result.peak_time[b] = size[b], time
 
 
 @borrower

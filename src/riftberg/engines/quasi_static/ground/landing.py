@@ -30,6 +30,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
     take_elements,
 )
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, move_poses
+from riftberg.engines.quasi_static.contact.anchors import GIVES_WAY
 from riftberg.engines.quasi_static.ground.pads import ORIGIN_X, ORIGIN_Y, Pads, fill_hulls, place_points
 from riftberg.engines.quasi_static.ground.plate import Plates
 from riftberg.engines.quasi_static.ground.press import (
@@ -53,7 +54,8 @@ VELOCITY_CHANGE: Final = 0.1
 """Largest relative change of a fragment's speed by the floor in a sub-step, unless the floor holds the fragment."""
 
 CARRIED_CHANGE: Final = 0.1
-"""Part by which the floor may change its hold on a fragment that others push over it, in a step longer than `TOUCH_STEP`."""
+"""Part by which the floor may change its hold on a fragment that others push over it, in a step longer than `TOUCH_STEP`, unless
+that changes its velocity by less than `VELOCITY_CHANGE`."""
 
 SLOW: Final = 1e-3
 """Speed (m s-1) below which changes are measured by this one."""
@@ -79,13 +81,13 @@ PATH, VELOCITY, ACCELERATION, NEXT, PUSH, NET, WAY = range(7)
 sub-step, velocity at the end of this one (m s-1), force of others and of the floor (N), way to where the depth is asked (m)."""
 
 (
-    TIME, SUBSTEP, RADIUS, ARM, SPEED, SHORTEST, PEAK, PEAK_SPIN, RUBBED, RUBS, CLEARANCE, HELD, CHANGE, REACH, LENGTH, THICKNESS,
-    LEVEL,
-) = range(17)  # fmt: skip
+    TIME, SUBSTEP, RADIUS, ARM, SPEED, SHORTEST, PEAK, PEAK_SPIN, PEAK_TIME, RUBBED, RUBS, CLEARANCE, HELD, CHANGE, REACH, LENGTH,
+    THICKNESS, LEVEL,
+) = range(18)  # fmt: skip
 """Columns of `Landing.number`: time since the start and length of the sub-step (s), radii of fragment and gyration (m), speed at
-the start (m s-1), shortest sub-step (s), largest force of the floor (N) and the spin then, work of friction so far and in the
-sub-step (J), clearance at least (m), friction that can hold in its middle (N), by how many times `CARRIED_CHANGE` the floor holds
-it otherwise where contact has taken it, way for which pads are watched (m), bending length and thickness of the ice (m), and the
+the start (m s-1), shortest sub-step (s), largest force of the floor (N), spin and time then, work of friction so far and in the
+sub-step (J), clearance at least (m), friction that can hold in its middle (N), change of the hold of the floor where others push
+it as a multiple of what it may change, way for which pads are watched (m), bending length and thickness of the ice (m), and the
 level at the start, in the middle and at the end of the step (m)."""
 
 NUMBERS: Final = LEVEL + 3
@@ -481,8 +483,13 @@ def _end_substep(
     number[SUBSTEP] = max(longer, number[SUBSTEP]) if dt < number[SUBSTEP] else longer
     if h - number[TIME] > 1e-12 * h:
         _begin_substep(fragments, a, h, latlon, radius)
-    else:
-        flag[STATUS] = DONE
+        return
+    flag[STATUS] = DONE
+    if motion[PUSH].any():  # what pushes it has not met the floor
+        friction = 0.0
+        for e in range(fragments.pads.row_start[a], fragments.pads.row_start[a + 1]):
+            friction += fragments.loads[e, HOLD]
+        number[CHANGE] = _kick(fragments, a, friction, h)
 
 
 @kernel
@@ -521,7 +528,7 @@ def _accept(fragments: Landing, a: int, forcing: ElementForcing, dt: float) -> N
         fragments.yielded[first + e] = max(fragments.yielded[first + e], fragments.loads[first + e, YIELD])
         size += math.hypot(of_floor[FORCE_X], of_floor[FORCE_Y])
     if size > number[PEAK]:
-        number[PEAK], number[PEAK_SPIN] = size, motion[VELOCITY, 2]
+        number[PEAK], number[PEAK_SPIN], number[PEAK_TIME] = size, motion[VELOCITY, 2], number[TIME] + dt
         for e in range(count):
             of_floor, peak = fragments.trial_anchors[first + e], fragments.peak[first + e]
             peak[0], peak[1] = force[e, 0] + of_floor[FORCE_X], force[e, 1] + of_floor[FORCE_Y]
@@ -560,6 +567,7 @@ def _set_down(fragments: Landing, a: int, bed: Bed, h: float, depth: Floats, lat
         fragments.pads.row_start[a + 1],
         0.0,
     )
+    held = fragments.loads[first:last, HOLD].copy()
     _press(fragments, a, bed, h, h, depth)
     if flag[STATUS] == UNSETTLED:
         return
@@ -573,6 +581,11 @@ def _set_down(fragments: Landing, a: int, bed: Bed, h: float, depth: Floats, lat
         friction += load[HOLD]
         fragments.yielded[e] = max(fragments.yielded[e], load[YIELD])
         anchor[LARGEST] = max(anchor[LARGEST], load[HOLD])
+        # Contact has taken the hold to be that of the start: friction that slides is the hold now, as the next step finds it.
+        size = math.hypot(anchor[ANCHOR_X], anchor[ANCHOR_Y])
+        if size > min(GIVES_WAY * held[e - first], load[HOLD]):
+            anchor[ANCHOR_X] *= load[HOLD] / size
+            anchor[ANCHOR_Y] *= load[HOLD] / size
         x, y = _turned(m, load[PUSH_X], load[PUSH_Y])
         anchor[FORCE_X], anchor[FORCE_Y] = anchor[ANCHOR_X] + x, anchor[ANCHOR_Y] + y
         offset = _load_from_centre(fragments, a, e)
@@ -581,8 +594,17 @@ def _set_down(fragments: Landing, a: int, bed: Bed, h: float, depth: Floats, lat
         fragments.motion[a, PATH, 2]
     )
     if distance > bed.anchor_way:
-        number[CHANGE] = abs(friction - number[HELD]) / max(CARRIED_CHANGE * number[HELD], 1e-30)
+        change = abs(friction - number[HELD])
+        number[CHANGE] = min(change / max(CARRIED_CHANGE * number[HELD], 1e-30), _kick(fragments, a, change, h))
     flag[ACCEPTED], flag[STATUS] = 1, DONE
+
+
+@kernel
+def _kick(fragments: Landing, a: int, friction: float, h: float) -> float:
+    """Change of velocity by a friction that grows to this (N) in a step, as a multiple of what a sub-step may change."""
+    way = fragments.motion[a, PATH]
+    speed = (math.hypot(way[0], way[1]) + fragments.number[a, ARM] * abs(way[2])) / h
+    return float(0.5 * h * friction * fragments.mobility[a, 0, 0] / (VELOCITY_CHANGE * max(speed, SLOW)))
 
 
 @kernel
@@ -609,6 +631,7 @@ def board(fragments: Landing, numbers: Ints, bodies: Bodies, keel: Keel, thickne
                 fragments.reference[n, k] = bodies.reference[e, k]
             fragments.anchors[n, ANCHOR_X], fragments.anchors[n, ANCHOR_Y] = keel.anchor_x[e], keel.anchor_y[e]
             fragments.anchors[n, LARGEST], fragments.yielded[n] = keel.anchor_capacity[e], keel.floor_yield[e]
+            fragments.loads[n, HOLD] = keel.floor_hold[e]
             number[HELD] += keel.floor_hold[e]
             if keel.floor_load[e] > 0.0 or keel.anchor_x[e] != 0.0 or keel.anchor_y[e] != 0.0:
                 flag[TOUCHES] = 1

@@ -257,9 +257,9 @@ class Seabed:
     ) -> tuple[SubcycledMotion | None, float]:
         """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does.
 
-        Those that stood on it before ``contact`` go as it says. The second value: how much otherwise the floor holds one of them
-        where contact has taken it, over what a step may change; endless where a fragment in contact has touched the floor. Writes
-        its loads to the keels at the end, and the largest bending stress that each bond has borne.
+        Those that stood on it before ``contact`` go as it says. The second value: by how much the hold of the floor changes on
+        one of them that others push, as a multiple of what it may change in a step. Writes its loads to the keels at the end, and
+        the largest bending stress that each bond has borne.
         """
         further, by_the_floor = 1.0, NO_PAIRS[0]
         model.bonds.flexural_stress[:] = 0.0
@@ -267,14 +267,14 @@ class Seabed:
             flexure = self._run(model, op, h, contact, by_the_floor, *prepared)
             fragments, numbers = prepared
             beyond = (fragments.flag[:, landing.STATUS] == landing.BEYOND).any()
-            changed = fragments.number[:, landing.CHANGE] > 1.0
+            changed = (fragments.number[:, landing.CHANGE] > 1.0) & (fragments.flag[:, landing.CARRIED] == 1)
             if not beyond and changed.any() and h <= landing.TOUCH_STEP * (1.0 + 1e-9):
                 # The floor changes faster than others push: those go as it says, pushed by the mean force.
                 by_the_floor = np.union1d(by_the_floor, numbers[changed])
                 continue
             if not beyond:
                 model.bonds.flexural_stress[:] = flexure
-                return self._finish(model, *prepared, h), _largest_hold_change(contact, *prepared)
+                return self._finish(model, *prepared, h), float(fragments.number[:, landing.CHANGE].max())
             further *= 8.0  # a light berg may be taken up by the water
             if further > FARTHEST:
                 raise RunError(
@@ -351,7 +351,7 @@ class Seabed:
         touched, pressed = np.repeat(landed, elements), np.repeat(bonded, elements)
         peak = PeakContactLoad(
             pads.rows[pressed], fragments.peak[pressed, :3].copy(), fragments.peak[pressed, 3:].copy(), numbers[bonded],
-            number[bonded, landing.PEAK_SPIN],
+            number[bonded, landing.PEAK_SPIN], number[bonded, landing.PEAK_TIME],
         )  # fmt: skip
         return SubcycledMotion(
             numbers[landed], pads.rows[touched], fragments.motion[landed, landing.PATH] / h,
@@ -444,15 +444,6 @@ def _carry(
         )  # fmt: skip
 
 
-def _largest_hold_change(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> float:
-    """Largest `landing.CHANGE` of the fragments; endless where contact has taken one down onto the floor."""
-    if contact is None:
-        return 0.0
-    touched = (fragments.flag[:, landing.STATUS] == landing.DONE) & (fragments.flag[:, landing.CARRIED] == 0)
-    landed = (touched & np.isin(numbers, contact.bodies)).any()
-    return math.inf if landed else float(fragments.number[:, landing.CHANGE].max())
-
-
 @kernel
 def _count_points(pads: Pads, polygons: Ints) -> int:
     """How many points the press needs the depth of: the corners of polygons and their middles."""
@@ -516,7 +507,7 @@ def join_motions(contact: SubcycledMotion | None, ground: SubcycledMotion | None
     alone, rows = (~np.isin(which, contact.peak_load.bodies) for which in (ground_peak.bodies, body[ground_peak.rows]))
     unshared_peak = PeakContactLoad(
         ground_peak.rows[rows], ground_peak.force[rows], ground_peak.axes[rows], ground_peak.bodies[alone],
-        ground_peak.spin[alone],
+        ground_peak.spin[alone], ground_peak.time[alone],
     )  # fmt: skip
     peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(contact.peak_load, unshared_peak, strict=True)))
 
