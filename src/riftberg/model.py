@@ -517,7 +517,7 @@ class BareModel(RunState):
         body, population = self.elements.body, self.population
         self._seen_rows, self._seen_bonds = (population.version, population.next_bond), self.bonds.id.copy()
         self._seen_ids, self._seen_bytes = body.id.copy(), _to_bytes(_element_sizes(self.elements))
-        self._seen_coarse = size_bins(self.elements) if coarse is None else coarse
+        self._seen_coarse = size_bins(self) if coarse is None else coarse
 
     def _follow_changes(self) -> None:
         """Follow up births, deaths and changes of mass or size since the last look."""
@@ -527,7 +527,7 @@ class BareModel(RunState):
         if self.population.version == version and _to_bytes(_element_sizes(self.elements)) == self._seen_bytes:
             return
         # Sizes in bins: melt changes every element in every step, the number of sub-steps only where that matters.
-        coarse = size_bins(self.elements)
+        coarse = size_bins(self)
         changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
         check_state(self.elements, self.bonds, self.parameters.earth.latlon)
         measured = self.population.version != version and self._follow_rows(ids)
