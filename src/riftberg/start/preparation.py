@@ -1,0 +1,54 @@
+"""A state made ready for its first step: checked, completed, with sub-steps; of a resumed run with its environment."""
+
+from __future__ import annotations
+
+from riftberg.engines.common.fragments.tree import measure_outlines
+from riftberg.engines.common.laws import OWN_VARIABLES
+from riftberg.engines.common.run_state import RunState
+from riftberg.engines.common.speed_limit import refuse_fast_start
+from riftberg.engines.common.state_checks import check_state, check_strengths
+from riftberg.engines.common.stepper import Stepper, complete_state
+from riftberg.engines.schemes import assign_substeps, check_long_step
+from riftberg.life.process import check_water
+from riftberg.state import ELEMENT_VARIABLES, Environment
+from riftberg.system.input_files import check_work
+
+
+def prepare_steps(run: RunState) -> None:
+    """Refuse a state that cannot be stepped, complete it, and choose its sub-steps."""
+    p, elements = run.parameters, run.elements
+    check_state(elements, run.bonds, p.earth.latlon)
+    check_strengths(run.bonds, p)
+    refuse_fast_start(elements, p)
+    check_water(run.forcing, p)
+    complete_state(run)
+    # A number that is given may be larger than an array can hold.
+    check_work(1, getattr(p.stepping, "substeps", None) or 1, elements.size, where="stepping.substeps")
+    assign_substeps(run, elements.body.substeps == 0)
+    check_long_step(run)
+    check_work(1, run.substeps, elements.size, where="stepping.substeps")
+
+
+def resume_environment(run: RunState, stepper: Stepper) -> None:
+    """Take the environment of a resumed run from its forcing: the values of its file, unless that run failed by its forcing.
+
+    What a forcing does not give is not known: it may stem from another one, such as the water at a keel. A force of one's own
+    may have been taken at velocities that are no more: it stays.
+    """
+    if not run.elements.body.berg_length.all():  # of a restart file that does not hold it
+        measure_outlines(run.elements, run.constants)
+    if run.forcing.grid is not None:
+        run.forcing.grid.check_cells(run.elements)
+    if (
+        not run.forcing.given
+    ):  # an ocean model that has yet to hand over its fields (`OceanForcing`) would be one at rest
+        return
+    environment = run.elements.environment
+    by_user = [getattr(environment, name) for name in OWN_VARIABLES]
+    values_by_user = [array.copy() for array in by_user]
+    for variable in ELEMENT_VARIABLES:
+        if variable.name in Environment._fields:
+            getattr(environment, variable.name)[:] = variable.default
+    stepper.sample_forcing(run)
+    for array, values in zip(by_user, values_by_user, strict=True):
+        array[:] = values
