@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError
+from riftberg.runs.background import add_background
 from riftberg.runs.derived import Derived, list_ledgers, values_now, write_fragment_melt
 from riftberg.runs.layout import (
     BOND_LATEST,
@@ -25,7 +26,6 @@ from riftberg.runs.layout import (
     reorder,
     texts,
 )
-from riftberg.runs.scene import add_background
 from riftberg.runs.schema import MISSING, REGISTRY, bond_history, define_histories, define_run, histories, stored_kind
 from riftberg.runs.tracks import (
     ELEMENT_COLUMNS,

@@ -70,7 +70,7 @@ class RunWriter:
     flush_seconds : float, optional
         Wall time for which records may be held in memory, in s; 0 writes each at once.
     background : bool, optional
-        Add currents and sea floor around the run for maps (`riftberg.runs.scene`) at the end.
+        Add currents and sea floor around the run for maps (`riftberg.runs.background`) at the end.
 
     forces : bool, optional
         Write the mean force of each medium on each element since the record before (`riftberg.runs.derived`).
