@@ -187,7 +187,7 @@ class Exchange:
         # On land may stand what marks missing values.
         flux, heat = (np.where(mask >= 0.5, q, 0.0) for q in (flux, heat))
         # All that may be refused has been checked by now: a step that is refused has changed nothing.
-        self._intake.hand_over(arrays)
+        self._intake.deliver(arrays)
         self._intake.note_handed(arrays)
         go_back = self._checkpoint()
         try:
@@ -199,7 +199,7 @@ class Exchange:
     def show(self, given: Mapping[str, Any] | xr.Dataset) -> None:
         """Hand fields over without a step: bergs at their start, and a record of it, meet this ocean and not one at rest."""
         arrays = self._intake.read(given)
-        self._intake.hand_over({name: a for name, a in arrays.items() if name in {*Fields._fields, "taux", "tauy"}})
+        self._intake.deliver({name: a for name, a in arrays.items() if name in {*Fields._fields, "taux", "tauy"}})
 
     def _checkpoint(self) -> Callable[[], None]:
         """Return a function that restores bergs, stores and budget."""

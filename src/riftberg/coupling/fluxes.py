@@ -108,7 +108,7 @@ class OceanFluxes:
         # Melt may have removed elements since their shares were found: rows are matched by identifier.
         rows, matched = find_rows(self._after_motion.ids, el.body.id)
         # Processes of the user may have added ice since.
-        shares = self._after_motion.shares.taken(rows) if matched.all() else shares_of_cells(self.model, self.grid)
+        shares = self._after_motion.shares.taken(rows) if matched.all() else find_shares(self.model, self.grid)
         scaling = el.life.mass_scaling
         mass, plan = scaled_mass(el.life, el.body.mass), el.body.length * el.body.width * scaling
         on_floor = grounded_mass(self.model, el)
@@ -139,7 +139,7 @@ class OceanFluxes:
         return xr.Dataset(data, coordinates)
 
 
-def shares_of_cells(model: BareModel, grid: Grid) -> Shares:
+def find_shares(model: BareModel, grid: Grid) -> Shares:
     """Return the shares of the elements in cells as they lie now."""
     elements = model.elements.copy()
     grid.locate(elements)
@@ -153,6 +153,6 @@ def grounded_mass(model: BareModel, el: Elements) -> Floats:
 
 def mass_on_cells(model: BareModel, grid: Grid) -> tuple[Floats, Floats]:
     """Return the mass of bergs on cells, and the part that the floor bears, kg."""
-    shares = shares_of_cells(model, grid)
+    shares = find_shares(model, grid)
     mass = scaled_mass(model.elements.life, model.elements.body.mass)
     return shares.sum(mass), shares.sum(grounded_mass(model, model.elements))

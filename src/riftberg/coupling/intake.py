@@ -73,7 +73,7 @@ class OceanIntake:
             raise InputError("wind and its stress", where="exchange", remedy="Hand over one of them")
         return arrays
 
-    def hand_over(self, arrays: dict[str, Floats]) -> None:
+    def deliver(self, arrays: dict[str, Floats]) -> None:
         """Let the bergs meet these fields, on the grid with its halo, vectors at its corners."""
         if "taux" in arrays:
             tau_x, tau_y = np.broadcast_arrays(arrays.pop("taux"), arrays.pop("tauy"))
