@@ -42,7 +42,7 @@ from riftberg.kid.restart import (
 )
 from riftberg.kid.trajectories import resample_environment
 from riftberg.life.calving import FluxCalving, Stores, check_flux
-from riftberg.life.footloose import ReferenceDraws
+from riftberg.life.draws import ReferenceDraws
 from riftberg.life.melt import life_values
 from riftberg.life.process import LifeModel
 from riftberg.model import Recorder, recording

@@ -21,16 +21,9 @@ import numpy as np
 from riftberg.constants import LATENT_HEAT
 from riftberg.engines.common.laws import ElementLaw, law_values
 from riftberg.errors import InputError
-from riftberg.life.footloose import (
-    CalvingDraws,
-    Circumstances,
-    Living,
-    OwnDraws,
-    calve_footloose,
-    find_growth,
-    follow_growth,
-    let_children_go,
-)
+from riftberg.life.births import Circumstances, Living
+from riftberg.life.draws import CalvingDraws, OwnDraws
+from riftberg.life.footloose import calve_footloose, find_growth, follow_growth, let_children_go
 from riftberg.life.melt import NO_RATES, MeltStep, life_values, melt_step, scaled_mass
 from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.needs import find_missing_water
