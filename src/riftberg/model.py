@@ -34,10 +34,8 @@ from riftberg.life.census import Census, follow_changes
 from riftberg.life.coming import COMING, bear, split_by_date
 from riftberg.life.grid_edge import count_turns, element_turns, find_lost
 from riftberg.life.motion import MotionLedger
-from riftberg.life.process import LifeProcess, lives
 from riftberg.ocean.forcing import Forcing, as_forcing
 from riftberg.parameters import Parameters
-from riftberg.start.berg_parameters import adopt_packing, fill_constant_size
 from riftberg.start.checks import (
     check_arguments,
     check_balance,
@@ -49,7 +47,7 @@ from riftberg.start.checks import (
     whole_steps,
 )
 from riftberg.start.description import describe_run, find_unusual, heading, list_notices, sea_level_notice
-from riftberg.start.preparation import prepare_steps, resume_environment
+from riftberg.start.preparation import adopt_packing, fill_constant_size, make_life, prepare_steps, resume_environment
 from riftberg.state import Bonds, Elements, Floats, copy_state
 from riftberg.state.population import Population, Saved, cut_out
 from riftberg.system.input_files import check_work, shortened, value_shown
@@ -194,7 +192,7 @@ class BareModel(RunState):
 
     def _start_ledgers(self) -> None:
         """Begin the life of the bergs and the ledger of their motion, by the parameters."""
-        self.life = LifeProcess(self.parameters, self.laws.melt) if lives(self.parameters) else None
+        self.life = make_life(self.parameters, self.laws.melt)
         self.motion = MotionLedger(self.parameters, self.laws.several())
 
     def fit_time_step(self, interval: float) -> None:

@@ -14,7 +14,7 @@ from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.fluxes import mass_on_cells
 from riftberg.coupling.shelf import IceShelf
 from riftberg.errors import BergError, InputError, RiftbergError
-from riftberg.life.melt import scaled_mass
+from riftberg.life.ledger import scaled_mass
 
 NJ, NI = 30, 36
 

@@ -22,7 +22,8 @@ from riftberg.coupling.ledger import ExchangeBalance, ExchangeLedger, Settling
 from riftberg.coupling.shelf import IceShelf
 from riftberg.errors import InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
-from riftberg.life.process import birth_date, stocks
+from riftberg.life.ledger import stocks
+from riftberg.life.process import birth_date
 from riftberg.model import BareModel
 from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, Staggering

@@ -13,8 +13,8 @@ from riftberg.coupling.ledger import Settling
 from riftberg.coupling.shelf import Shares, compute_shares
 from riftberg.engines.common.forces.media import FORCES
 from riftberg.engines.common.fragments.grounding_log import mass_on_floor
-from riftberg.life.melt import scaled_mass
-from riftberg.life.process import PROCESSES, LifeModel
+from riftberg.life.ledger import PROCESSES, scaled_mass
+from riftberg.life.process import LifeModel
 from riftberg.model import BareModel
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import interpolate_corners

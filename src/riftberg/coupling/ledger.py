@@ -10,7 +10,7 @@ import numpy as np
 
 from riftberg.constants import LATENT_HEAT
 from riftberg.errors import InputError
-from riftberg.life.process import stocks
+from riftberg.life.ledger import stocks
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 

@@ -8,47 +8,39 @@ as in the reference, or from draws that depend on berg and step alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, MutableMapping
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.constants import SECONDS_PER_DAY
 from riftberg.engines.common.broad_phase import contact_cells, within_cells
 from riftberg.engines.common.forces.sizes import interaction_radius
 from riftberg.errors import RunError
 from riftberg.life.births import CHILD, Births, Circumstances, Living
+from riftberg.life.feet import edge_moduli
 from riftberg.life.melt import LifeValues, bit_shape
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
 from riftberg.physics.calving import (
     ASPECT,
     foot_length,
-    mean_weights,
     piece_width,
     pieces_ready,
-    relaxed_modulus,
     sides_without,
 )
 from riftberg.physics.floating import roll
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
-from riftberg.state.population import find_rows, listed, numbered
+from riftberg.state.population import listed
 
 LARGEST_CUT: Final = 0.5
 """Part of its area that an element of a bonded berg loses to pieces in one step at most; the rest stays in its foot."""
 
 LET_GO: Final = -2.0
 """Foot of a child that has drifted off its parent and may collide."""
-
-FOOT_GROWTH: Final = "foot_growth"
-"""Name under which a restart keeps the mean rate (m s-1) at which feet grow, by identifier."""
-
-MEMORY: Final = 30.0 * SECONDS_PER_DAY
-"""Time (s) over which that mean is taken: feet grow in storms, and are months old when they break an edge."""
 
 
 class FootlooseCalving:
@@ -275,43 +267,6 @@ def calve_footloose(model: Living, p: Parameters, values: LifeValues, when: Circ
     Returns the mass (kg) that parents gained by being given the density of the parameters (quirk T45); 0 in own runs.
     """
     return FootlooseCalving(model, p, values, when).run()
-
-
-def edge_lengths(el: Elements) -> Floats:
-    """Length (m) of the edge along which the foot of each element grows."""
-    return np.where(el.life.front >= 0.0, el.life.front, 2.0 * (el.length + el.width))
-
-
-def edge_moduli(el: Elements, p: Parameters, growth: Floats | None) -> Floats:
-    """Young's modulus (Pa) by which the edge of each element breaks; ``growth`` of its foot, m s-1, where edges relax."""
-    footloose = p.footloose
-    if footloose.modulus == "constant" or growth is None:
-        return np.full(el.size, footloose.youngs)
-    edge = edge_lengths(el)
-    _, berg = numbered(np.where(el.berg == 0, -1 - np.arange(el.size), el.berg))  # without a number each is alone
-    of_berg = np.bincount(berg, growth * edge) / np.maximum(np.bincount(berg, edge), 1.0)
-    return np.array([
-        relaxed_modulus(thickness, rate, footloose.strength, p.ice.density, footloose.viscosity)
-        for thickness, rate in zip(el.thickness.tolist(), of_berg[berg].tolist(), strict=True)
-    ])  # fmt: skip
-
-
-def follow_growth(el: Elements, grown: Floats, dt: float, remembered: MutableMapping[str, Floats]) -> None:
-    """Take the growth of the feet (m2) in a step (s) into the mean rate that is remembered."""
-    edge = edge_lengths(el)
-    rate = np.divide(grown, edge * dt, out=np.zeros(el.size), where=edge > 0.0)
-    mean, has_mean = find_growth(el, remembered)
-    new, old = mean_weights(MEMORY, dt)
-    remembered[FOOT_GROWTH] = np.column_stack([el.body.id, np.where(has_mean, new * rate + old * mean, rate)])
-
-
-def find_growth(el: Elements, remembered: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the mean rate (m s-1) at which the feet of the elements grow, 0 where it is not known, and where it is."""
-    ids, means = np.asarray(remembered.get(FOOT_GROWTH, np.zeros((0, 2)))).T
-    row, has_mean = find_rows(ids.astype(np.int64), el.body.id)
-    mean = np.zeros(el.size)
-    mean[has_mean] = means[row[has_mean]]
-    return mean, has_mean
 
 
 def let_children_go(elements: Elements, p: Parameters, grid: Grid | None) -> None:

@@ -12,7 +12,8 @@ import xarray as xr
 from riftberg.config.values import duration, moment, required
 from riftberg.errors import ForcingError
 from riftberg.ocean import needs
-from riftberg.ocean.balance import SeaLevel, decided
+from riftberg.ocean.balance import decided
+from riftberg.ocean.needs import SeaLevel
 from riftberg.products.records import WAVES, check_pairs, have_waves, named
 from riftberg.products.registry import in_memory
 

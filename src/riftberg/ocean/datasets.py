@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from riftberg.config.values import check_names, given, moment, number, required
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas, needs
-from riftberg.ocean.balance import SeaLevel, checked_wind_layer, layer_text, wind_drift
+from riftberg.ocean.balance import checked_wind_layer, layer_text, wind_drift
 from riftberg.ocean.balanced_slope import BalancedSlope, check_layer
 from riftberg.ocean.coverage import (
     check_keel,
@@ -31,6 +31,7 @@ from riftberg.ocean.dataset_preparation import describe_idle_fields, first_commo
 from riftberg.ocean.element_sampler import ElementSampler
 from riftberg.ocean.forcing import Forcing as BaseForcing
 from riftberg.ocean.grid import Grid
+from riftberg.ocean.needs import SeaLevel
 from riftberg.ocean.product_part import Part, averaged_product, product_part
 from riftberg.ocean.product_records import NO_RINGS
 from riftberg.ocean.series import Series

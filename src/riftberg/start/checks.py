@@ -15,6 +15,7 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.errors import InputError
 from riftberg.life.coming import coming
 from riftberg.ocean.forcing import Forcing
+from riftberg.ocean.needs import find_missing_water
 from riftberg.parameters import Parameters
 from riftberg.system.input_files import value_shown
 
@@ -129,3 +130,19 @@ def whole_steps(seconds: float, step: float) -> int:
             remedy="Run longer",
         )
     return count
+
+
+def check_water(forcing: Forcing, p: Parameters) -> None:
+    """Refuse melt without a temperature, or without a salinity where the law of the base needs one.
+
+    Runs with the reference's numerics take the fields of their driver.
+    """
+    missing = {} if p.quirks.zero_start else find_missing_water(p, forcing.provides)
+    if missing:
+        fields = " and ".join(missing.values())
+        raise InputError(
+            f"bergs are to melt, but there is no {' and no '.join(missing)} of the sea",
+            where=f"forcing: {forcing.describe()}",
+            remedy=f"Give files with {fields}, or numbers: {' and '.join(f'melt.{name}' for name in missing)}; "
+            "or set melt.enabled = false",
+        )

@@ -12,7 +12,6 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.common.slenderness import narrow_warning
 from riftberg.engines.schemes import resonance_warning
 from riftberg.life.coming import coming_text
-from riftberg.ocean.balance import slope_notice
 from riftberg.ocean.floor_notices import floor_notices
 
 
@@ -66,6 +65,8 @@ def sea_level_notice(run: RunState) -> str:
     """Return what is assumed of the sea level where no data give one, with a figure for the largest berg; else nothing."""
     if not (run.forcing.assumes_slope or run.forcing.level_gaps):
         return ""
+    from riftberg.ocean.balance import slope_notice
+
     body, bonds = run.elements.body, run.bonds
     component = connected_parts(body.id.size, bonds.first, bonds.second, bonds.status)
     areas = np.bincount(component, weights=body.length * body.width)
