@@ -58,7 +58,7 @@ class Circumstances(NamedTuple):
     draws: CalvingDraws  # Random places on the rim
     # Processes of the reference along x and y whose results are followed; 1, 1 in runs of Riftberg's own
     ranks: tuple[int, int] = (1, 1)
-    growth: Floats | None = None  # `find_growth` the elements; None where edges do not relax
+    growth: Floats | None = None  # Rates of `find_growth`; None where edges do not relax
     # Gives the identifier of a child from the cell (column, row) of its parent; None where the population numbers them
     names: Callable[[int, int], int] | None = None
 
