@@ -28,8 +28,8 @@ import numpy as np
 import yaml
 
 from riftberg import Iceberg, Model, Parameters
-from riftberg.coupling.exchange import Box
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing
+from riftberg.coupling.sections import Box
 
 HOURS_PER_YEAR = 8760.0
 CORES = {1.0: 241, 0.25: 1817}

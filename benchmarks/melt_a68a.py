@@ -14,8 +14,9 @@ import numpy as np
 from riftberg.bergs.bonding import count_bonds
 from riftberg.experiments.a68a import MELT_DAYS, MELT_START, MELT_THICKNESS, TrackSea, melting_a68a
 from riftberg.experiments.registry import Options
+from riftberg.life.ledger import Ledger
 from riftberg.life.melt import melt_step
-from riftberg.life.process import Ledger, water_by_process
+from riftberg.life.process import water_by_process
 
 FRESH_WATER = (152.0, 61.0)
 """Observed loss and its error, Gt."""

@@ -23,7 +23,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg import Iceberg, Model, Parameters
-from riftberg.bergs.iceberg import LENGTHS, SHARES, usual_thickness
+from riftberg.bergs.populations import LENGTHS, SHARES, usual_thickness
 from riftberg.constants import EARTH_RADIUS_KID, EARTH_ROTATION, GRAVITY
 from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.fields import OceanForcing

@@ -166,12 +166,19 @@ def _default(field: Any) -> str:
 
 def variables_page() -> str:
     """Return the page of the state variables and of the run file."""
-    from riftberg.runs import run_file, tracks
-    from riftberg.runs.layout import BOND_LATEST, FRAGMENT_VARIABLES, GROUNDING_VARIABLES, in_file
+    from riftberg.runs import tracks
+    from riftberg.runs.layout import (
+        BOND_HISTORY,
+        BOND_LATEST,
+        FRAGMENT_VARIABLES,
+        GROUNDING_VARIABLES,
+        SHAPE,
+        in_file,
+    )
     from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
     def rows(variables: Any) -> list[tuple[str, ...]]:
-        written = {v.name for v in variables if v.output} | {*run_file.SHAPE, *BOND_LATEST}
+        written = {v.name for v in variables if v.output} | {*SHAPE, *BOND_LATEST}
         return [
             (
                 code(v.name), v.units, v.long_name, code(v.standard_name),
@@ -190,8 +197,8 @@ def variables_page() -> str:
             "## Run file\n",
             "`run.nc` is one CF-1.11 NetCDF-4 file that opens with `xarray.open_dataset` as it is, and with TrajAn and",
             "clouddrift. Variables of an element are tables `(trajectory, time)`; "
-            f"{', '.join(code(in_file(name)) for name in run_file.SHAPE)} are written once. Bonds have the dimension `bond`:",
-            f"{', '.join(map(code, run_file.BOND_HISTORY))} are `(bond, time)` (so is `damage`, in runs with",
+            f"{', '.join(code(in_file(name)) for name in SHAPE)} are written once. Bonds have the dimension `bond`:",
+            f"{', '.join(map(code, BOND_HISTORY))} are `(bond, time)` (so is `damage`, in runs with",
             "[damage](../explanation/damage.md)), the others hold the latest state. There `peak_stress` is the largest",
             "`normal_stress` of any sub-step since the record before, not of the last long step alone. Positions and",
             "`rotation` are kept in double precision, the rest in single precision.\n",
@@ -358,7 +365,7 @@ def products_page() -> str:
 PAGES: dict[str, tuple[Callable[[], str], str]] = {
     "parameters.md": (parameters_page, "src/riftberg/config/parameter_groups.py"),
     "experiment-file.md": (experiment_page, "src/riftberg/experiments/schema.py"),
-    "variables.md": (variables_page, "src/riftberg/state/variables.py and runs/run_file.py"),
+    "variables.md": (variables_page, "src/riftberg/state/variables.py and runs/layout.py"),
     "namelist.md": (namelist_page, "src/riftberg/kid/entries.py"),
     "summary.md": (summary_page, "src/riftberg/diagnostics/summary.py and speed.py"),
     "commands.md": (commands_page, "src/riftberg/cli and experiments"),

@@ -257,7 +257,7 @@ def score(path: Path) -> dict[str, int] | None:
     from scores import daily_outlines, run_experiment, shared_folder
 
     from riftberg.diagnostics.score import score_run
-    from riftberg.runs.scene import stored_water
+    from riftberg.runs.background import stored_water
     from riftberg.viz.plots import figure_title
     from riftberg.viz.score import draw_score
 

@@ -255,7 +255,8 @@ def test_what_an_earlier_run_wrote_is_not_taken_away(
     def fails(*_: Any, **__: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(RunWriter, "_define" if fault == "the disk" else "start", fails)
+    where = "record_file.define_run" if fault == "the disk" else "run_file.RunWriter.start"
+    monkeypatch.setattr(f"riftberg.runs.{where}", fails)
     result = CliRunner().invoke(app, ["run", str(tmp_path / "slab.yaml"), "-o", str(out), "-q", "--no-map"])
     assert result.exit_code == 2, result.output
     assert "the disk is full" in result.stderr

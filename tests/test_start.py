@@ -121,10 +121,8 @@ READERS = ("xarray", "pandas", "dask", "riftberg.products", "riftberg.ocean.prod
 OTHERS = ("matplotlib", "riftberg.ensembles", "riftberg.ocean.errors", "riftberg.viz", "scipy.optimize", "scipy.stats")
 """What other commands load."""
 
-EXPLICIT = tuple(f"riftberg.engines.explicit.{name}" for name in ("single_step", "mts", "beams"))
-
 UNWANTED = {
-    "run": (*READERS, *OTHERS, *EXPLICIT, "riftberg.kid", "f90nml", "riftberg.coupling"),
+    "run": (*READERS, *OTHERS, "riftberg.engines.explicit", "riftberg.kid", "f90nml", "riftberg.coupling"),
     "kid": (
         *READERS,
         *OTHERS,

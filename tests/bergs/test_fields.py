@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg
-from riftberg.bergs.iceberg import power_law, usual_thickness
+from riftberg.bergs.populations import power_law, usual_thickness
 from riftberg.errors import BergError, RiftbergError
 
 EXPONENT = 1.52

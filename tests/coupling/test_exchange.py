@@ -13,7 +13,7 @@ from riftberg.constants import LATENT_HEAT, RHO_SEAWATER
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import ForcingError, InputError
-from riftberg.life.melt import scaled_mass
+from riftberg.life.ledger import scaled_mass
 
 NI, NJ = 16, 12
 ALONE = Parameters(

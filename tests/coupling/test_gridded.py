@@ -14,7 +14,7 @@ from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.gridded import GridRecorder, make_cells
 from riftberg.errors import InputError
-from riftberg.life.melt import scaled_mass
+from riftberg.life.ledger import scaled_mass
 
 ALONE = Parameters(
     bonds={"law": "none"}, fracture={"enabled": False}, contact={"iterate": False},

@@ -10,7 +10,7 @@ import pytest
 from riftberg import Forcing, Iceberg, Model, Parameters, draw_map, open_run
 from riftberg.diagnostics.summary import melt_by_fragment, melt_lines, summarize
 from riftberg.diagnostics.why import explain, reason_lines
-from riftberg.life.process import read_melt
+from riftberg.life.ledger import read_melt
 from riftberg.viz.replay import write_replay
 from riftberg.viz.score import draw_reasons
 

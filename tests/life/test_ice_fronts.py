@@ -56,19 +56,19 @@ def area_of(model: Model) -> float:
 def standing(berg: Iceberg, changes: dict[str, Any] | None = None, retreat: float = 20.0) -> Model:
     """Return a model that stands still and whose sides melt back by a distance (m) at each call of `melt`."""
     model = Model(berg, SEA, Parameters().changed(**(changes or CHANGES)))
-    model._first_visit()
+    model._long_step.begin(model)
     model.life.act(model)
     by_day = float(model.life.last.melt.melted.retreat.max())
     model = Model(berg, SEA, Parameters().changed(**(changes or CHANGES)))
     model.life.values = model.life.values._replace(dt=model.life.values.dt * retreat / by_day)
-    model._first_visit()
+    model._long_step.begin(model)
     return model
 
 
 def melt(model: Model, steps: int = 1) -> None:
     for _ in range(steps):
         model.life.act(model)
-        model._follow_changes()
+        model._long_step.follow_changes(model)
 
 
 def worst_ratio(shape: str, size: float, packing: str, angle: float) -> tuple[Model, float]:
@@ -235,7 +235,7 @@ def test_a_berg_that_is_born_has_an_outline_of_its_own():
     model = standing(berg_of("rectangle", 6e3))
     young = Iceberg.rectangle(12e3, 6e3, thickness=150.0, placement=(-38.0, -56.0), radius=1500.0)
     model.append(young.elements, young.bonds)
-    model._follow_changes()
+    model._long_step.follow_changes(model)
     melt(model)
     el = model.elements
     assert el.front[el.berg == 2].sum() == pytest.approx(36e3, rel=0.02)

@@ -13,7 +13,8 @@ from contract import HEAT_CLOSES, MASS_CLOSES
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
-from riftberg.life.footloose import FreePlaces, _Calving, corner_reach
+from riftberg.life.births import Births
+from riftberg.life.free_places import FreePlaces, corner_reach
 from riftberg.state import new_elements
 
 DIRECTIONS = 16
@@ -192,7 +193,7 @@ def test_room_beside_other_ice_is_looked_for_where_ice_meets_ice_and_not_with_th
         own.changed(stepping={"interactions": False}),
         own.changed(compatibility={"births_at_centre": True, "zero_start": True}),
     )
-    looked_for = [_Calving(model, p, unused, unused).free is not None for p in (own, *others)]
+    looked_for = [Births(model, p, unused).free is not None for p in (own, *others)]
     assert looked_for == [True, False, False]
 
 
@@ -203,7 +204,7 @@ def test_a_child_tries_the_place_that_was_drawn_and_then_the_corners_of_its_pare
         el=el, p=Parameters(earth=PLANE), when=SimpleNamespace(grid=object()),
         _holds=lambda _child, x, y, _e: tried.append((x, y)),
     )  # fmt: skip
-    _Calving._put(off_land, child, 0, (400.0, 120.0))  # type: ignore[arg-type]
+    Births._put(off_land, child, 0, (400.0, 120.0))  # type: ignore[arg-type]
     corners = [(600.0, 1850.0), (600.0, 2150.0), (1400.0, 2150.0), (1400.0, 1850.0)]
     assert tried == [(1400.0, 2120.0), *corners]
     assert (child.lon[0], child.lat[0]) == (1000.0, 2000.0)  # no sea anywhere: where the parent is
@@ -212,15 +213,13 @@ def test_a_child_tries_the_place_that_was_drawn_and_then_the_corners_of_its_pare
 def test_the_rim_turns_with_the_berg() -> None:
     """The length of a berg counted as east, however it had turned."""
     model = Model(parent(1), sea(), parameters("verlet", "bergs"))
-    body, unused = model.elements.body, SimpleNamespace()
+    body = model.elements.body
     body.length[:], body.width[:] = 4000.0, 1000.0
     for turn in (0.0, 0.5 * np.pi, 2.0):
         model.elements.motion.rotation[:] = turn
         for draw in np.linspace(0.0, 0.99, 12):
-            when = SimpleNamespace(
-                draws=SimpleNamespace(draw=lambda *_, d=draw: d), grid=None, ranks=(1, 1), step=1, growth=None
-            )
-            x, y = _Calving(model, model.parameters, unused, when)._rim(0, 1000.0, 4000.0)  # type: ignore[arg-type]
+            when = SimpleNamespace(draws=SimpleNamespace(draw=lambda *_, d=draw: d), rank=lambda *_: 0, step=1)
+            x, y = Births(model, model.parameters, when).draw_rim(0, 1000.0, 4000.0)  # type: ignore[arg-type]
             along, across = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
             assert max(abs(along) / 2000.0, abs(across) / 500.0) == pytest.approx(1.0)
 

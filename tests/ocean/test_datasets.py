@@ -12,7 +12,7 @@ import xarray as xr
 
 from riftberg import DatasetForcing, Iceberg, Model
 from riftberg.errors import ForcingError
-from riftberg.ocean.datasets import product_part
+from riftberg.ocean.product_part import product_part
 from riftberg.state import Elements, Floats, new_elements
 
 START = datetime(2020, 12, 9, 13)

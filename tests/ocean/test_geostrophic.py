@@ -14,7 +14,7 @@ from riftberg import DatasetForcing
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.experiments import build
-from riftberg.ocean.datasets import averaged_product, product_part
+from riftberg.ocean.product_part import averaged_product, product_part
 from riftberg.products import open_all
 from riftberg.state import Elements, Floats, new_elements
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from riftberg.ocean.datasets import product_part
 from riftberg.ocean.files_forcing import interpolate_levels, place_points
+from riftberg.ocean.product_part import product_part
 
 
 def at_points(ds: xr.Dataset, lon: Any, lat: Any, times: Any = None) -> xr.Dataset:

@@ -13,8 +13,8 @@ import xarray as xr
 from fakes import FakeForcing, FakeModel
 from riftberg import Forcing, Iceberg, Model, open_run
 from riftberg.errors import ForcingError
+from riftberg.runs.background import KeptWater, _axes, find_water, interpolate_evenly, stored_water
 from riftberg.runs.run_file import RunWriter, memory_run, open_own
-from riftberg.runs.scene import KeptWater, _axes, find_water, interpolate_evenly, stored_water
 
 GROUP = "background"
 

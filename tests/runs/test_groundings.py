@@ -41,7 +41,7 @@ def model_of(depth: float = 500.0, scheme: str = "quasi_static", law: str | None
         grounding={"law": law, **grounding} if law else grounding, stepping={"scheme": scheme, "time_step": HOUR}
     )
     model = Model(berg, Forcing.uniform((0.1, 0.0), depth=depth), parameters, "2025-02-28 06:00")
-    model._first_visit()
+    model._long_step.begin(model)
     return model
 
 
@@ -201,7 +201,7 @@ def test_a_keel_deep_inside_the_floor_is_told_once_where_a_drag_holds_nothing(sc
     for depth, said in ((140.0, True), (163.0, False)):
         parameters = Parameters(bonds=bonds, fracture=fracture, stepping={"scheme": scheme, "time_step": 600.0})
         model = Model(berg, Forcing.uniform((0.1, 0.0), depth=depth), parameters)
-        model._first_visit()
+        model._long_step.begin(model)
         teller = GroundTeller()
         teller.start(model)
         words = "the keel is up to 26 m below the floor: the law linear does not hold it (grounding.law)"

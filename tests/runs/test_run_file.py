@@ -22,7 +22,8 @@ from riftberg import open_run
 from riftberg.errors import InputError, RunError
 from riftberg.parameters import from_file
 from riftberg.runs.layout import in_file
-from riftberg.runs.run_file import RunWriter, histories, memory_run
+from riftberg.runs.run_file import RunWriter, memory_run
+from riftberg.runs.schema import histories
 from riftberg.state import ELEMENT_VARIABLES
 
 
@@ -356,7 +357,7 @@ def test_a_run_that_fails_at_its_first_record_leaves_the_run_that_was_there(
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(RunWriter, "_write", full)
+    monkeypatch.setattr("riftberg.runs.record_file.write_fragment_melt", full)
     with pytest.raises(RunError, match="cannot write"):
         FakeModel().advance(0.2, recorders=[RunWriter(path, every_hours=2)])
     assert path.read_bytes() == whole

@@ -107,16 +107,16 @@ def test_all_that_is_said_after_a_run_has_the_strength_of_the_place(tmp_path: Pa
     assert model.bonds_broken > 0
     with open_run(tmp_path / "run.nc") as run:
         scene = Scene(run)
-        assert scene.strengths.shape == (len(scene.times), model.bonds.first.size)
-        assert scene.strengths.min() == pytest.approx(low)
-        assert scene.strengths.max() == pytest.approx(high)
-        assert scene.strength == pytest.approx(low)
+        assert scene.bonds.strengths.shape == (len(scene.times), model.bonds.first.size)
+        assert scene.bonds.strengths.min() == pytest.approx(low)
+        assert scene.bonds.strengths.max() == pytest.approx(high)
+        assert scene.bonds.strength == pytest.approx(low)
         ratio = float(run.riftberg.tracks["stress_over_strength"].max())
         assert 0.3 < ratio <= 1.0
         reasons = why.explain(run)
         for bond in (b for breakup in reasons.breakups for b in breakup.first_bonds):
             own = float(run["strength"].values[bond.bond])
-            assert bond.strength == pytest.approx(own * scene.strengths[0, bond.bond])
+            assert bond.strength == pytest.approx(own * scene.bonds.strengths[0, bond.bond])
             ends = [int(run[name].values[bond.bond]) for name in ("bond_first", "bond_second")]
             assert bond.prestress == pytest.approx(np.mean([prestress(thick[e], 850.0) for e in ends]))
         assert reasons.breakups

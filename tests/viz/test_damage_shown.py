@@ -59,24 +59,24 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_lowest_strength_is_that_of_the_most_worn_bond_that_holds(run: xr.Dataset, plain: Path) -> None:
     part = np.linspace(0.0, 1.0, 9)
-    np.testing.assert_allclose(Scene(run).lowest_strength(), 18e3 * (1.0 - 0.4 * part), rtol=1e-6)
+    np.testing.assert_allclose(Scene(run).bonds.lowest_strength(), 18e3 * (1.0 - 0.4 * part), rtol=1e-6)
     with open_run(plain) as without:
-        assert Scene(without).lowest_strength() is None
-        assert Scene(without).bond_damage() is None
+        assert Scene(without).bonds.lowest_strength() is None
+        assert Scene(without).bonds.damage() is None
 
 
 def test_bonds_that_are_broken_count_no_more(run: xr.Dataset) -> None:
     broken = int(np.flatnonzero(~np.isnat(run["break_time"].values))[0])
     damage = run["damage"].copy()
     damage[broken] = 0.9
-    lowest = Scene(run.assign(damage=damage)).lowest_strength()
+    lowest = Scene(run.assign(damage=damage)).bonds.lowest_strength()
     assert lowest is not None
     late = run["time"].values >= run["break_time"].values[broken]
     assert late.sum() == 5
     np.testing.assert_allclose(lowest[~late], 1.8e3)
     np.testing.assert_allclose(lowest[late], 18e3 * (1.0 - 0.4 * np.linspace(0.5, 1.0, 5)), rtol=1e-6)
     nothing = run.assign(break_time=("bond", np.full(run.sizes["bond"], run["time"].values[2])))
-    lowest = Scene(nothing).lowest_strength()
+    lowest = Scene(nothing).bonds.lowest_strength()
     assert lowest is not None
     assert list(np.isnan(lowest)) == [False] * 2 + [True] * 7
 
@@ -90,7 +90,7 @@ def stress_axes(run: xr.Dataset) -> Any:
 def test_the_timeline_draws_what_is_left_beside_the_strength(run: xr.Dataset, plain: Path) -> None:
     ax = stress_axes(run)
     heights = [np.asarray(line.get_ydata(), float) for line in ax.lines]
-    np.testing.assert_allclose(heights[0], Scene(run).tension().max(axis=1) / 1e3)
+    np.testing.assert_allclose(heights[0], Scene(run).bonds.tension().max(axis=1) / 1e3)
     assert (heights[1][1:] < heights[0][1:] - 0.4).all()  # at the records: without the ringing
     np.testing.assert_allclose(heights[2], 18.0)
     np.testing.assert_allclose(heights[3], 18.0 * (1.0 - 0.4 * np.linspace(0.0, 1.0, 9)), rtol=1e-6)

@@ -25,7 +25,7 @@ from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.viz import plots, style
-from riftberg.viz.panels import nearest_record
+from riftberg.viz.records import nearest_record
 
 RING = np.array([[-39.1, -55.05], [-38.6, -55.05], [-38.6, -54.95], [-39.1, -54.95]])
 

@@ -17,6 +17,7 @@ from riftberg import draw_map, open_run
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Box, Scene, corner_offsets, element_polygons
 from riftberg.viz.panels import Panel, speed_bar
+from riftberg.viz.records import even_records, telling_records
 from riftberg.viz.style import Labels, degree_label, lay_out, new_figure, round_length
 
 LED = 11.0
@@ -82,7 +83,7 @@ def test_a_lattice_that_was_turned_when_made_is_drawn_turned(tmp_path: Path) -> 
 
 def test_dates_are_whole_days_from_first_to_last(run: tuple[FakeModel, xr.Dataset]) -> None:
     scene = Scene(run[1])
-    records = scene.chosen_records(6)
+    records = even_records(scene, 6)
     assert (records[0], records[-1], len(records)) == (0, 48, 6)
     assert {str(scene.times[k])[11:16] for k in records} == {"13:00"}
 
@@ -91,7 +92,7 @@ def test_dates_of_the_map_show_what_broke_off(run: tuple[FakeModel, xr.Dataset])
     """The panels of 16 and 19 December showed nothing of A68a's finger breaking off on the 20th."""
     scene = Scene(run[1])
     births = [born[0] for n in scene.numbers if (born := scene.birth(n)) is not None]
-    records = scene.telling_records(6)
+    records = telling_records(scene, 6)
     assert len(births) == 1
     assert len(records) == 6
     assert records[0] == 0
@@ -149,7 +150,7 @@ def test_a_run_in_metres_without_a_period_is_drawn_where_it_was(tmp_path: Path) 
     run = open_run(tmp_path)
     scene = Scene(run)
     np.testing.assert_array_equal(scene.x, run["x"].transpose("time", "trajectory").values)
-    box = scene.grown(Box(0.0, 40e3, 85e3, 105e3), 0.1)
+    box = Box(0.0, 40e3, 85e3, 105e3).grown(0.1, latlon=scene.latlon)
     assert (box.west, box.east, box.south, box.north) == (-4e3, 44e3, 81e3, 109e3)
 
 

@@ -54,7 +54,7 @@ def scored() -> Score:
 
 
 def film_frame(run: xr.Dataset, path: Path) -> None:
-    from riftberg.runs.scene import stored_water
+    from riftberg.runs.background import stored_water
 
     film = animate._Film(Scene(run), stored_water(run), {}, 80)
     film.draw(10)

@@ -78,13 +78,13 @@ def test_positions_on_the_page_are_true_to_metres(run: xr.Dataset, page: Path) -
 
 def test_stress_is_the_peak_of_bonds_that_held_at_the_record_before(run: xr.Dataset) -> None:
     content = ReplayContent(run, title="", observed={})
-    stress = content._largest_bond_value(content.scene.tension()[content.records])
+    stress = content._largest_bond_value(content.scene.bonds.tension()[content.records])
     lonely = np.setdiff1d(np.arange(80), np.r_[run["bond_first"].values, run["bond_second"].values])
     assert not len(lonely)
     np.testing.assert_allclose(stress[0], 1000.0)
     np.testing.assert_allclose(stress[-1], run["peak_stress"].values[0, -1], rtol=1e-6)
     cut = run.isel(bond=slice(0, 0))
-    assert Scene(cut).tension().max(initial=0.0) == 0.0
+    assert Scene(cut).bonds.tension().max(initial=0.0) == 0.0
 
 
 def test_the_page_needs_nothing_from_elsewhere(page: Path) -> None:

@@ -25,8 +25,10 @@ from riftberg.cli.pictures import usual_kinds
 from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.engines.common.fragments.tree import Fragment
 from riftberg.errors import InputError
+from riftberg.runs.background import stored_water
+from riftberg.runs.positions import stretch
 from riftberg.runs.run_file import RunWriter
-from riftberg.runs.scene import Scene, stored_water, stretch
+from riftberg.runs.scene import Scene
 from riftberg.viz import animate, colours, ensemble, plots, style
 from riftberg.viz import score as score_picture
 from riftberg.viz.panels import arrow_key, common_boxes, fragment_colours

@@ -151,13 +151,6 @@ class BondedBerg:
         """Names of the bergs."""
         return tuple(name for name, _ in self.bergs)
 
-    def _reported(self, report: dict[str, Any]) -> Self:
-        """Return the berg with this report, completed by the error of its area."""
-        full = dict(report)
-        if "outline_area" in report:
-            full["area_error"] = self.area / report["outline_area"] - 1.0
-        return replace(self, report=full)
-
     @property
     def area(self) -> float:
         """Area of all elements, m2."""
@@ -326,6 +319,14 @@ class BondedBerg:
 B = TypeVar("B", bound=BondedBerg)
 
 
+def with_report(berg: B, report: dict[str, Any]) -> B:
+    """Return a berg with this report, completed by the error of its area."""
+    full = dict(report)
+    if "outline_area" in report:
+        full["area_error"] = berg.area / report["outline_area"] - 1.0
+    return replace(berg, report=full)
+
+
 def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = None) -> B:
     """Return several bergs as one start of a run; see `riftberg.bergs.iceberg.Iceberg.join`."""
     if isinstance(bergs, Mapping):
@@ -372,7 +373,9 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
     )
     outline_areas = [berg.report.get("outline_area") for berg in members]
     # Losses by the lattices are reported of all together, where each was made from a shape.
-    return joined if None in outline_areas else joined._reported({**joined.report, "outline_area": sum(outline_areas)})
+    return (
+        joined if None in outline_areas else with_report(joined, {**joined.report, "outline_area": sum(outline_areas)})
+    )
 
 
 def _count_elements(bergs: Sequence[BondedBerg], names: Sequence[str] | None) -> list[tuple[str, int]]:

@@ -503,7 +503,7 @@ def score(
                 out.print(line, highlight=False)
         written = [result.write(folder / "score.json")]
         if figure:
-            from riftberg.runs.scene import stored_water
+            from riftberg.runs.background import stored_water
             from riftberg.viz.score import draw_score
 
             water = stored_water(dataset)

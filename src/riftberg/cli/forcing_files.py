@@ -189,7 +189,7 @@ def _read_requirements(name: str, files_named: bool) -> Requirements:
     from riftberg.experiments import Options, find
     from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL, REGION
     from riftberg.experiments.a68a_files import named_folder
-    from riftberg.model import DEFAULT_START
+    from riftberg.start.checks import DEFAULT_START
 
     if not files_named and not find(name).fetches:
         return Requirements(spared=frozenset(EXPECTED))

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.config.values import key, number
-from riftberg.coupling.exchange import Box, Exchange, read_section
+from riftberg.coupling.exchange import Exchange
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
+from riftberg.coupling.sections import Box, read_section
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model

@@ -6,62 +6,28 @@ import logging
 import math
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from typing import Any, Final, Literal, NamedTuple, TypeVar
+from typing import Any, Final, Literal
 
 import numpy as np
 import xarray as xr
-from pydantic import ValidationError
 from scipy.spatial import cKDTree
 
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.config.values import Section, explained, key, number
+from riftberg.config.values import number
 from riftberg.constants import LATENT_HEAT
-from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
-from riftberg.coupling.shelf import IceShelf, Shares, compute_shares
-from riftberg.engines.common.forces.media import FORCES
-from riftberg.engines.common.fragments.grounding_log import mass_on_floor
-from riftberg.errors import ForcingError, InputError
+from riftberg.coupling.fields import OceanForcing
+from riftberg.coupling.fluxes import OceanFluxes, mass_on_cells
+from riftberg.coupling.intake import OceanIntake
+from riftberg.coupling.ledger import ExchangeBalance, ExchangeLedger, Settling
+from riftberg.coupling.shelf import IceShelf
+from riftberg.errors import InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
-from riftberg.life.melt import scaled_mass
-from riftberg.life.process import PROCESSES, LifeModel, birth_date, stocks
+from riftberg.life.ledger import stocks
+from riftberg.life.process import birth_date
 from riftberg.model import BareModel
-from riftberg.ocean.cells import CORNER_FIELDS, Fields
-from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
-from riftberg.ocean.gridded import interpolate_corners
-from riftberg.ocean.needs import find_missing_water
+from riftberg.ocean.cells import Fields
+from riftberg.ocean.grid import Grid, Staggering
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.population import find_rows
-
-
-class Settling:
-    """Mass that cells bear beyond the bergs on them, since ice calved there; its sum is 0, and it fades.
-
-    ``time``: in which it becomes smaller by the factor e, s; ``rest``: kg (shape (nj, ni)).
-    """
-
-    def __init__(self, time: float, grid: Grid) -> None:
-        if not 0.0 < time < math.inf:
-            raise InputError(f"settling_time = {time:g} s", where="Exchange", remedy="Give a finite time above 0")
-        self.time = time
-        self.rest = np.zeros((grid.arrays.nj, grid.arrays.ni))
-
-    def take_up(self, saved: Floats | None) -> None:
-        """Go on from the state in a restart."""
-        if saved is not None:
-            self.rest = saved.copy()
-
-    def settle(self, dt: float) -> None:
-        """Let some time (s) pass."""
-        self.rest *= math.exp(-dt / self.time)
-
-    def settled(self, mass: Floats) -> Floats:
-        """Return the mass of bergs on cells (kg) with the mass that has not settled yet; never below 0, of the same sum."""
-        more = np.maximum(self.rest, 0.0)
-        if not more.any():
-            return mass
-        # A berg may have left cells that still lack something: as much less is then added elsewhere.
-        less = np.minimum(np.maximum(-self.rest, 0.0), mass)
-        return np.asarray(mass - less + more * (less.sum() / more.sum()))
 
 
 def refuse_ice_on_bergs(old: Elements, new: Elements, metric: Metric) -> None:
@@ -93,56 +59,9 @@ STORES: Final = "exchange_"
 """Beginning of the names under which a restart keeps stores and ledger of the exchange."""
 
 Edge = Literal["open", "closed"]
-Kind = TypeVar("Kind", bound=Section)
 
 FITS: Final = 1e-9
 """How closely the steps of ocean and bergs must fit, as part of a step."""
-
-
-class ExchangeBalance(NamedTuple):
-    """The ledger of an exchange since its start."""
-
-    start: float  # Ice in bergs and stores, kg
-    now: float  # Ice in bergs and stores, kg
-    taken: float  # Ice that came from the land, and water that the ocean got, kg
-    given: float  # Ice that came from the land, and water that the ocean got, kg
-    left: float  # Ice that left over an open edge, kg
-    heat_start: float  # The same for heat, J: ice lacks the latent heat
-    heat_now: float  # The same for heat, J: ice lacks the latent heat
-    heat_taken: float  # The same for heat, J: ice lacks the latent heat
-    heat_given: float  # The same for heat, J: ice lacks the latent heat
-    heat_left: float  # The same for heat, J: ice lacks the latent heat
-
-    @property
-    def error(self) -> float:
-        """Mass that is left over, as part of the mass in the ledger; 0 if it closes."""
-        scale = max(abs(self.start), abs(self.now), self.taken, self.given, 1e-30)
-        return (self.start + self.taken - self.given - self.left - self.now) / scale
-
-    @property
-    def heat_error(self) -> float:
-        """The same for heat."""
-        scale = max(abs(self.heat_start), abs(self.heat_now), abs(self.heat_taken), abs(self.heat_given), 1e-30)
-        return (self.heat_start + self.heat_taken - self.heat_given - self.heat_left - self.heat_now) / scale
-
-    def describe(self) -> str:
-        """Return the ledger in two lines."""
-        return (
-            f"ice {self.start:.6e} kg + taken {self.taken:.6e} - given {self.given:.6e} - left {self.left:.6e} = {self.now:.6e} "
-            f"(error {self.error:.1e})\n"
-            f"heat {self.heat_start:.6e} J + taken {self.heat_taken:.6e} - given {self.heat_given:.6e} "
-            f"- left {self.heat_left:.6e} = {self.heat_now:.6e} "
-            f"(error {self.heat_error:.1e})"
-        )
-
-
-class _Seen(NamedTuple):
-    """Elements as they were after their motion and before the melt."""
-
-    ids: Any
-    shares: Shares
-    scaling: Floats
-    drag: Floats  # Of the water on the elements, N, along and across the rows of the grid; shape (2, elements)
 
 
 class Exchange:
@@ -204,23 +123,22 @@ class Exchange:
         p = model.parameters
         self.model, self.forcing, self.grid = model, model.forcing, model.forcing.ocean_grid
         self.steps = _whole_steps(self.ocean_step, p.time_step)
-        self.staggering: Staggering = staggering
-        self.wind_staggering: Staggering = wind_staggering
         _check_kept(model, self.grid)
-        # Which fields have been handed over so far: 1 or 0 for each name of `Fields`.
-        self._handed = model.remembered.get(STORES + "handed", np.zeros(len(Fields._fields))).copy()
-        self.calving = FluxCalving(p, self.grid, _kept_stores(model)) if calving else None
+        saved = {
+            name.removeprefix(STORES): array for name, array in model.remembered.items() if name.startswith(STORES)
+        }
+        handed = saved.get("handed", np.zeros(len(Fields._fields))).copy()
+        self._intake = OceanIntake(model, self.forcing, staggering, wind_staggering, handed)
+        self.calving = FluxCalving(p, self.grid, _kept_stores(saved)) if calving else None
         self._settling = Settling(number(settling_time, "s", where="settling_time"), self.grid)
-        self._settling.take_up(model.remembered.get(STORES + "settling"))
-        self._seen: _Seen | None = None
+        self._settling.take_up(saved.get("settling"))
+        self._fluxes = OceanFluxes(model, self.forcing, self.ocean_step, self.steps)
         if model.life is not None:
-            model.life.look_around = self._look
-        self._held = model.remembered.get(STORES + "held", np.zeros(2)).copy()
-        self._totals = model.remembered.get(STORES + "totals", np.zeros(4)).copy()
-        self._left = model.remembered.get(STORES + "left", np.zeros(2)).copy()
+            model.life.look_around = self._fluxes.look
         self.departed: list[tuple[Elements, Bonds]] = []
-        start = model.remembered.get(STORES + "start")
-        self._start = np.array(self.stocks()) if start is None else start.copy()
+        self._ledger = ExchangeLedger(saved)
+        if "start" not in saved:
+            self._ledger.start[:] = self.stocks()
         self._keep()
 
     # --------------------------------------------------------------------------------------------------------- stocks
@@ -229,20 +147,14 @@ class Exchange:
         """Return ice in bergs and stores (kg), and the heat it lacks (J, negative)."""
         ice, heat = stocks(self.model.elements)
         if self.calving is not None:
-            stored = float(self.calving.stores.ice.sum()) + float(self._held[0])
-            warmth = float(self.calving.stores.heat.sum()) + float(self._held[1])
+            stored = float(self.calving.stores.ice.sum()) + float(self._ledger.held[0])
+            warmth = float(self.calving.stores.heat.sum()) + float(self._ledger.held[1])
             ice, heat = ice + stored, heat + warmth - LATENT_HEAT * stored
         return ice, heat
 
     def balance(self) -> ExchangeBalance:
         """Return the ledger since the start."""
-        current = self.stocks()
-        came, went, heat_came, heat_went = self._totals.tolist()
-        left, heat_left = self._left.tolist()
-        return ExchangeBalance(
-            float(self._start[0]), current[0], came, went, left,
-            float(self._start[1]), current[1], heat_came, heat_went, heat_left,
-        )  # fmt: skip
+        return self._ledger.balance(self.stocks())
 
     # ----------------------------------------------------------------------------------------------------------- step
 
@@ -268,7 +180,7 @@ class Exchange:
             If a name, a unit, a shape or a value is wrong; nothing has been stepped then. Whatever else fails takes the whole
             step back, with births and stores.
         """
-        arrays = self._arrays(given)
+        arrays = self._intake.read(given)
         shape = self.grid.arrays.nj, self.grid.arrays.ni
         flux, heat = (np.broadcast_to(arrays.pop(name, np.zeros(shape)), shape) for name in ("calving", "calving_heat"))
         mask = self.grid.arrays.mask[self.grid.domain]
@@ -276,8 +188,8 @@ class Exchange:
         # On land may stand what marks missing values.
         flux, heat = (np.where(mask >= 0.5, q, 0.0) for q in (flux, heat))
         # All that may be refused has been checked by now: a step that is refused has changed nothing.
-        self.forcing.put(self._fields(arrays))
-        self._handed[[name in arrays for name in Fields._fields]] = 1.0
+        self._intake.deliver(arrays)
+        self._intake.note_handed(arrays)
         go_back = self._checkpoint()
         try:
             return self._stepped(flux, heat)
@@ -287,23 +199,18 @@ class Exchange:
 
     def show(self, given: Mapping[str, Any] | xr.Dataset) -> None:
         """Hand fields over without a step: bergs at their start, and a record of it, meet this ocean and not one at rest."""
-        arrays = self._arrays(given)
-        self.forcing.put(
-            self._fields({name: a for name, a in arrays.items() if name in {*Fields._fields, "taux", "tauy"}})
-        )
+        arrays = self._intake.read(given)
+        self._intake.deliver({name: a for name, a in arrays.items() if name in {*Fields._fields, "taux", "tauy"}})
 
     def _checkpoint(self) -> Callable[[], None]:
         """Return a function that restores bergs, stores and budget."""
         go_back = self.model.checkpoint()
-        names = ("_held", "_totals", "_left", "departed")
-        copies = {name: getattr(self, name).copy() for name in names}
-        rest, stores = self._settling.rest.copy(), None if self.calving is None else deepcopy(self.calving.stores)
+        ledger, departed, rest = self._ledger.copy(), self.departed.copy(), self._settling.rest.copy()
+        stores = None if self.calving is None else deepcopy(self.calving.stores)
 
         def whole_way() -> None:
             go_back()
-            for name, value in copies.items():
-                setattr(self, name, value)
-            self._settling.rest = rest
+            self._ledger, self.departed, self._settling.rest = ledger, departed, rest
             if self.calving is not None and stores is not None:
                 self.calving.stores = stores
 
@@ -311,103 +218,34 @@ class Exchange:
 
     def _stepped(self, flux: Floats, heat: Floats) -> xr.Dataset:
         """Let ice calve and bergs step, and return the fields to the ocean."""
-        fluxes = {name: np.zeros(flux.shape) for name in ("melt", "heat", "left", "left_heat", "stress_x", "stress_y")}
-        by_process = np.zeros((len(PROCESSES), *flux.shape))
+        self._fluxes.begin()
         if self.calving is not None:
-            self._calve(flux, heat, fluxes)
+            self._calve(flux, heat)
         else:
             # Without calving all land ice goes to the ocean at once, and takes its latent heat with it.
-            fluxes["left"], fluxes["left_heat"] = flux, heat - LATENT_HEAT * flux
+            self._fluxes.fields |= {"left": flux, "left_heat": heat - LATENT_HEAT * flux}
         self.departed = []
         for _ in range(self.steps):
-            self._seen = None
-            self.model.step()
-            if self.model.departed is not None:
-                self.departed.append(self.model.departed)
-                self._add_departed(self.model.departed[0], fluxes)
-            # A model without melt has no process that looks around between motion and melt.
-            if self._seen is None:
-                self._look(self.model)
-            self._add(fluxes, by_process)
+            departed = self._fluxes.step_bergs()
+            if departed is not None:
+                self.departed.append(departed)
         self._settling.settle(self.ocean_step)
-        self._count(fluxes, flux, heat)
-        return self._returned({**fluxes, **self._state()}, by_process)
+        scale = self.grid.arrays.area[self.grid.domain] * self.ocean_step
+        gone = [elements for elements, _ in self.departed]
+        self._ledger.enter_step((flux, heat), self._fluxes.fields, scale, gone)
+        self._keep()
+        return self._fluxes.dataset(self._settling)
 
-    def _arrays(self, given: Mapping[str, Any] | xr.Dataset) -> dict[str, Floats]:
-        items = {str(k): v for k, v in given.items()}
-        if isinstance(given, xr.Dataset):
-            items = {str(v.attrs.get("standard_name", k)): v for k, v in given.items()}
-        g = self.grid.arrays
-        cell = ((g.nj, g.ni), (g.nj + 2, g.ni + 2))
-        corner = (*cell, (g.nj + 1, g.ni + 1))
-        # Vectors may come with one more row and column: their corners.
-        wide = {*CORNER_FIELDS, "taux", "tauy"}
-        shapes: dict[str, tuple[tuple[int, int], ...]]
-        shapes = {q.field: corner if q.field in wide else cell for q in TAKEN.values()}
-        shapes |= {"calving": cell[:1], "calving_heat": cell[:1]}  # ice calves into cells of the ocean only
-        arrays = taken(items, shapes, g.mask[self.grid.domain])
-        for lacking, field in find_missing_water(self.model.parameters, arrays).items():
-            name = next(name for name, q in TAKEN.items() if q.field == field)
-            raise ForcingError(
-                f"no {name}, but bergs melt", where="exchange",
-                remedy=f"Hand it over, give melt.{lacking} as a number, or set melt.enabled = false",
-            )  # fmt: skip
-        for pair in (("uo", "vo"), ("ui", "vi"), ("ua", "va"), ("taux", "tauy")):
-            if (pair[0] in arrays) != (pair[1] in arrays):
-                raise InputError(
-                    f"one of {pair[0]} and {pair[1]} alone", where="exchange", remedy="Hand over both parts"
-                )
-        if "taux" in arrays and "ua" in arrays:
-            raise InputError("wind and its stress", where="exchange", remedy="Hand over one of them")
-        return arrays
-
-    def _fields(self, arrays: dict[str, Floats]) -> Fields:
-        """Put the fields on the grid with its halo, vectors at its corners."""
-        if "taux" in arrays:
-            tau_x, tau_y = np.broadcast_arrays(arrays.pop("taux"), arrays.pop("tauy"))
-            arrays["ua"], arrays["va"] = wind_from_stress(np.atleast_2d(tau_x), np.atleast_2d(tau_y))
-            if tau_x.ndim == 0:
-                arrays["ua"], arrays["va"] = arrays["ua"][0, 0], arrays["va"][0, 0]
-        self._refuse_lacking(arrays)
-        if "ssh" not in arrays and not self.forcing.given:  # the first step says it for all
-            _LOG.warning(
-                "the ocean gives no sea level (sea_surface_height_above_geoid): its slope is 0, and large bergs lag behind the "
-                "current that it balances"
-            )
-        # A pack that only seems to stand still would hold bergs.
-        model = self.model
-        model.constants = model.constants._replace(ice_drift_known="ui" in arrays or "ice_thickness" not in arrays)
-        previous = self.forcing.fields_at(0.0)
-        fields = {name: self.grid.extended(a) for name, a in arrays.items()}
-        for u, v, where in (
-            ("uo", "vo", self.staggering),
-            ("ui", "vi", self.staggering),
-            ("ua", "va", self.wind_staggering),
-        ):
-            if u in fields:
-                fields[u], fields[v] = at_corners(fields[u], fields[v], self.grid, where)
-        return previous._replace(**fields)
-
-    def _refuse_lacking(self, arrays: Mapping[str, Floats]) -> None:
-        """Refuse the first step after a restart unless all is there that was handed over before: a restart has no fields."""
-        handed = (name for name, once in zip(Fields._fields, self._handed, strict=True) if once)
-        lacking = [name for name in handed if name not in arrays]
-        if lacking and not self.forcing.given:
-            names = [name for name, q in TAKEN.items() if q.field in lacking]
-            raise InputError(
-                f"no {' and no '.join(names)}, which the run had before its restart", where="exchange",
-                remedy="Hand over in the first step all that was handed over before; a restart holds no fields of the ocean",
-            )  # fmt: skip
-
-    def _calve(self, flux: Floats, heat: Floats, fluxes: dict[str, Floats]) -> None:
+    def _calve(self, flux: Floats, heat: Floats) -> None:
+        """Take land ice into the stores, and let bergs calve from them."""
         assert self.calving is not None
         area = self.grid.arrays.area[self.grid.domain]
         got = self.calving.take(flux, heat, self.ocean_step)
         # What a running mean holds back is still there: it counts as a stock.
-        self._held[0] += float(((flux - got.flux) * area).sum()) * self.ocean_step
-        self._held[1] += float(((heat - got.heat_flux) * area).sum()) * self.ocean_step
-        fluxes["left"] = got.left / area
-        fluxes["left_heat"] = got.heat_left / area - LATENT_HEAT * fluxes["left"]
+        self._ledger.held[0] += float(((flux - got.flux) * area).sum()) * self.ocean_step
+        self._ledger.held[1] += float(((heat - got.heat_flux) * area).sum()) * self.ocean_step
+        left = got.left / area
+        self._fluxes.fields |= {"left": left, "left_heat": got.heat_left / area - LATENT_HEAT * left}
         others = self.model.elements if self.model.parameters.stepping.interactions else None
         elements, ids = self.calving.bear(*birth_date(self.model, coming=True), self.ocean_step, others)
         if ids.size:
@@ -472,129 +310,23 @@ class Exchange:
         year, day = birth_date(model, coming=True)
         new.life.start_year[:], new.life.start_day[:] = year, day
         # What the cells bear with and without the new berg, both now: their difference is what has still to settle.
-        previous = self._borne()[0] + self._settling.rest
+        previous = mass_on_cells(model, self.grid)[0] + self._settling.rest
         ids, mass, heat = self._bear(new, berg.bonds)
-        self._settling.rest = previous + shelf.mass - self._borne()[0]
-        self._totals[0], self._totals[2] = self._totals[0] + mass, self._totals[2] + heat
+        self._settling.rest = previous + shelf.mass - mass_on_cells(model, self.grid)[0]
+        self._ledger.enter_birth(mass, heat)
         self._keep()
         return ids
 
     def mass_on_water(self) -> Floats:
         """Return the mass on the water of each cell now, kg m-2, shape (nj, ni)."""
-        borne, grounded = self._borne()
+        borne, grounded = mass_on_cells(self.model, self.grid)
         return np.asarray(self._settling.settled(borne - grounded) / self.grid.arrays.area[self.grid.domain])
-
-    def _borne(self) -> tuple[Floats, Floats]:
-        """Return the mass of bergs on cells, and the part that the floor bears, kg."""
-        m = self.model
-        shares = self._shares()
-        mass = scaled_mass(m.elements.life, m.elements.body.mass)
-        return shares.sum(mass), shares.sum(self._on_floor(m.elements))
-
-    def _shares(self) -> Shares:
-        """Return the shares of the elements in cells as they lie now."""
-        m = self.model
-        elements = m.elements.copy()
-        self.grid.locate(elements)
-        return compute_shares(elements, m.bonds, self.grid, m.parameters)
-
-    def _on_floor(self, el: Elements) -> Floats:
-        """Return the mass of each element that the sea floor bears, kg."""
-        return np.asarray(mass_on_floor(el, self.model.constants) * el.life.mass_scaling)
-
-    def _look(self, model: LifeModel) -> None:
-        """Note the positions of the elements and the forces on them, before the melt."""
-        m = self.model
-        shares = compute_shares(m.elements, m.bonds, self.grid, m.parameters)
-        scaling = m.elements.life.mass_scaling.copy()
-        self._seen = _Seen(m.elements.body.id.copy(), shares, scaling, self._drag(m.elements))
-
-    def _drag(self, elements: Elements) -> Floats:
-        """Return the mean drag of the water (N) in the last step of the bergs, along and across the rows of the grid."""
-        east, north = self.model.applied_forces(elements)[:, FORCES.index("water")].T
-        g, mirrored = self.grid.arrays, bool(self.forcing.rules.mirrored)
-        c, s = (interpolate_corners(angle, elements, mirrored) for angle in (g.cos_angle, g.sin_angle))
-        return np.stack([c * east - s * north, s * east + c * north])
-
-    def _add_departed(self, elements: Elements, fluxes: dict[str, Floats]) -> None:
-        """Add the drag of departed bergs in one step: to their cells, or to the nearest ones if they lie beyond the edge."""
-        inside, place, g = elements.copy(), elements.place, self.grid.arrays
-        for index, size, name in ((place.cell_i, g.ni, "cell_i"), (place.cell_j, g.nj, "cell_j")):
-            getattr(inside.place, name)[:] = np.clip(index, g.halo, g.halo + size - 1)
-        np.clip(place.xi, 0.0, 1.0, out=inside.place.xi)
-        np.clip(place.eta, 0.0, 1.0, out=inside.place.eta)
-        cells = inside.place.cell_j - g.halo, inside.place.cell_i - g.halo
-        area = g.area[self.grid.domain][cells]
-        for name, drag in zip(("stress_x", "stress_y"), self._drag(inside), strict=True):
-            np.add.at(fluxes[name], cells, -drag * inside.life.mass_scaling / area / self.steps)
-
-    def _add(self, fluxes: dict[str, Floats], by_process: Floats) -> None:
-        """Add the fluxes of one step of the bergs."""
-        assert self._seen is not None
-        seen, per_second = self._seen, 1.0 / self.ocean_step
-        # The ocean gets the opposite of what it did to the bergs.
-        for name, drag in zip(("stress_x", "stress_y"), seen.drag, strict=True):
-            fluxes[name] += seen.shares.per_area(-drag * seen.scaling) / self.steps
-        life = self.model.life
-        if life is None or life.last is None:
-            return
-        step = life.last.melt
-        fluxes["melt"] += seen.shares.per_area(step.water * per_second)
-        fluxes["heat"] += seen.shares.per_area(step.water * (step.heat_density - LATENT_HEAT) * per_second)
-        for k, water in enumerate(life.last.water):
-            by_process[k] += seen.shares.per_area(water * per_second)
-
-    def _state(self) -> dict[str, Floats]:
-        """Mass, area and friction velocity at the end of the step."""
-        assert self._seen is not None
-        el, p = self.model.elements, self.model.parameters
-        # Melt may have removed elements since their shares were found: rows are matched by identifier.
-        rows, matched = find_rows(self._seen.ids, el.body.id)
-        # Processes of the user may have added ice since.
-        shares = self._seen.shares.taken(rows) if matched.all() else self._shares()
-        scaling = el.life.mass_scaling
-        mass, plan = scaled_mass(el.life, el.body.mass), el.body.length * el.body.width * scaling
-        on_floor = self._on_floor(el)
-        speed = np.hypot(el.motion.u - el.environment.uo, el.motion.v - el.environment.vo)
-        friction = np.maximum(p.melt.least_friction, np.sqrt(p.melt.friction_drag * (speed**2 + p.melt.tide**2)))
-        covered = shares.sum(plan)
-        ustar = np.divide(shares.sum(plan * friction), covered, out=np.zeros_like(covered), where=covered > 0.0)
-        return {
-            "mass": self._settling.settled(shares.sum(mass - on_floor)) / self.grid.arrays.area[self.grid.domain],
-            "grounded": shares.per_area(on_floor),
-            "area": np.minimum(shares.per_area(plan), 1.0),
-            "ustar": ustar,
-        }
-
-    def _count(self, fluxes: dict[str, Floats], flux: Floats, heat: Floats) -> None:
-        area = self.grid.arrays.area[self.grid.domain] * self.ocean_step
-        came, came_heat = float((flux * area).sum()), float(((heat - LATENT_HEAT * flux) * area).sum())
-        went = float(((fluxes["melt"] + fluxes["left"]) * area).sum())
-        went_heat = float(((fluxes["heat"] + fluxes["left_heat"]) * area).sum())
-        for elements, _ in self.departed:
-            self._left += stocks(elements)
-        self._totals += (came, went, came_heat, went_heat)
-        self._keep()
-
-    def _returned(self, fields: dict[str, Floats], by_process: Floats) -> xr.Dataset:
-        g = self.grid.arrays
-        data: dict[str, Any] = {}
-        for name, q in GIVEN.items():
-            attributes = {"units": q.units, "long_name": q.meaning}
-            attributes |= {"standard_name": name} if q.standard else {}
-            data[q.short] = (("j", "i"), fields[q.field], attributes)
-        data["ficeberg_process"] = (
-            ("process", "j", "i"), by_process, {"units": "kg m-2 s-1", "long_name": "melt water of bergs by process"}
-        )  # fmt: skip
-        lon, lat = g.lon_centre[self.grid.domain], g.lat_centre[self.grid.domain]
-        coordinates = {"process": list(PROCESSES), "lon": (("j", "i"), lon), "lat": (("j", "i"), lat)}
-        return xr.Dataset(data, coordinates)
 
     def _keep(self) -> None:
         """Leave stores and ledger where a restart finds them."""
         memory: dict[str, Floats | None] = {
-            "totals": self._totals, "start": self._start, "held": self._held, "left": self._left,
-            "settling": self._settling.rest, "handed": self._handed, "corners": _outer_corners(self.grid),
+            **self._ledger.arrays, "settling": self._settling.rest, "handed": self._intake.handed,
+            "corners": _outer_corners(self.grid),
         }  # fmt: skip
         if self.calving is not None:
             s = self.calving.stores
@@ -635,15 +367,12 @@ def _outer_corners(grid: Grid) -> Floats:
     return np.array([g.lon[first, first], g.lat[first, first], g.lon[last], g.lat[last]])
 
 
-def _kept_stores(model: BareModel) -> Stores | None:
-    memory = model.remembered
-    if STORES + "ice" not in memory:
+def _kept_stores(saved: Mapping[str, Floats]) -> Stores | None:
+    """Return the stores of land ice in a restart."""
+    if "ice" not in saved:
         return None
-    flux, heat = (
-        memory[name].copy() if (name := STORES + kind) in memory else None for kind in ("mean_flux", "mean_heat")
-    )
-    counter = memory[STORES + "counter"].astype(np.int64)
-    return Stores(memory[STORES + "ice"].copy(), memory[STORES + "heat"].copy(), counter, flux, heat, begun=True)
+    flux, heat = (saved[name].copy() if name in saved else None for name in ("mean_flux", "mean_heat"))
+    return Stores(saved["ice"].copy(), saved["heat"].copy(), saved["counter"].astype(np.int64), flux, heat, begun=True)
 
 
 def _whole_steps(ocean: float, bergs: float) -> int:
@@ -707,36 +436,3 @@ def ocean_grid(
             raise InputError("areas of cells that are not positive numbers on the grid", where="ocean_grid")
         grid.arrays.area[:] = grid.extended(areas)
     return grid
-
-
-class Box(Section):
-    """Cells of longitude and latitude in a box, as files of couplings give it in their section ``grid``."""
-
-    west: float = key(..., "degree", "western edge", ge=-360, le=360)
-    east: float = key(..., "degree", "eastern edge", ge=-360, le=720)
-    south: float = key(..., "degree", "southern edge", ge=-90, le=90)
-    north: float = key(..., "degree", "northern edge", ge=-90, le=90)
-    columns: int = key(..., "", "cells from west to east", ge=1, le=10_000)
-    rows: int = key(..., "", "cells from south to north", ge=1, le=10_000)
-    edge: Edge = key("open", "", "open: bergs leave over it; closed: a coast")
-
-    def cells(self, **options: Any) -> Grid:
-        """Return its grid; options as of `ocean_grid`."""
-        if not (self.west < self.east and self.south < self.north):
-            raise InputError(
-                f"no cells from {self.west:g} to {self.east:g} and {self.south:g} to {self.north:g} degrees", where="grid",
-                remedy="Give west below east and south below north",
-            )  # fmt: skip
-        lon, lat = (
-            np.linspace(self.west, self.east, self.columns + 1),
-            np.linspace(self.south, self.north, self.rows + 1),
-        )
-        return ocean_grid(*np.meshgrid(lon, lat), edge=self.edge, **options)
-
-
-def read_section(kind: type[Kind], values: Any, *, where: str) -> Kind:
-    """Return a section of a file; refuse values that cannot be, each by its key."""
-    try:
-        return kind.model_validate(values)
-    except ValidationError as error:
-        raise explained(error, kind, name=where) from error

@@ -22,8 +22,8 @@ from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.fields import GIVEN
 from riftberg.coupling.shelf import Shares, compute_shares
 from riftberg.errors import InputError
-from riftberg.life.melt import scaled_mass
-from riftberg.life.process import PROCESSES, LifeModel
+from riftberg.life.ledger import PROCESSES, scaled_mass
+from riftberg.life.process import LifeModel
 from riftberg.model import BareModel
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid

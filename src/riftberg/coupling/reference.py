@@ -15,7 +15,8 @@ from riftberg.constants import DEGREE, LATENT_HEAT_KID
 from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import InputError
 from riftberg.life.calving import FluxCalving
-from riftberg.life.melt import LifeValues, MeltStep, bit_shape, life_values, scaled_mass
+from riftberg.life.ledger import scaled_mass
+from riftberg.life.melt import LifeValues, MeltStep, bit_shape, life_values
 from riftberg.life.process import LifeModel, LifeProcess
 from riftberg.model import BareModel
 from riftberg.ocean.cells import Fields

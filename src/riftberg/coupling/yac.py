@@ -23,8 +23,9 @@ import yaml
 from pydantic import model_validator
 
 from riftberg.config.values import Section, UnfitError, key, moment
-from riftberg.coupling.exchange import Box, Exchange, read_section
+from riftberg.coupling.exchange import Exchange
 from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing
+from riftberg.coupling.sections import Box, read_section
 from riftberg.errors import InputError, RiftbergError
 from riftberg.model import BareModel, Recorder
 from riftberg.ocean.forcing import Forcing

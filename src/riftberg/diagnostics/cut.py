@@ -46,6 +46,7 @@ from riftberg.engines.common.forces.pack import hold_by_pack
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.fragments.tree import measure_outlines
 from riftberg.parameters import KernelParameters
+from riftberg.physics.crevasses import prestress
 from riftberg.plane import ConformalPlane
 from riftberg.runs.derived import USER_LAW, force_variables
 from riftberg.runs.layout import in_file
@@ -507,7 +508,7 @@ class Cut:
         intact &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[self.last_whole])
         stress = self.run[of].isel(time=self.last_whole).values[intact]
         if over_strength:
-            left = self.scene.strengths[self.last_whole][intact] * self.run["strength"].values[intact]
+            left = self.scene.bonds.strengths[self.last_whole][intact] * self.run["strength"].values[intact]
             if "damage" in self.run:
                 left = left * (1.0 - self.run["damage"].isel(time=self.last_whole).values[intact])
             stress = stress[left > 0.0] / left[left > 0.0]
@@ -528,7 +529,7 @@ class Cut:
         rows = np.flatnonzero((hours >= -HOURS_BEFORE) & (hours <= 0.0))
         ends = [int(run[name].values[bond]) for name in ("bond_first", "bond_second")]
         at = int(rows[-1]) if len(rows) else 0
-        strength = float(scene.strengths[at][bond] * run["strength"].values[bond])
+        strength = float(scene.bonds.strengths[at][bond] * run["strength"].values[bond])
         if "damage" in run:  # a bond keeps the damage with which it failed
             strength *= 1.0 - float(run["damage"].values[bond, -1])
         names = [name for name in ("normal_stress", "shear_stress", "peak_stress") if name in run]
@@ -540,7 +541,7 @@ class Cut:
             lat=float(np.mean(scene.y[at][ends])),
             grounded=bool(run["break_grounded"].values[bond] > 0),
             strength=strength,
-            prestress=float(scene.prestress(at)[ends].mean()),
+            prestress=float(prestress(scene.thickness(at), scene.parameters.ice.density)[ends].mean()),
             hours=[round(float(h), 4) for h in hours[rows]],
             tension=[float(s) for s in history["normal_stress"].values],
             shear=[float(s) for s in history["shear_stress"].values],

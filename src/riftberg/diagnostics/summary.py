@@ -74,12 +74,11 @@ from riftberg.config.values import finding_text
 from riftberg.engines.common.fragments.tree import centroid
 from riftberg.engines.common.reserves import CAVEAT, Reserve, berg_reserve
 from riftberg.errors import InputError
-from riftberg.life.footloose import edge_moduli, find_growth
-from riftberg.life.process import PROCESSES, read_melt
+from riftberg.life.feet import edge_moduli, find_growth
+from riftberg.life.ledger import PROCESSES, read_melt
 from riftberg.runs.groundings import summarize_ground
 from riftberg.runs.layout import label_fragment, read_start
 from riftberg.runs.progress import Stopwatch
-from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
 from riftberg.state.variables import LARGEST
 from riftberg.system.input_files import MOST_TEXT, check_file, reading, shown
@@ -311,6 +310,8 @@ def melt_lines(run: xr.Dataset) -> list[str]:
         largest = list(lost.items())[:NAMED]
         rest = sum(sum(water.values()) for water in list(lost.values())[NAMED:])
         more = f"; {len(lost) - NAMED} others {rest / 1e12:.3g} Gt" if len(lost) > NAMED else ""
+        from riftberg.runs.scene import Scene  # the geometry of maps
+
         scene = Scene(run)
         lines.append(
             "Of this " + "; ".join(f"{scene.name(number)} {_amounts(water)}" for number, water in largest) + more + "."

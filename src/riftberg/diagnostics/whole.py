@@ -88,11 +88,11 @@ def _most_stressed(scene: Scene, number: int) -> tuple[list[float], NearestBond 
     ends = np.stack([run[name].values for name in ("bond_first", "bond_second")])
     inside = np.isin(scene.berg[-1][ends], number).all(axis=0) if run.sizes["bond"] else np.zeros(0, bool)
     # Bonds of the berg may break and leave it whole: of those that hold at the end, how near was the next to break?
-    rows = np.flatnonzero(inside & scene.unbroken[-1])
+    rows = np.flatnonzero(inside & scene.bonds.unbroken[-1])
     if not rows.size:
         return [], None
-    stress, strength = scene.tension()[:, rows], scene.strengths[:, rows] * run["strength"].values[rows]
-    if (damage := scene.bond_damage()) is not None:
+    stress, strength = scene.bonds.tension()[:, rows], scene.bonds.strengths[:, rows] * run["strength"].values[rows]
+    if (damage := scene.bonds.damage()) is not None:
         strength = strength * (1.0 - damage[:, rows])
     ratio = np.divide(stress, strength, out=np.zeros_like(stress), where=strength > 0.0)
     record, bond = np.unravel_index(int(ratio.argmax()), ratio.shape)

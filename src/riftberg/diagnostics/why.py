@@ -16,6 +16,7 @@ from riftberg.config.units import area_text, count_text, minute_text, place_text
 from riftberg.diagnostics.cut import GEOSTROPHIC, Breakup, Collision, Cut, FirstBond, birth_members, iso
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.diagnostics.whole import WholeBerg, whole_berg, whole_lines
+from riftberg.engines.common.reserves import reserve_lines
 from riftberg.engines.common.rift_tips import tip_lines
 from riftberg.life.edges import EdgeIce, front_lines
 from riftberg.runs.groundings import read_stays, why_lines
@@ -110,8 +111,8 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         forcing=str(run.attrs.get("forcing_title", "")),
         breakups=breakups,
         small=small,
-        strength=scene.strength if scene.parameters.fracture.enabled else None,
-        reserves=[*_front_lines(scene), *scene.reserves()],
+        strength=scene.bonds.strength if scene.parameters.fracture.enabled else None,
+        reserves=[*_front_lines(scene), *_reserve_lines(scene)],
         rifts=tip_lines(scene.rift_tips, scene.parameters),
         melt=melt_lines(run),
         whole=None if breakups else whole_berg(scene),
@@ -126,6 +127,14 @@ def _front_lines(scene: Scene) -> list[str]:
     side = np.sqrt(scene.area)
     ice = EdgeIce(*(array[present] for array in (scene.x[0], scene.y[0], side, side, scene.thickness(0))))
     return front_lines(ice, scene.berg[0][present], scene.parameters)
+
+
+def _reserve_lines(scene: Scene) -> list[str]:
+    """Return pre-stress and reserve of the bergs at the start of a run, in sentences."""
+    present = scene.there[0]
+    numbers = scene.berg[0][present]
+    names = {number: scene.name(number) for number in np.unique(numbers).tolist()}
+    return reserve_lines(numbers, scene.thickness(0)[present], scene.area[present], names, scene.parameters)
 
 
 def find_collision(scene: Scene, b: Breakup) -> Collision | None:

@@ -6,6 +6,7 @@ Modules of an engine are imported by that engine alone; modules that both share 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.config.explicit_groups import ExplicitStepping
 from riftberg.engines.common.broad_phase import NO_PAIRS
@@ -18,18 +19,8 @@ from riftberg.engines.common.stepper import (
     publish_positions,
     sample_between_steps,
 )
-from riftberg.engines.explicit.stability import assign_substeps, check_long_step, resonance_warning, size_bins
-from riftberg.state import Floats, Ints
-
-__all__ = [
-    "FrozenStepper",
-    "ImposedStepper",
-    "assign_substeps",
-    "check_long_step",
-    "make_stepper",
-    "resonance_warning",
-    "size_bins",
-]
+from riftberg.parameters import ExplicitParameters, Parameters
+from riftberg.state import Bonds, Elements, Floats, Ints
 
 
 def make_stepper(run: RunState) -> Stepper:
@@ -51,6 +42,44 @@ def make_stepper(run: RunState) -> Stepper:
     from riftberg.engines.explicit.single_step import RungeKuttaStepper, VerletStepper
 
     return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)
+
+
+def assign_substeps(run: RunState, chosen: NDArray[np.bool_]) -> None:
+    """Choose the number of sub-steps of the bergs to which the ``chosen`` elements belong; 1 in a scheme without sub-steps."""
+    if not chosen.any():
+        return
+    if not run.parameters.stepping.has_substeps:
+        run.elements.body.substeps[:] = 1
+        return
+    from riftberg.engines.explicit.stability import assign_to_bergs
+
+    assign_to_bergs(run, chosen)
+
+
+def size_bins(run: RunState) -> tuple[Floats, ...]:
+    """Return bins of the sizes on which the number of sub-steps depends, for each element; none in a scheme without sub-steps."""
+    if not run.parameters.stepping.has_substeps:
+        return ()
+    from riftberg.engines.explicit import stability
+
+    return stability.size_bins(run.elements)
+
+
+def check_long_step(run: RunState) -> None:
+    """Refuse a long step that springs cannot bear which act in it."""
+    if isinstance(run.parameters, ExplicitParameters):
+        from riftberg.engines.explicit import stability
+
+        stability.check_long_step(run)
+
+
+def resonance_warning(elements: Elements, bonds: Bonds, parameters: Parameters) -> str:
+    """Return a warning where the stress in the bonds of a run rings, else nothing."""
+    if not parameters.stepping.has_substeps:
+        return ""
+    from riftberg.engines.explicit import stability
+
+    return stability.resonance_warning(elements, bonds, parameters)
 
 
 class FrozenStepper(Stateless):

@@ -39,7 +39,6 @@ from riftberg.kid.a68 import (
 )
 from riftberg.kid.ncfile import opened_dataset
 from riftberg.kid.restart import read_restart
-from riftberg.model import DEFAULT_START
 from riftberg.ocean.cells import ZONE_DEPTH
 from riftberg.ocean.forcing import Forcing, WrappedForcing
 from riftberg.ocean.grid import Grid
@@ -47,6 +46,7 @@ from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.physics.floating import draft_of
 from riftberg.runs.model import Model
+from riftberg.start.checks import DEFAULT_START
 from riftberg.state import Elements, Floats
 
 DATA: Final = "RIFTBERG_DATA"

@@ -24,8 +24,8 @@ from riftberg.config.values import (
 )
 from riftberg.errors import InputError
 from riftberg.ocean import formulas
-from riftberg.ocean.balance import SeaLevel
 from riftberg.ocean.files_schema import WIND_LAYER, FileForcing
+from riftberg.ocean.needs import SeaLevel
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
 SHAPES = ("outline", "mask", "shelf", "rectangle", "lattice", "points", "seed", "field")

@@ -42,10 +42,10 @@ from riftberg.kid.restart import (
 )
 from riftberg.kid.trajectories import resample_environment
 from riftberg.life.calving import FluxCalving, Stores, check_flux
-from riftberg.life.footloose import ReferenceDraws
+from riftberg.life.draws import ReferenceDraws
 from riftberg.life.melt import life_values
 from riftberg.life.process import LifeModel
-from riftberg.model import Recorder, finish_all
+from riftberg.model import Recorder, recording
 from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, celsius, wind_from_stress
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
@@ -397,21 +397,10 @@ class ExchangeRun:
     def advance(self, recorders: Sequence[Recorder]) -> None:
         """Take all steps, calling the recorders; Ctrl-C takes effect between two steps."""
         with held() as hold:
-            started: list[Recorder] = []
-            failed: BaseException | None = None
-            try:
-                for recorder in recorders:
-                    recorder.start(self.model)
-                    started.append(recorder)
+            with recording(recorders, self.model) as record:
                 while self.model.step_number < self.clock.steps and not hold.requested:
                     self.returned.append(self.step())
-                    for recorder in recorders:
-                        recorder.record(self.model)
-            except BaseException as error:
-                failed = error
-                raise
-            finally:
-                finish_all(started, self.model, failed)
+                    record()
             hold.check()
 
     def step(self) -> Returned:

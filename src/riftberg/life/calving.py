@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from riftberg.config.parameter_groups import Calving, ClassTable
 from riftberg.errors import InputError
-from riftberg.life.footloose import FmsStream, FreePlaces, corner_reach
+from riftberg.life.draws import FmsStream
+from riftberg.life.free_places import FreePlaces, corner_reach
 from riftberg.ocean.cells import position_in_cell
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from shapely.geometry.polygon import orient
 
 from riftberg.config.units import place_text
-from riftberg.life.footloose import edge_lengths
+from riftberg.life.feet import edge_lengths
 from riftberg.parameters import Parameters
 from riftberg.physics.calving import INSTANT_MODULUS
 from riftberg.physics.crevasses import prestress
@@ -156,7 +156,7 @@ def _find_corners(outline: Any, step: float, side: float) -> list[tuple[Floats, 
 def berg_edges(el: Elements, rows: NDArray[np.bool_], parameters: Parameters, youngs: Floats | None) -> EdgeBending:
     """Return how much the edges of a berg bend.
 
-    ``rows``: of its elements; ``youngs``: moduli (Pa) by which edges bend (`riftberg.life.footloose.edge_moduli`), None without
+    ``rows``: of its elements; ``youngs``: moduli (Pa) by which edges bend (`riftberg.life.feet.edge_moduli`), None without
     footloose calving.
     """
     feet = None

@@ -26,7 +26,7 @@ from riftberg.physics.melting import (
     side_melt_rate,
     wave_erosion_rate,
 )
-from riftberg.state import Elements, Floats, Ints, Life, Place
+from riftberg.state import Elements, Floats, Ints, Place
 from riftberg.state.population import numbered
 
 EXPOSED, BERG, SHELF, MIXED = range(4)
@@ -472,18 +472,3 @@ def _let_bits_replace(
     life.mass_of_fl_bits[rows] = life.mass_of_fl_bergy_bits[rows] = 0.0
     life.mass_scaling[rows], life.fl_k[rows] = scaling, -1.0
     life.start_year[rows], life.start_day[rows] = born
-
-
-def mass_in_bits(life: Life) -> float:
-    """Ice in bits of all kinds and of all bergs, kg."""
-    return float((_bits(life) * life.mass_scaling).sum())
-
-
-def scaled_mass(life: Life, mass: Floats) -> Floats:
-    """Ice in all bergs of each element with all bits, kg."""
-    return (mass + _bits(life)) * life.mass_scaling
-
-
-def _bits(life: Life) -> Floats:
-    """Ice in bits of all kinds of one berg of each element, kg."""
-    return life.mass_of_bits + life.mass_of_fl_bits + life.mass_of_fl_bergy_bits

@@ -8,14 +8,14 @@ one. So the current is averaged over 25 hours, twice, which leaves 1 % of a moti
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, get_args
 
 import numpy as np
 
 from riftberg.config.values import number as checked_number
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.ocean.needs import DEPTH
+from riftberg.ocean.needs import DEPTH, SeaLevel
 from riftberg.physics.drag import ocean_drag
 from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats, Ints
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from riftberg.config.parameter_groups import Drag
     from riftberg.ocean.forcing import Forcing
     from riftberg.parameters import Parameters
-
-SeaLevel = Literal["auto", "files", "geostrophic", "none"]
-"""Where the slope of the sea surface comes from; `decided` resolves ``auto``."""
 
 MEAN: Final = 25.0 * 3600.0
 """Length (s) of each of the two means: two periods of the lunar tide, nearly two of inertial motion at 60 degrees."""

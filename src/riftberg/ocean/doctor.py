@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from riftberg.config.units import duration_text
 from riftberg.errors import ForcingError
-from riftberg.ocean.datasets import describe_idle_fields
+from riftberg.ocean.dataset_preparation import describe_idle_fields
 from riftberg.ocean.needs import CURRENT, SEA_LEVEL, WIND
 from riftberg.ocean.product_records import NO_RINGS, REACH, RINGS, Blend, as_block, values_at
 from riftberg.products.mesh import Located, Mesh, NodeMesh, build_mesh, extent_text, utc, window, window_in_time

@@ -17,17 +17,12 @@ from riftberg.config.units import box_text, duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.balance import MEAN, decided
-from riftberg.ocean.datasets import (
-    DatasetForcing,
-    Part,
-    averaged_product,
-    describe_idle_fields,
-    product_part,
-    provided_fields,
-)
+from riftberg.ocean.dataset_preparation import describe_idle_fields
+from riftberg.ocean.datasets import DatasetForcing
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.needs import CURRENT, OVER_DRAFT, WIND
+from riftberg.ocean.product_part import Part, averaged_product, product_part, provided_fields
 from riftberg.ocean.product_records import (
     Block,
     ProductRecords,

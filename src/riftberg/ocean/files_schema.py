@@ -9,7 +9,7 @@ from pydantic import field_validator, model_validator
 
 from riftberg.config.values import Pair, Section, UnfitError, key
 from riftberg.errors import ForcingError
-from riftberg.ocean.balance import SeaLevel
+from riftberg.ocean.needs import SeaLevel
 from riftberg.system.input_files import hidden
 
 if TYPE_CHECKING:

@@ -6,10 +6,14 @@ Values at the elements, checks before a run, its notices, the doctor and the pag
 from __future__ import annotations
 
 from collections.abc import Callable, Container
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 if TYPE_CHECKING:
     from riftberg.parameters import Parameters
+
+
+SeaLevel = Literal["auto", "files", "geostrophic", "none"]
+"""Where the slope of the sea surface comes from; `riftberg.ocean.balance.decided` resolves ``auto``."""
 
 
 class Need(NamedTuple):

@@ -21,7 +21,6 @@ from riftberg.config.values import check_names, duration, moment, native, number
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError, InputError, nearest
 from riftberg.ocean.balance import (
-    SeaLevel,
     balancing_slope,
     checked_wind_layer,
     decided,
@@ -30,7 +29,7 @@ from riftberg.ocean.balance import (
     wind_drift,
 )
 from riftberg.ocean.formulas import SUMMED, Formula
-from riftberg.ocean.needs import DEPTH, OVER_DRAFT
+from riftberg.ocean.needs import DEPTH, OVER_DRAFT, SeaLevel
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.records import GAP_FACTOR
 from riftberg.state import Elements, Floats

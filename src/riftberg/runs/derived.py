@@ -13,9 +13,8 @@ import numpy as np
 
 from riftberg.engines.common.forces.media import FORCES
 from riftberg.errors import RunError
-from riftberg.life.melt import mass_in_bits
+from riftberg.life.ledger import PROCESSES, SOURCES, mass_in_bits, read_melt
 from riftberg.life.motion import GIVERS, bonds_vibrate
-from riftberg.life.process import PROCESSES, SOURCES, read_melt
 from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats, Variable
 from riftberg.state.population import by_identifier

@@ -21,10 +21,10 @@ from riftberg.engines.common.laws import LAW_NAMES, Laws
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.model import BareModel, Recorder, check_recorders
 from riftberg.ocean.forcing import Forcing
+from riftberg.runs.background import keep_water
 from riftberg.runs.progress import ProgressRecorder, in_notebook
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import RunWriter, memory_run, missing_records, open_run
-from riftberg.runs.scene import keep_water
 from riftberg.system.atomic_files import copy_file, refusal
 from riftberg.system.netcdf_lock import open_netcdf
 from riftberg.system.process import held, in_charge, say

@@ -26,7 +26,7 @@ from riftberg.engines.common.fragments.contact_log import ContactEvent, ContactL
 from riftberg.engines.common.fragments.grounding_log import GroundingEvent, GroundingLog
 from riftberg.engines.common.fragments.tree import Fragment
 from riftberg.errors import InputError
-from riftberg.life.process import PROCESSES, SOURCES
+from riftberg.life.ledger import PROCESSES, SOURCES
 from riftberg.parameters import Parameters
 from riftberg.runs.layout import check_bond_ends, read_parameters, read_start
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements

@@ -1,9 +1,4 @@
-"""Contents of a map, read from a run: shapes of the elements at chosen dates, tracks and names of the fragments, and the water.
-
-The water around a run is kept coarsely in the run file: currents every few hours, and the sea floor. It lies in a group of its
-own (``background``), so that the main group of the file stays a plain trajectory file. It is for looking at; the forces on the
-elements are recorded with the elements.
-"""
+"""Geometry of a run for maps: shapes of the elements at chosen dates, tracks and names of the fragments, extents."""
 
 from __future__ import annotations
 
@@ -11,32 +6,26 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from riftberg import constants
-from riftberg.engines.common.reserves import bond_strengths, reserve_lines
 from riftberg.engines.common.rift_tips import RiftTip
-from riftberg.errors import InputError, RiftbergError
+from riftberg.errors import InputError
 from riftberg.parameters import Packing
-from riftberg.physics.crevasses import prestress
 from riftberg.physics.floating import draft_of
-from riftberg.plane import near
+from riftberg.runs.bond_history import BondHistory, read_rift_tips
 from riftberg.runs.groundings import Stay, read_stays
 from riftberg.runs.layout import label_fragment, run_parameters
-from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, is_channel, read_family, zonal_period
+from riftberg.runs.positions import filled_forward, read_thickness, stretch, unwrap_positions
+from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, read_family, zonal_period
 from riftberg.state import Floats, Ints
-from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 if TYPE_CHECKING:
-    import netCDF4
     import xarray as xr
 
-    from riftberg.model import BareModel
-    from riftberg.ocean.forcing import Forcing
     from riftberg.plane import ConformalPlane
 
 
@@ -90,44 +79,12 @@ class Box:
     south: float
     north: float
 
-
-def stretch(y: float, latlon: bool) -> float:
-    """Return the units of x for one unit of y that make the same distance at ``y``."""
-    return 1.0 / max(0.05, math.cos(math.radians(y))) if latlon else 1.0
-
-
-def filled_forward(values: Floats) -> Floats:
-    """Fill the records (rows) before an element is there with its first value, and those after its end with its last."""
-    has_value = np.isfinite(values)
-    if has_value.all():
-        return values
-    records = np.arange(len(values))[:, None]
-    # Number of the last known record up to each record; -1 before the first.
-    last = np.maximum.accumulate(np.where(has_value, records, -1), axis=0)
-    first = np.argmax(has_value, axis=0)[None, :]
-    filled: Floats = np.take_along_axis(values, np.where(last < 0, first, last), axis=0)
-    return filled
-
-
-def unwrap_positions(x: Floats, present: NDArray[np.bool_], period: float, *, goes_on: bool = False) -> Floats:
-    """Put zonal positions on one branch: no element jumps by a period, and none stands a period away from the others.
-
-    ``x``: positions without gaps (shape (time, trajectory)); ``present``: whether the element is there (shape (time,
-    trajectory)); ``goes_on``: whether the positions of an element do not jump; returns positions that differ from those
-    given by whole periods.
-    """
-    if period <= 0.0 or not x.size:
-        return x
-    path: Floats = x.copy() if goes_on else np.unwrap(x, period=period, axis=0)
-    born = np.argmax(present, axis=0)
-    path[:, born == 0] -= period * np.round((path[0, born == 0] - path[0, 0]) / period)
-    # In order of birth: each newborn is put beside those that are there already.
-    for record in np.unique(born[born > 0]):
-        new = born == record
-        others = path[record, present[record] & (born < record)]
-        home = float(others.mean()) if len(others) else float(path[record, 0])
-        path[:, new] -= period * np.round((path[record, new] - home) / period)
-    return path
+    def grown(self, fraction: float, *, latlon: bool) -> Box:
+        """Return the box with a margin of ``fraction`` of its longer side all around; ``latlon``: its units are degrees."""
+        wider = stretch(0.5 * (self.south + self.north), latlon)
+        margin = fraction * max(self.north - self.south, (self.east - self.west) / wider)
+        wide = margin * wider
+        return Box(self.west - wide, self.east + wide, self.south - margin, self.north + margin)
 
 
 class Scene:
@@ -176,9 +133,9 @@ class Scene:
         return seconds
 
     @cached_property
-    def unbroken(self) -> NDArray[np.bool_]:
-        """Which bonds hold at each record, (time, bond)."""
-        return self._holding(self.times)
+    def bonds(self) -> BondHistory:
+        """Stress, strength and damage of the bonds at each record."""
+        return BondHistory(self.run, self.times, self.parameters)
 
     def crack_lines(self, record: int) -> list[tuple[Ints, Floats]]:
         """Crack lines at a record: bonds that each crosses (rows) in their order, and where (x, y); those it will cross, too."""
@@ -194,86 +151,14 @@ class Scene:
             lines.append((rows, np.asarray(ends[0] + fraction[rows, None] * (ends[1] - ends[0]))))
         return lines
 
-    def _holding(self, moments: NDArray[np.datetime64]) -> NDArray[np.bool_]:
-        """Which bonds hold at moments, (moment, bond)."""
-        broken_at = self.run["break_time"].values
-        holds: NDArray[np.bool_] = np.isnat(broken_at)[None, :] | (broken_at[None, :] > moments[:, None])
-        return holds
-
-    def tension(self) -> Floats:
-        """Largest tensile stress (Pa) of each bond since the record before, (time, bond); 0 for bonds broken earlier.
-
-        Files without ``peak_stress`` give the stress at the records, of the bonds that hold then.
-        """
-        if "peak_stress" in self.run:
-            # A bond that broke since the record before had its largest stress in that interval: it still counts.
-            intact = self._holding(np.r_[self.times[:1], self.times[:-1]])
-            stress = self.run["peak_stress"].transpose("time", "bond").values
-        else:
-            intact, stress = self.unbroken, self.run["normal_stress"].transpose("time", "bond").values
-        return np.where(intact & np.isfinite(stress), np.maximum(stress, 0.0), 0.0)
-
-    def bond_damage(self) -> Floats | None:
-        """Damage of the bonds at each record, (time, bond), 0 for broken ones; None in a run without damage."""
-        if "damage" not in self.run:
-            return None
-        damage: Floats = np.nan_to_num(self.run["damage"].transpose("time", "bond").values)
-        return np.where(self.unbroken, damage, 0.0)
-
-    @cached_property
-    def strengths(self) -> Floats:
-        """Tensile strength (Pa) of the ice of each bond, without the factors of its rift, scatter and damage; (time, bond)."""
-        first, second = self.run["bond_first"].values, self.run["bond_second"].values
-        strengths = bond_strengths(self._thickness, first, second, self.parameters.kernel_values())
-        return np.broadcast_to(strengths, (len(self.times), first.size))
-
-    @cached_property
-    def strength(self) -> float:
-        """Lowest of them (Pa) in the run, where the ice is thickest."""
-        elements = np.arange(self._thickness.shape[1])
-        return float(bond_strengths(self._thickness, elements, elements, self.parameters.kernel_values()).min())
-
     @cached_property
     def _thickness(self) -> Floats:
-        """Thickness of the elements (m): (time, trajectory), of one record alone where it does not change."""
-        thickness = filled_forward(self.run["thickness"].transpose("time", "trajectory").values.astype(np.float64))
-        return thickness[:1] if (thickness == thickness[:1]).all() else thickness
+        return read_thickness(self.run)
 
     def thickness(self, record: int) -> Floats:
         """Return the thickness (m) of the elements at a record."""
         thickness: Floats = self._thickness[min(record, len(self._thickness) - 1)]
         return thickness
-
-    def prestress(self, record: int) -> Floats:
-        """Return the pre-stress (Pa) of the elements at a record."""
-        return prestress(self.thickness(record), self.parameters.ice.density)
-
-    def reserves(self) -> list[str]:
-        """Return pre-stress and reserve of the bergs at the start, in sentences."""
-        present = self.there[0]
-        numbers = self.berg[0][present]
-        names = {number: self.name(number) for number in np.unique(numbers).tolist()}
-        return reserve_lines(numbers, self.thickness(0)[present], self.area[present], names, self.parameters)
-
-    def lowest_strength(self) -> Floats | None:
-        """Lowest normal strength (Pa) that damage has left to a bond at each record, NaN where none holds.
-
-        Bonds of a rift without any strength do not count. None in a run without damage.
-        """
-        damage = self.bond_damage()
-        if damage is None:
-            return None
-        relative_strength = self.run["strength"].values
-        left = self.strengths * relative_strength * (1.0 - damage)
-        lowest = np.where(self.unbroken & (relative_strength > 0.0), left, np.inf).min(axis=1, initial=np.inf)
-        return np.where(np.isfinite(lowest), lowest, np.nan)
-
-    def grown(self, box: Box, fraction: float) -> Box:
-        """Return a box with a margin of ``fraction`` of its longer side all around."""
-        wider = stretch(0.5 * (box.south + box.north), self.latlon)
-        margin = fraction * max(box.north - box.south, (box.east - box.west) / wider)
-        wide = margin * wider
-        return Box(box.west - wide, box.east + wide, box.south - margin, box.north + margin)
 
     def units_per_km(self) -> float:
         """Units of y in a kilometre."""
@@ -432,26 +317,6 @@ class Scene:
         bed = self.parameters.grounding.law == "seabed"
         return not p.only_interactions and bool(bed or p.ground_coefficient > 0.0 or p.ground_quadratic > 0.0)
 
-    def chosen_records(self, count: int) -> list[int]:
-        """Return records from the first to the last, evenly spaced, on whole days where the run is long enough."""
-        seconds = self.seconds - self.seconds[0]
-        moments = np.linspace(0.0, seconds[-1], min(count, len(seconds)))
-        day = constants.SECONDS_PER_DAY
-        if seconds[-1] >= count * day:
-            moments[1:-1] = day * np.round(moments[1:-1] / day)
-        return sorted({int(np.argmin(np.abs(seconds - moment))) for moment in moments})
-
-    def telling_records(self, count: int) -> list[int]:
-        """Return the first and the last record, those 6 h after large break-ups, and evenly spaced ones between."""
-        births = [birth[0] + np.timedelta64(6, "h") for n in self.numbers if (birth := self.birth(n)) is not None]
-        after = [int(np.argmin(np.abs(self.times - birth))) for birth in births]
-        records = {0, len(self.times) - 1, *after[: count - 2]}
-        spacing = len(self.times) / (2.5 * count)
-        for record in self.chosen_records(count):
-            if len(records) < count and all(abs(record - other) >= spacing for other in records):
-                records.add(record)
-        return sorted(records)
-
     def shape(self, margin: float) -> float:
         """Return width over height of the extent of the run on the ground, with a margin of a part of the longer side."""
         box = self.box()
@@ -491,14 +356,7 @@ class Scene:
     @cached_property
     def rift_tips(self) -> list[RiftTip]:
         """Tips of rifts that stand at the end of the run."""
-        run = self.run
-        if "rift_tip_crack" not in run:
-            return []
-        coordinates = {} if "rift_tip_lon" in run else {"lon": "x", "lat": "y"}
-        columns = [
-            run[f"rift_tip_{coordinates.get(name, name)}"].values.tolist() for name in RiftTip.__dataclass_fields__
-        ]
-        return [RiftTip(int(crack), *values) for crack, *values in zip(*columns, strict=True) if crack > 0]
+        return read_rift_tips(self.run)
 
     @cached_property
     def stays(self) -> list[Stay]:
@@ -527,224 +385,3 @@ class Scene:
             return None
         row = self.family[number]
         return row["birth_time"], bool(row["grounded"])
-
-
-# ---- the water around a run --------------------------------------------------------------------------------------------
-
-GROUP: Final = "background"
-POINTS: Final = 56
-"""Points of the currents along the longer side of the map."""
-
-FLOOR_POINTS: Final = 420
-"""Points of the sea floor along the longer side."""
-
-INTERVAL: Final = 21_600.0
-"""Seconds between two currents."""
-
-MOST_TIMES: Final = 80
-"""Largest number of currents; a longer run has them at longer intervals."""
-
-_KEPT: Final = "water"
-"""Place in the encoding of a run in memory."""
-
-_SILENT: Final = (RiftbergError, AttributeError, NotImplementedError)
-"""Errors of a forcing that cannot be asked for maps."""
-
-_MARGIN: Final = 0.3
-_HEIGHT = 0.85
-"""Least height of the box over the width of the drawn area, before it is widened."""
-_SQUARE = 1.35
-"""Side of the square around the berg at a record over its length: more than maps of single dates show."""
-_SHAPE = 2.0
-"""Least width of the box over its height: screens are wide."""
-
-
-def add_background(run: netCDF4.Dataset, model: BareModel) -> None:
-    """Add the background to an open run file that has all its records; none where the forcing cannot be asked for maps."""
-    seconds = np.asarray(run["time"][:])
-    names = ("lon", "lat") if "lon" in run.variables else ("x", "y")
-    x, y = (run[name][:].astype(np.float64).T for name in names)
-    units = {axis: str(run[name].units) for axis, name in zip(("time", "x", "y"), ("time", *names))}
-    # A track that crosses the seam must not make a box around the whole Earth.
-    period, goes_on = zonal_period(model.parameters), is_channel(model.parameters)
-    x = unwrap_positions(filled_forward(x), np.isfinite(y), period, goes_on=goes_on)
-    axes, fine = (_axes(x, filled_forward(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
-    length = float(seconds[-1] - seconds[0])
-    count = min(MOST_TIMES, max(1, round(length / INTERVAL))) + 1
-    times = np.linspace(seconds[0], seconds[-1], count if length > 0.0 else 1)
-    try:
-        currents = [model.forcing.currents(*np.meshgrid(*axes), float(t)) for t in times]
-        depth = model.forcing.depth(*np.meshgrid(*fine))
-    except _SILENT:
-        return  # a picture without water is better than no run
-    if np.isfinite(np.array(currents)).any() or np.isfinite(depth).any():
-        _write_background(run.createGroup(GROUP), axes, fine, times, np.array(currents), np.asarray(depth), units)
-
-
-def _axes(x: Floats, y: Floats, latlon: bool, points: int) -> tuple[Floats, Floats]:
-    """Return the axes of a grid around all positions (record, element) of a run.
-
-    The box holds a square around the berg at each record, for the maps of single dates are squares.
-    """
-    south, north, west, east = (float(f(a)) for a in (y, x) for f in (np.nanmin, np.nanmax))
-    wider = stretch(0.5 * (south + north), latlon)
-    smallest = 20e3 / (constants.DEGREE * constants.EARTH_RADIUS_KID) if latlon else 20e3
-    margin = _MARGIN * max(north - south, (east - west) / wider, smallest)
-    (low_x, high_x), (low_y, high_y) = ((np.nanmin(a, axis=1), np.nanmax(a, axis=1)) for a in (x, y))
-    across, along = (high_x - low_x) / wider, high_y - low_y
-    half = _SQUARE * 0.5 * float(np.maximum(across, along).max())
-    middle_x, middle_y = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y)
-    south = min(south - margin, float(middle_y.min()) - half)
-    north = max(north + margin, float(middle_y.max()) + half)
-    west = min(west - margin * wider, float(middle_x.min()) - half * wider)
-    east = max(east + margin * wider, float(middle_x.max()) + half * wider)
-    # The map of the drift is about as high as it is wide.
-    short = 0.5 * max(0.0, _HEIGHT * (east - west) / wider - (north - south))
-    south, north = south - short, north + short
-    wide = max(east - west, _SHAPE * (north - south) * wider)
-    if latlon:
-        wide = min(wide, 350.0)
-    west, east = 0.5 * (west + east - wide), 0.5 * (west + east + wide)
-    if latlon:
-        south, north = max(south, -89.9), min(north, 89.9)
-    step = max(north - south, (east - west) / wider) / (points - 1)
-    count = [max(2, round(length / step) + 1) for length in ((east - west) / wider, north - south)]
-    return np.linspace(west, east, count[0]), np.linspace(south, north, count[1])
-
-
-def _write_background(
-    group: Any, axes: tuple[Floats, Floats], fine: tuple[Floats, Floats], times: Floats, currents: Floats,
-    depth: Floats, units: dict[str, str],
-) -> None:  # fmt: skip
-    group.comment = "coarse picture of the forcing, for maps"
-    sizes = {"time": times, "y": axes[1], "x": axes[0], "floor_y": fine[1], "floor_x": fine[0]}
-    for name, values in sizes.items():
-        group.createDimension(name, len(values))
-        variable = group.createVariable(name, "f8", (name,), fletcher32=True)
-        variable.units = units[name.removeprefix("floor_")]
-        variable[:] = values
-    options = {"compression": "zlib", "complevel": 4, "shuffle": True, "fill_value": np.float32(np.nan)}
-    options["fletcher32"] = True
-    for k, (name, standard) in enumerate(
-        (("uo", "eastward_sea_water_velocity"), ("vo", "northward_sea_water_velocity"))
-    ):
-        # 1 mm/s is finer than any arrow; rounding makes the file small.
-        variable = group.createVariable(name, "f4", ("time", "y", "x"), **options)
-        variable.setncatts({"units": "m s-1", "standard_name": standard})
-        variable[:] = np.round(currents[:, k], 3)
-    variable = group.createVariable("depth", "f4", ("floor_y", "floor_x"), **options)
-    variable.setncatts({"units": "m", "standard_name": "sea_floor_depth_below_sea_surface"})
-    variable[:] = np.round(depth, 1)
-
-
-class StoredWater:
-    """Currents and sea floor of a run, as far as its file keeps them; offers the methods of a forcing that maps call."""
-
-    def __init__(self, background: xr.Dataset) -> None:
-        self.x: Floats = background["x"].values
-        self.y: Floats = background["y"].values
-        self.times: Floats = background["time"].values
-        self.u: Floats = background["uo"].values
-        self.v: Floats = background["vo"].values
-        self.floor_x: Floats = background["floor_x"].values
-        self.floor_y: Floats = background["floor_y"].values
-        self.floor: Floats = background["depth"].values
-        self.degrees = str(background["x"].attrs.get("units", "")).startswith("degree")
-
-    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
-        """Return the current (m s-1) at points, ``time`` seconds after the start; NaN outside the stored box."""
-        # Before the first and after the last record the nearest one holds.
-        upper = int(np.clip(np.searchsorted(self.times, time), 1, max(1, len(self.times) - 1)))
-        lower = upper - 1
-        if len(self.times) == 1:
-            return self._at(self.u[0], lon, lat), self._at(self.v[0], lon, lat)
-        weight = float(np.clip((time - self.times[lower]) / (self.times[upper] - self.times[lower]), 0.0, 1.0))
-        u, v = ((1.0 - weight) * field[lower] + weight * field[upper] for field in (self.u, self.v))
-        return self._at(u, lon, lat), self._at(v, lon, lat)
-
-    def depth(self, lon: Floats, lat: Floats) -> Floats:
-        """Return the depth of water (m) at points; NaN outside the stored box."""
-        return interpolate_evenly(self.floor_x, self.floor_y, self.floor, self._near(lon), np.asarray(lat))
-
-    def _at(self, field: Floats, lon: Floats, lat: Floats) -> Floats:
-        return interpolate_evenly(self.x, self.y, field, self._near(lon), np.asarray(lat))
-
-    def _near(self, lon: Floats) -> Floats:
-        """Bring longitudes to the branch of the stored ones."""
-        lon = np.asarray(lon, np.float64)
-        middle = 0.5 * (self.x[0] + self.x[-1])
-        return near(lon, middle) if self.degrees else lon
-
-
-def interpolate_evenly(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Floats) -> Floats:
-    """Interpolate on an even grid; NaN outside and beside missing values.
-
-    ``field``:  (shape (len(y_axis)).
-    """
-    fx = (x - x_axis[0]) / (x_axis[1] - x_axis[0])
-    fy = (y - y_axis[0]) / (y_axis[1] - y_axis[0])
-    # The last point of an even axis may be missed by round-off.
-    small = 1e-9
-    inside = (fx >= -small) & (fx <= len(x_axis) - 1 + small) & (fy >= -small) & (fy <= len(y_axis) - 1 + small)
-    i = np.clip(np.floor(np.where(inside, fx, 0.0)).astype(int), 0, len(x_axis) - 2)
-    j = np.clip(np.floor(np.where(inside, fy, 0.0)).astype(int), 0, len(y_axis) - 2)
-    a, b = fx - i, fy - j
-    low = (1.0 - a) * field[j, i] + a * field[j, i + 1]
-    high = (1.0 - a) * field[j + 1, i] + a * field[j + 1, i + 1]
-    return np.where(inside, (1.0 - b) * low + b * high, np.nan)
-
-
-def stored_water(run: xr.Dataset | str | Path) -> StoredWater | None:
-    """Return the background of a run file, or None where it has none."""
-    source = run if isinstance(run, str | Path) else run.encoding.get("source")
-    if source is None or not Path(source).exists():
-        return None
-    with open_netcdf(source) as file:
-        if GROUP not in file.groups:
-            return None
-    with open_lazily(source, group=GROUP, decode_times=False) as background:
-        return StoredWater(background.load())
-
-
-class KeptWater:
-    """Forcing of a run that lives in memory alone, as maps need it; NaN where it has no answer.
-
-    Copies of the run share it; a pickled run does without.
-    """
-
-    def __init__(self, forcing: Forcing | None = None) -> None:
-        self._forcing = forcing
-
-    def __deepcopy__(self, memo: object) -> KeptWater:
-        """Return itself: a forcing may hold open files."""
-        return self
-
-    def __reduce__(self) -> tuple[type[KeptWater], tuple[()]]:
-        """Leave the forcing behind."""
-        return KeptWater, ()
-
-    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
-        """Return the current (m s-1) at points, ``time`` seconds after the start."""
-        try:
-            return self._forcing.currents(lon, lat, time)  # type: ignore[union-attr]
-        except _SILENT:
-            nothing = np.full(np.shape(lon), np.nan)
-            return nothing, nothing
-
-    def depth(self, lon: Floats, lat: Floats) -> Floats:
-        """Return the depth of water (m) at points."""
-        try:
-            return self._forcing.depth(lon, lat)  # type: ignore[union-attr]
-        except _SILENT:
-            return np.full(np.shape(lon), np.nan)
-
-
-def keep_water(run: xr.Dataset, forcing: Forcing) -> None:
-    """Let maps of a run that lives in memory alone ask its forcing."""
-    run.encoding[_KEPT] = KeptWater(forcing)
-
-
-def find_water(run: xr.Dataset) -> KeptWater | StoredWater | None:
-    """Return the water around a run, as far as it is stored, or None."""
-    water = run.encoding.get(_KEPT)
-    return water if isinstance(water, KeptWater) else stored_water(run)

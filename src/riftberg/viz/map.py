@@ -31,13 +31,13 @@ from riftberg.viz.panels import (
     make_panels,
     melt_bar,
     melts,
-    nearest_record,
     project_run,
     speed_bar,
     speed_scale,
     thickness_lost,
     widen_box,
 )
+from riftberg.viz.records import nearest_record, telling_records
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -183,7 +183,7 @@ def draw_tracks(run: xr.Dataset, *, title: str = "", projection: Projection = "a
     style.legend_below(figure, overview.handles("dates"), columns=2)
     style.put_title(figure, _title(run, scene, title))
     style.lay_out(figure)
-    overview.draw(scene.telling_records(6))
+    overview.draw(telling_records(scene, 6))
     return figure
 
 
@@ -198,7 +198,7 @@ def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
 def _draw_figure(scene: Scene, water: Water | None, observed: Outlines, dates: int, title: str, dpi: int) -> Figure:
     """Draw the overview on the left, or above where it is wide, and beside it the berg at some dates."""
     shape = max(OVERVIEW, min(scene.shape(MARGIN), WIDEST))
-    records = scene.telling_records(dates)
+    records = telling_records(scene, dates)
     wide = shape > WIDE
     if wide:
         columns = max(4, len(records))
@@ -257,7 +257,7 @@ def _draw_on_axes(ax: Axes, scene: Scene, water: Water | None, observed: Outline
     frame = ax.get_position(original=True)
     shape = float(ax.figure.bbox.width * frame.width / (ax.figure.bbox.height * frame.height))
     if date is None:
-        Overview(ax, scene, water, shape, observed).draw(scene.telling_records(6))
+        Overview(ax, scene, water, shape, observed).draw(telling_records(scene, 6))
         return ax
     record = nearest_record(scene, np.datetime64(date))
     (box,) = common_boxes(scene, [record])

@@ -18,7 +18,9 @@ from riftberg.engines.common.rift_tips import tip_label
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.plane import ConformalPlane, near
-from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, find_water, stretch
+from riftberg.runs.background import KeptWater, StoredWater, find_water
+from riftberg.runs.positions import filled_forward, stretch
+from riftberg.runs.scene import Box, Scene
 from riftberg.runs.tracks import is_channel
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -472,7 +474,7 @@ class Panel(Map):
         # Bonds of hexagons cross at 60 degrees and are drawn slimmer.
         width = np.sqrt(scene.areas[record][first]) * np.where(scene.sides[first] == 6, 0.34, 0.62)
         points = np.maximum(0.6, self.points_per_metre() * width)
-        intact = np.flatnonzero(scene.unbroken[record])
+        intact = np.flatnonzero(scene.bonds.unbroken[record])
         intact = intact[np.argsort(values[intact])]  # the largest values on top
         # Between its bonds an element has the mean of their colours, or the map would be a grid of gaps.
         bonded = np.concatenate([first[intact], second[intact]])
@@ -487,7 +489,9 @@ class Panel(Map):
             )
         )  # fmt: skip
         length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-        close = ~scene.unbroken[record] & (length < 2.5 * np.median(length))  # not across to a piece that drifted off
+        close = ~scene.bonds.unbroken[record] & (
+            length < 2.5 * np.median(length)
+        )  # not across to a piece that drifted off
         for rows, line in scene.crack_lines(record):
             visible = np.where(close[rows][:, None], line, np.nan)
             self.ax.plot(*visible.T, color="black", lw=1.6, solid_capstyle="round", zorder=6)
@@ -630,17 +634,3 @@ def make_panels(
     for panel, text in zip(panels, texts or style.moment_texts(scene.times, records), strict=True):
         panel.ax.set_title(text, fontsize=10, pad=4)
     return panels
-
-
-def nearest_record(scene: Scene, moment: np.datetime64) -> int:
-    """Return the record nearest to a date; refuses one more than an hour, or half a step of the records, outside of the run."""
-    gaps = np.abs(scene.times - moment)
-    nearest = int(np.argmin(gaps))
-    steps = np.diff(scene.times)
-    if gaps[nearest] > max(np.timedelta64(1, "h"), 0.51 * steps.max() if len(steps) else np.timedelta64(0, "h")):
-        first, last = (scene.times[k].astype("datetime64[m]") for k in (0, -1))
-        raise InputError(
-            f"{moment.astype('datetime64[m]')} is not in the run", where="--date",
-            remedy=f"The run goes from {first} to {last}",
-        )  # fmt: skip
-    return nearest

@@ -29,13 +29,13 @@ from riftberg.viz.panels import (
     make_panels,
     melt_bar,
     melts,
-    nearest_record,
     project_run,
     speed_bar,
     speed_scale,
     thickness_lost,
     widen_box,
 )
+from riftberg.viz.records import nearest_record, telling_records
 from riftberg.viz.style import date_axis, day_text, is_short, moment_texts, new_figure
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def choose_records(scene: Scene, dates: Sequence[np.datetime64] | None, most: in
     """Return the records of dates; by default the start, the large break-ups and evenly spaced days."""
     if dates:
         return sorted({nearest_record(scene, date) for date in dates})
-    return scene.telling_records(most)
+    return telling_records(scene, most)
 
 
 def draw_dates(
@@ -186,13 +186,13 @@ def draw_stress(
         raise InputError("the run has no bonds, so no stress in them", where="stress", remedy="Draw another kind")
     records = choose_records(scene, dates) if dates else _before_breakups(scene)
     fracture = scene.parameters.fracture
-    stress = scene.tension()
+    stress = scene.bonds.tension()
     name, unit = stress_unit(max(float(np.nanmax(stress[r], initial=0.0)) for r in records))
     tension = {r: stress[r] / unit for r in records}
     top = max(1.0 / unit, *(float(np.nanmax(values, initial=0.0)) for values in tension.values()))
-    strength = scene.strength / unit
+    strength = scene.bonds.strength / unit
     beyond = fracture.enabled and top >= strength
-    text = f"; strength {scene.strength / 1e3:.4g} kPa" if fracture.enabled else ""
+    text = f"; strength {scene.bonds.strength / 1e3:.4g} kPa" if fracture.enabled else ""
     return _bond_maps(
         scene, water, tension, shades=colours.stress_map(), top=strength if beyond else top, beyond=beyond,
         label=f"largest tensile stress at a bond ({name}){text}{_line_name(scene, records)}", subject="stress in the bonds",
@@ -212,7 +212,7 @@ def draw_damage(
         As in `draw_dates`.
     """
     scene, water = project_run(run, projection)
-    damage = scene.bond_damage()
+    damage = scene.bonds.damage()
     if damage is None:
         raise InputError("the run has no damage", where="damage", remedy="Run with --set damage.enabled=true")
     records = choose_records(scene, dates) if dates else sorted({*_before_breakups(scene), len(scene.times) - 1})
@@ -281,7 +281,7 @@ def _spans(scene: Scene, records: Sequence[int]) -> list[str]:
 
 def _line_name(scene: Scene, records: Iterable[int]) -> str:
     """Return the name of the black lines: cracks where the run knows lines, else broken bonds; nothing where none broke."""
-    if all(scene.unbroken[record].all() for record in records):
+    if all(scene.bonds.unbroken[record].all() for record in records):
         return ""
     return "; black: cracks" if scene.crack_lines(0) else "; black: broken bonds"
 
@@ -299,10 +299,10 @@ def _before_breakups(scene: Scene) -> list[int]:
     """
     births = sorted(birth[0] for n in scene.numbers if (birth := scene.birth(n)) is not None)
     records = {max(0, int(np.searchsorted(scene.times, birth)) - 1) for birth in births[:4]}
-    stress = scene.tension().max(axis=1, initial=0.0)
+    stress = scene.bonds.tension().max(axis=1, initial=0.0)
     if not records:
         return [int(np.argmax(stress))]
-    calm = IMPACT * scene.strength
+    calm = IMPACT * scene.bonds.strength
     last = len(stress) - 1
     return sorted({r + 1 if r < last and stress[r] < calm <= stress[r + 1] else r for r in records})
 
@@ -443,22 +443,22 @@ def _areas(ax: Axes, scene: Scene, times: Any) -> None:
 
 def _peak_stress(ax: Axes, scene: Scene, times: Any) -> None:
     """Draw the largest tension between records and, thinner, at them: the difference is ringing and impact."""
-    peak = scene.tension().max(axis=1, initial=0.0) / 1e3
+    peak = scene.bonds.tension().max(axis=1, initial=0.0) / 1e3
     ax.plot(times, peak, color=colours.STRESS_LINE, lw=1.3, label="largest between outputs")
     if "peak_stress" in scene.run:
-        stress = np.where(scene.unbroken, scene.run["normal_stress"].transpose("time", "bond").values, 0.0)
+        stress = np.where(scene.bonds.unbroken, scene.run["normal_stress"].transpose("time", "bond").values, 0.0)
         at_records = stress.max(axis=1, initial=0.0) / 1e3
         ax.plot(times, at_records, color=colours.STRENGTH, lw=0.8, label="at the outputs")
     if scene.parameters.fracture.enabled:
-        strength = scene.strength / 1e3
+        strength = scene.bonds.strength / 1e3
         ax.axhline(strength, color=colours.STRENGTH, ls="--", lw=1.0)
         ax.text(0.005, strength, "strength", fontsize=8, va="bottom", transform=ax.get_yaxis_transform())
-    lowest = scene.lowest_strength()
+    lowest = scene.bonds.lowest_strength()
     if lowest is not None:
         ax.plot(times, lowest / 1e3, color=colours.DAMAGE_LINE, ls="--", lw=1.2, label="lowest strength left by damage")
     ax.set_ylim(bottom=0.0)  # after all lines: they set the upper end
     if scene.parameters.fracture.enabled:
-        _cut_off_cracks(ax, times, peak, CRACK * scene.strength / 1e3)
+        _cut_off_cracks(ax, times, peak, CRACK * scene.bonds.strength / 1e3)
     style.legend_above(ax, ncols=3)
     ax.set_ylabel("largest tensile\nstress (kPa)", fontsize=9)
 

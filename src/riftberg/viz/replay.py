@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from riftberg.diagnostics.summary import melt_lines, melted_words
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane, ellipses, ranges
+from riftberg.runs.background import StoredWater, interpolate_evenly, stored_water
 from riftberg.runs.layout import run_heading
-from riftberg.runs.scene import Scene, StoredWater, interpolate_evenly, stored_water
+from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
@@ -153,8 +154,8 @@ class ReplayContent:
     def data(self) -> dict[str, Any]:
         """Return everything, ready for JSON."""
         run, scene = self.run, self.scene
-        lowest = scene.lowest_strength()
-        tension = scene.tension()[self.records]
+        lowest = scene.bonds.lowest_strength()
+        tension = scene.bonds.tension()[self.records]
         return {
             "title": self.title,
             "note": str(run.attrs.get("forcing_title", "")).strip(),
@@ -166,7 +167,7 @@ class ReplayContent:
             "packing": scene.parameters.bonds.packing,
             "sides": scene.sides.tolist(),
             "draft": scene.draft(),
-            "strength": scene.strength if scene.parameters.fracture.enabled else None,
+            "strength": scene.bonds.strength if scene.parameters.fracture.enabled else None,
             "lowest": None if lowest is None else quantise(lowest[self.records], "uint16"),
             "colours": list(FRAGMENTS),
             "small": SMALL,
@@ -196,7 +197,7 @@ class ReplayContent:
             table[:1] if (table == table[:1]).all() else table
             for table in (np.sqrt(scene.areas[chosen]), self._table("thickness"))
         )
-        damage = scene.bond_damage()
+        damage = scene.bonds.damage()
         return {
             "count": lon.shape[1],
             "x": quantise(x),
@@ -385,7 +386,7 @@ class ReplayContent:
         """Return land and ice shelves around the run as rings on the plane."""
         if not self.scene.latlon:
             return []
-        areas, _ = clip_coast(self.scene.grown(self.scene.box(), 0.8))
+        areas, _ = clip_coast(self.scene.box().grown(0.8, latlon=self.scene.latlon))
         coast = []
         for area, colour in areas:
             rings = (np.asarray(ring.coords)[:, :2] for ring in (area.exterior, *area.interiors))
@@ -396,7 +397,7 @@ class ReplayContent:
         """Return meridians and parallels as lines on the plane."""
         if not self.scene.latlon:
             return []
-        box = self.scene.grown(self.scene.box(), 0.8)
+        box = self.scene.box().grown(0.8, latlon=self.scene.latlon)
         lines = []
         step_x, step_y = nice_step((box.east - box.west) / 6.0), nice_step((box.north - box.south) / 6.0)
         south, north = max(box.south, -90.0), min(box.north, 90.0)

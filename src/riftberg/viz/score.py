@@ -52,7 +52,7 @@ def draw_score(score: Score, path: str | Path, *, title: str = "", water: Water 
     title : str, optional
         Heading; its second line may name the forcing.
     water : Forcing or StoredWater, optional
-        Gives the sea floor behind the tracks, such as `riftberg.runs.scene.stored_water` of the run.
+        Gives the sea floor behind the tracks, such as `riftberg.runs.background.stored_water` of the run.
     dpi : int, optional
     """
     style.check_format(path)

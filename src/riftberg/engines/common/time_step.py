@@ -7,7 +7,7 @@ Half an hour errs by tens of metres a day in the strongest eddies, one hour by a
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,20 @@ LONG_BERG: Final = 10e3
 """Longest side (m) from which a berg is long."""
 
 
-def longest_time_step(elements: Elements, bonds: Bonds, forcing: Forcing, parameters: Parameters) -> tuple[float, str]:
-    """Return the longest time step (s) that the bergs and the forcing allow, and why it is no longer.
+class StepLimit(NamedTuple):
+    """The longest time step that serves a run."""
+
+    seconds: float
+    reason: str  # Why it is no longer
+
+    def divide(self, interval: float) -> StepLimit:
+        """Return the longest step up to this limit of which a whole number makes an interval (s)."""
+        step = interval / math.ceil(interval / self.seconds * (1.0 - 1e-9))
+        return self if step == self.seconds else StepLimit(step, f"it divides {interval / 3600.0:g} h; {self.reason}")
+
+
+def longest_time_step(elements: Elements, bonds: Bonds, forcing: Forcing, parameters: Parameters) -> StepLimit:
+    """Return the longest time step that the bergs and the forcing allow.
 
     ``elements``: all of the run, with those that come later.
     """
@@ -36,12 +48,7 @@ def longest_time_step(elements: Elements, bonds: Bonds, forcing: Forcing, parame
     for change, seconds, step in changes_in_time(forcing):
         if step < longest:
             longest, reason = step, f"it follows {change} {seconds / 3600.0:.4g} h"
-    return longest, reason
-
-
-def divide_interval(interval: float, longest: float) -> float:
-    """Return the longest time step up to ``longest`` of which a whole number makes an interval; all in s."""
-    return interval / math.ceil(interval / longest * (1.0 - 1e-9))
+    return StepLimit(longest, reason)
 
 
 def _shortest_berg(elements: Elements, bonds: Bonds, parameters: Parameters) -> float:

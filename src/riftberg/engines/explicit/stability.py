@@ -260,7 +260,7 @@ def check_long_step(run: RunState) -> None:
     """
     p, dt = run.parameters, run.parameters.time_step
     scheme = p.stepping.scheme
-    if scheme == "quasi_static" or p.quirks.zero_start or p.stepping.frozen or p.stepping.fixed_velocity is not None:
+    if p.quirks.zero_start or p.stepping.frozen or p.stepping.fixed_velocity is not None:
         return
     if scheme in SINGLE_STEP and p.bonds.law != "none":
         longest = math.sqrt(SINGLE_STEP[scheme] / max(_spring_frequency(run), 1e-300))
@@ -328,17 +328,12 @@ def size_bins(elements: Elements) -> tuple[Floats, ...]:
     return tuple(extremes)
 
 
-def assign_substeps(run: RunState, chosen: NDArray[np.bool_]) -> None:
+def assign_to_bergs(run: RunState, chosen: NDArray[np.bool_]) -> None:
     """Choose the number of sub-steps of the bergs to which the ``chosen`` elements belong, each for itself.
 
     Fragments keep the number of the berg that they come from: found anew it would depend on the bonds broken since.
     """
-    if not chosen.any():
-        return
     p, elements, bonds = run.parameters, run.elements, run.bonds
-    if p.stepping.scheme != "mts":
-        elements.body.substeps[:] = 1
-        return
     component = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
     if p.quirks.bergs_coupled or not component.any():
         sizes = interaction_sizes(elements, run.constants)
