@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from keys import extra
 from riftberg import A68A_2022, Forcing, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
 from riftberg.config.usual_ranges import LAWS, USUAL, of_length, without_effect
-from riftberg.config.values import field_extra
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import QuasiStaticParameters, fields_by_path
 
@@ -66,7 +66,7 @@ def numeric_parameters() -> set[str]:
 
 
 def test_every_number_has_a_usual_range_or_none_with_a_reason() -> None:
-    known = {path: usual for path, field in fields_by_path().items() if (usual := field_extra(field, "usual"))}
+    known = {path: usual for path, field in fields_by_path().items() if (usual := extra(field, "usual"))}
     assert known.keys() | NUMBERS_OF_METHOD | SHARES == numeric_parameters()
     assert all(usual.low < usual.high and usual.source for usual in {**USUAL, **known}.values())
 
