@@ -75,7 +75,14 @@ def test_the_length_of_a_run_is_written_in_a_unit_that_suits_it(days: float, tol
 
 def test_areas_and_places_are_written_in_units_that_suit_them() -> None:
     def told(area: float, lon: float, lat: float, latlon: bool) -> str:
-        event = {"time": "2020-12-09T13:00:00", "area_km2": area / 1e6, "bonds": 1, "grounded": False, "lon": lon, "lat": lat}
+        event = {
+            "time": "2020-12-09T13:00:00",
+            "area_km2": area / 1e6,
+            "bonds": 1,
+            "grounded": False,
+            "lon": lon,
+            "lat": lat,
+        }
         return short_summary(summary_of(breakups=[event], numerics={"earth": {"latlon": latlon}}))[1][20:]
 
     assert told(4.248e9, -37.56, -54.93, True) == "4248 km2 broke off afloat (1 bond) at 54.930 S, 37.560 W"
@@ -85,7 +92,16 @@ def test_areas_and_places_are_written_in_units_that_suit_them() -> None:
 
 
 def test_numbers_are_written_in_units_that_suit_them() -> None:
-    pairs = [(16000.0, "Pa"), (9e9, "Pa"), (-500.0, "Pa"), (5e4, "m"), (0.0, "m"), (259200.0, "s"), (1234567.0, "kg"), (0.3, "1")]
+    pairs = [
+        (16000.0, "Pa"),
+        (9e9, "Pa"),
+        (-500.0, "Pa"),
+        (5e4, "m"),
+        (0.0, "m"),
+        (259200.0, "s"),
+        (1234567.0, "kg"),
+        (0.3, "1"),
+    ]
     assert [quantity_text(*pair) for pair in pairs] == [
         "16 kPa", "9000 MPa", "-500 Pa", "50 km", "0 m", "3 day", "1.23457e+06 kg", "0.3",
     ]  # fmt: skip

@@ -59,7 +59,9 @@ def test_each_berg_has_a_line_of_result_and_the_ledgers_are_for_the_verbose() ->
         (170.0, 190.0, -1.0, 0.0, "1 S to 0, 170 E to 170 W"),
     ],
 )
-def test_the_box_of_a_current_is_told_with_letters(west: float, east: float, south: float, north: float, words: str) -> None:
+def test_the_box_of_a_current_is_told_with_letters(
+    west: float, east: float, south: float, north: float, words: str
+) -> None:
     axes = {"lat": np.linspace(south, north, 5), "lon": np.linspace(west, east, 5)}
     sea = xr.Dataset({name: (("lat", "lon"), np.zeros((5, 5))) for name in ("uo", "vo")}, axes)
     with pytest.raises(ForcingError, match=f"nothing lies in .*: the data cover {words}"):
