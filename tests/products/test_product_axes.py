@@ -177,4 +177,4 @@ def test_a_gap_of_one_step_is_not_a_whole_circle() -> None:
     lat = np.array([-60.0, -50.0])
     assert met(current(np.arange(0.0, 360.0, 0.25), lat), 359.9, -55.0)[0] == pytest.approx(-1e-4)
     with pytest.raises(ForcingError, match="outside of the data"):
-        met(current(np.arange(0.0, 355.0, 0.25), lat), 357.0, -55.0)
+        met(current(np.arange(0.0, 359.75, 0.25), lat), 359.75, -55.0)
