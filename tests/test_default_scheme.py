@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from riftberg import A68A_2022, A68A_2022_KID, Parameters
+from riftberg import A68A_2022, A68A_2022_KID, Options, Parameters, build
 from riftberg.config.explicit_groups import Beams
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
 
 EXPLICIT: dict[str, dict[str, Any]] = {
     "sub-steps": {"stepping": {"substeps": 100}},

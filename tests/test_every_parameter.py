@@ -14,11 +14,8 @@ import numpy as np
 import pytest
 
 from keys import extra
-from riftberg import Forcing, GriddedForcing, Iceberg, Model, Parameters
-from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.fields import OceanForcing
+from riftberg import Exchange, Forcing, Grid, GriddedForcing, Iceberg, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.errors import RiftbergError
-from riftberg.ocean.grid import Grid
 from riftberg.parameters import fields_by_path, kid_quirks
 
 Groups = dict[str, dict[str, Any]]

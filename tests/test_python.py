@@ -12,9 +12,7 @@ from xml.etree import ElementTree
 import pytest
 
 import riftberg
-from riftberg import A68A_2022, A68A_2022_KID, Forcing, GriddedForcing, Iceberg, Model, Parameters
-from riftberg.experiments import build
-from riftberg.ocean.grid import Grid
+from riftberg import A68A_2022, A68A_2022_KID, Forcing, Grid, GriddedForcing, Iceberg, Model, Parameters, build
 from riftberg.ocean.story import StoryOcean
 from riftberg.runs.progress import in_notebook
 

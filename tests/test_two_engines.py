@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from keys import extra
-from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Options, Parameters, build
 from riftberg.ensembles.vary import read_varied
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed, parse_settings
 from riftberg.experiments.yaml_file import read_file
 from riftberg.parameters import ExplicitParameters, QuasiStaticParameters, fields_by_path

@@ -12,10 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from keys import extra
-from riftberg import A68A_2022, Forcing, GriddedForcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022, Forcing, Grid, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
 from riftberg.config.usual_ranges import LAWS, USUAL, of_length, without_effect
-from riftberg.ocean.grid import Grid
 from riftberg.parameters import QuasiStaticParameters, fields_by_path
 
 MTS = {"scheme": "mts"}

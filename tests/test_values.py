@@ -13,11 +13,10 @@ import pytest
 import xarray as xr
 
 import riftberg
-from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Options, Parameters
 from riftberg.config.values import moment, native, number, numbers
 from riftberg.ensembles.sweep import make_plan
 from riftberg.errors import BergError, ForcingError, InputError
-from riftberg.experiments import Options
 from riftberg.experiments.yaml_file import build_file
 from riftberg.parameters import ExplicitParameters, QuasiStaticParameters, fields_by_path
 

@@ -14,10 +14,9 @@ import xarray as xr
 from shapely.affinity import rotate, translate
 from shapely.geometry import mapping
 
-from riftberg import Iceberg
+from riftberg import Iceberg, IceShelf
 from riftberg.bergs.outline import read_features
 from riftberg.bergs.seams import join_polygons, shrink
-from riftberg.coupling.shelf import IceShelf
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import BergError, InputError
 

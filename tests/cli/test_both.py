@@ -17,9 +17,8 @@ from typer.testing import CliRunner
 
 from experiments.paper_files import stand_ins
 from fetching.serving import Shelf, serving
-from riftberg import experiments
+from riftberg import Options, experiments
 from riftberg.cli.main import app
-from riftberg.experiments import Options
 from riftberg.fetching import download, fetch
 
 BERG = "icebergs.res.nc"

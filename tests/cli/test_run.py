@@ -17,10 +17,11 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from fakes import FakeModel
+from riftberg import Options
 from riftberg.cli.main import app
 from riftberg.compiled import kernels
 from riftberg.errors import ForcingError
-from riftberg.experiments import EXPERIMENTS, Info, Options
+from riftberg.experiments import EXPERIMENTS, Info
 from riftberg.runs.restart import load_state
 
 
@@ -221,7 +222,7 @@ def test_resumed_run_ends_like_the_run_that_never_stopped(tmp_path: Path) -> Non
         "berg:\n  rectangle: {length: 12 km, width: 6 km}\n  placement: [-39, -55]\n"
         "forcing: {uniform: {current: [0.2, 0.0], slope: [0, 0]}}\n"
     )
-    from riftberg.experiments import build
+    from riftberg import build
 
     half, _ = build(str(tmp_path / "slab.yaml"))
     half.advance(0.125)

@@ -11,11 +11,10 @@ import pytest
 import xarray as xr
 from numba.core import event
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Grid, Iceberg, Model, Parameters
 from riftberg.cli.run import ledger_lines, short_summary
 from riftberg.diagnostics.summary import summarize
 from riftberg.errors import ForcingError
-from riftberg.ocean.grid import Grid
 from riftberg.products import window
 from riftberg.runs.progress import ProgressRecorder, Stopwatch
 

@@ -8,11 +8,9 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, GridRecorder, Iceberg, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.cli.main import app
-from riftberg.coupling.exchange import ocean_grid
-from riftberg.coupling.fields import OceanForcing
-from riftberg.coupling.gridded import GridRecorder, make_cells
+from riftberg.coupling.gridded import make_cells
 from riftberg.errors import InputError
 from riftberg.life.melt import scaled_mass
 

@@ -7,8 +7,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Model
-from riftberg.coupling.veros import VerosBergs, veros_forcing, veros_grid
+from riftberg import Forcing, Model, VerosBergs, veros_forcing
+from riftberg.coupling.veros import veros_grid
 from riftberg.errors import InputError
 from scripts import loaded
 

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import Forcing, Iceberg, Model, Parameters, open_sweep, sweep
+from riftberg import Forcing, Iceberg, Model, Options, Parameters, open_sweep, sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, run_member
 from riftberg.ensembles.sweep import write_record
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, list_members, plan_from_design, read_design, read_varied
 from riftberg.errors import InputError
-from riftberg.experiments import Options
 
 STRENGTH = "fracture.normal_strength"
 

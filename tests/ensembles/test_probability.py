@@ -354,9 +354,9 @@ def test_a_forecast_of_a_function_has_all_default_errors(tmp_path: Path) -> None
 
 
 def test_what_is_given_comes_before_the_default_errors() -> None:
+    from riftberg import Options
     from riftberg.ensembles.forecast import forecast_plan
     from riftberg.ensembles.vary import Draws
-    from riftberg.experiments import Options
 
     plan = forecast_plan(
         drifting, ["current_error.speed=0.3 m/s", "start.thickness~normal(1, 0.1)"], Options(days=0.1), None, Draws(2)

@@ -10,12 +10,11 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from ocean.test_errors import probes
-from riftberg import Forcing
+from riftberg import Forcing, build
 from riftberg.cli.main import app
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.uncertain import estimate_errors, stated_error, with_errors
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import build
 from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing
 from riftberg.state import Floats
 

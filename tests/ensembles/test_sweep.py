@@ -22,14 +22,13 @@ from typer.testing import CliRunner
 
 import riftberg
 from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters, draw_sweep, open_cells, open_run, open_sweep, sweep
+from riftberg import Forcing, Iceberg, Model, Options, Parameters, draw_sweep, open_cells, open_run, open_sweep, sweep
 from riftberg.cli.ensembles import summary_lines
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, MemberTracks, Outcome, _stress_ratio, build_member, run_member
 from riftberg.ensembles.result import write_sweep
 from riftberg.ensembles.sweep import Store, _cells, join_parts, make_plan
 from riftberg.errors import InputError, RunError
-from riftberg.experiments import Options
 from riftberg.verification.sightings import berg_offsets
 
 MOST_LISTED = 64

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from riftberg import build
 from riftberg.ensembles.sweep import _check_members
 from riftberg.ensembles.vary import Draws, list_members, order_line, read_varied
 from riftberg.errors import InputError
-from riftberg.experiments import build
 
 
 @pytest.mark.parametrize(

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg import forecast, open_sweep, sweep
+from riftberg import Options, build, forecast, open_sweep, sweep
 from riftberg.cli.compare import opened_result
 from riftberg.ensembles.forecast import forecast_errors
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, grouped, list_members, plan_from_design, read_varied, vary_with_file
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed_document, parse_settings
 
 YAML = """start: 2020-12-09

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg import Model
+from riftberg import Model, Options, build
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import A68A_OBSERVED, ObservedDay, story_model
 from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, stream
 from riftberg.runs.layout import forcing_title

@@ -25,10 +25,10 @@ from experiments.paper_files import (
     write_hours,
 )
 from parity.records import EARTH, read
-from riftberg import A68A_2022, A68A_2022_KID, Model
+from riftberg import A68A_2022, A68A_2022_KID, Model, Options, build
 from riftberg.constants import OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE
 from riftberg.errors import ForcingError
-from riftberg.experiments import Options, build, names
+from riftberg.experiments import names
 from riftberg.experiments.a68a_files import FILES, paper_model
 from riftberg.fetching.fetch import HOURLY
 from riftberg.kid.parameters import read_namelist, to_parameters

@@ -13,11 +13,10 @@ import pytest
 from typer.testing import CliRunner
 
 from keys import SECTIONS, keys
-from riftberg import Parameters
+from riftberg import Parameters, build
 from riftberg.cli.main import app
 from riftberg.config.values import given, moment, parse_date
 from riftberg.errors import InputError
-from riftberg.experiments import build
 from riftberg.experiments.changes import parse_settings
 from riftberg.experiments.yaml_file import build_berg, read_file
 from riftberg.parameters import GROUPS, group_classes

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from cases import CASES
-from riftberg import A68A_2022, A68A_2022_KID
+from riftberg import A68A_2022, A68A_2022_KID, Options, build
 from riftberg.diagnostics.summary import fragment_areas
 from riftberg.errors import InputError
-from riftberg.experiments import EXPERIMENTS, Options, build, find, names
+from riftberg.experiments import EXPERIMENTS, find, names
 from riftberg.experiments.changes import changed, parse_settings, reference_numerics
 from riftberg.parameters import PUBLISHED_SPRINGS
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from riftberg import Grid
 from riftberg.ocean.cells import Fields
-from riftberg.ocean.grid import ZERO_ON_LAND, Grid, usable
+from riftberg.ocean.grid import ZERO_ON_LAND, usable
 from riftberg.state import new_elements
 
 

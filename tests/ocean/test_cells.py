@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ocean.grids import ALL, bent, cap, degrees, scattered, square_lakes
-from riftberg import Parameters
+from riftberg import Grid, Parameters
 from riftberg.ocean.cells import (
     adjust_cell,
     contains,
@@ -20,7 +20,6 @@ from riftberg.ocean.cells import (
     search_nearby,
     settle_elements,
 )
-from riftberg.ocean.grid import Grid
 from riftberg.physics.geometry import inverse_bilinear, wrap_around
 from riftberg.state import new_elements
 from twins import cells as twin

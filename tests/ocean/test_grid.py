@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from ocean.grids import ALL, bent, degrees, square_lakes
-from riftberg import FieldRules, GriddedForcing, Iceberg, Model, Parameters
+from riftberg import FieldRules, Grid, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.errors import BergError, InputError
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
-from riftberg.ocean.grid import Grid, cell_areas, haversine
+from riftberg.ocean.grid import cell_areas, haversine
 from riftberg.state import new_elements
 from twins.cells import great_circle
 

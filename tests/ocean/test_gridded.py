@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from ocean.grids import degrees, random_fields, scattered, square_lakes, without_gaps
-from riftberg import FieldRules, GriddedForcing
+from riftberg import FieldRules, Grid, GriddedForcing
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import DepthAtPoint, Fields, sample_gridded
-from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import add_tidal_drift, tidal_draws
 from riftberg.state import Environment
 

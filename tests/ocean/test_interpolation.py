@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ocean.grids import ALL, bent, random_fields, scattered, square_lakes
+from riftberg import Grid
 from riftberg.ocean.cells import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,
@@ -16,7 +17,6 @@ from riftberg.ocean.cells import (
     sample_gridded,
     zone_depth,
 )
-from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import add_tidal_drift, cell_seed, tidal_draws
 from riftberg.state import new_elements
 from twins import cells as plain_cells

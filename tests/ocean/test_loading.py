@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from ocean.grids import bent, random_fields, square_lakes, without_gaps
+from riftberg import Grid
 from riftberg.ocean.cells import Fields
-from riftberg.ocean.grid import Grid, at_corners, celsius, first_gap, usable, wind_from_stress
+from riftberg.ocean.grid import at_corners, celsius, first_gap, usable, wind_from_stress
 
 
 def corner_by_hand(grid, u, v, i, j, staggering):

@@ -13,10 +13,9 @@ import pytest
 import xarray as xr
 
 import riftberg
-from riftberg import DatasetForcing, Forcing, Iceberg, Model, Parameters
+from riftberg import DatasetForcing, Forcing, Iceberg, Model, Options, Parameters, build
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import Options, build
 from riftberg.ocean.grid import haversine
 from riftberg.ocean.series import Series, read_series
 from riftberg.state import Elements, new_elements

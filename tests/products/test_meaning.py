@@ -25,13 +25,13 @@ from products.test_odd_files import (
     truth,
     written,
 )
-from riftberg import DatasetForcing
+from riftberg import DatasetForcing, open_product
 from riftberg.errors import ForcingError
 from riftberg.ocean.balance import balancing_slope
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_product, recognise
+from riftberg.products import recognise
 
 BOX = {"longitude": (CENTRE - 2.0, CENTRE + 2.0), "latitude": (-57.5, -53.5), "hold": 24.0}
 

@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import DatasetForcing, Forcing, Iceberg, Model
+from riftberg import DatasetForcing, Forcing, Iceberg, Model, open_product
 from riftberg.errors import ForcingError
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_all, open_product
+from riftberg.products import open_all
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, new_elements
 

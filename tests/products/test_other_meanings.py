@@ -12,10 +12,11 @@ import xarray as xr
 
 from products.test_meaning import BOX, forcing_of, not_told, told, with_floor
 from products.test_odd_files import CENTRE, START, arrives, elements, plain, truth, written
+from riftberg import open_product
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_product, recognise
+from riftberg.products import recognise
 from riftberg.products.mesh import Located, build_mesh
 from riftberg.products.registry import open_named
 

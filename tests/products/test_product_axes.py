@@ -11,9 +11,9 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from riftberg import DatasetForcing
+from riftberg import DatasetForcing, open_product
 from riftberg.errors import ForcingError
-from riftberg.products import open_product, window
+from riftberg.products import window
 from riftberg.state import new_elements
 
 

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from products.probe import at_points
+from riftberg import open_product
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import ModelGrid, Run
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_product
 from riftberg.products.place import tidy_longitude
 
 LON, LAT = np.arange(-42.0, -34.0, 0.5), np.arange(-60.0, -52.0, 0.5)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from riftberg import open_product
 from riftberg.errors import ForcingError
-from riftberg.products import keel_mean, open_product
+from riftberg.products import keel_mean
 from riftberg.products.levels import layer_limits
 
 DEPTH = np.array([10.0, 30.0, 70.0, 150.0])  # limits 0, 20, 50, 110, 190

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import DatasetForcing
+from riftberg import DatasetForcing, build, open_product
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.experiments import build
-from riftberg.products import open_product
 from riftberg.state import new_elements
 
 MONTH_SECONDS = 30.4 * 86400.0

@@ -13,12 +13,11 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import Model, open_run, read_opendrift, write_opendrift
+from riftberg import Model, Options, build, open_run, read_opendrift, write_opendrift
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.score import score_run
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import Options, build
 
 HOURS = 13
 TIMES = np.datetime64("2025-09-24T00:00:31", "ns") + np.arange(HOURS) * np.timedelta64(1, "h")
