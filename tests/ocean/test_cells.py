@@ -193,10 +193,7 @@ def test_points_between_chord_and_parallel_of_a_wedge_at_the_pole_have_coordinat
 
 @pytest.mark.parametrize("pole", ["NE", "NW", "SW", "SE"])
 def test_one_polar_corner_makes_a_pentagon(pole):
-    """Cells with the pole at any one corner (tripolar grids): verdict as the twin's, some points in, some out.
-
-    Bug: beside the pole, points at longitudes beyond those of all corners were taken to be outside of the grid.
-    """
+    """Cells with the pole at any one corner (tripolar grids): verdict as the twin's, some points in, some out."""
     around = ["SW", "SE", "NE", "NW"]
     first = around.index(pole)
     places = [(123.0, 90.0), (-10.0, 89.2), (30.0, 88.0), (70.0, 89.0)]
@@ -218,7 +215,10 @@ def test_one_polar_corner_makes_a_pentagon(pole):
 
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_a_mesh_across_the_pole_is_bilinear_in_the_plane_of_the_pole(turn):
-    """Four cells that run along no meridian meet at the pole: every corner counts with its own longitude and latitude."""
+    """Four cells that run along no meridian meet at the pole: every corner counts with its own longitude and latitude.
+
+    Bug: points beside the pole at longitudes beyond those of all corners were taken to be outside of the grid.
+    """
     rng = np.random.default_rng(12)
     x, y = np.meshgrid(np.arange(-2.0, 2.5), np.arange(-2.0, 2.5))
     shift = rng.uniform(-0.2, 0.2, (2, 5, 5))
