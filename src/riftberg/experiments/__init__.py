@@ -24,7 +24,7 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
     Parameters
     ----------
     name : str
-        Name of a built-in experiment (``riftberg list``), or path of a file that ends in ``.yaml`` or ``.yml``.
+        Name of a built-in experiment (``riftberg experiments`` lists them), or path of a file that ends in ``.yaml`` or ``.yml``.
     options : Options, optional
         What is changed in it.
 
