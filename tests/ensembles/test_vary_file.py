@@ -11,7 +11,7 @@ from riftberg import Options, build, forecast, open_sweep, sweep
 from riftberg.cli.compare import opened_result
 from riftberg.ensembles.forecast import forecast_errors
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, grouped, list_members, plan_from_design, read_varied, vary_with_file
+from riftberg.ensembles.vary import Draws, list_members, plan_from_design, read_varied, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments.changes import changed_document, parse_settings
 
@@ -121,7 +121,8 @@ def test_keys_of_a_file_have_distributions_in_their_unit(file: str) -> None:
     members = list_members(varied, Draws(4))
     assert all(0.2 <= member["forcing.eddy.speed"] <= 0.4 for member in members)
     assert {member["start"] for member in members} <= {"2020-12-09", "2020-12-12"}
-    model = build(file, Options(changes=grouped(members[2])))[0]
+    changes = parse_settings([f"{name}={value}" for name, value in members[2].items()])
+    model = build(file, Options(changes=changes))[0]
     sample = model.forcing.parts if hasattr(model.forcing, "parts") else []
     assert any(getattr(part, "radius", None) == members[2]["forcing.eddy.radius"] for part in sample)
 

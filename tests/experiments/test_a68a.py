@@ -13,7 +13,6 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.experiments.a68a import A68A_OBSERVED, ObservedDay, story_model
 from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, stream
-from riftberg.runs.layout import forcing_title
 from riftberg.runs.tracks import berg_position
 
 LATITUDE = -55.8
@@ -415,7 +414,7 @@ def test_what_a_run_should_not_be_taken_for_is_told_before_it() -> None:
     assert "another one" in other
     model, _ = build("a68a", Options(numerics="reference"))
     assert (
-        forcing_title(model.forcing)
+        model.run(steps=1).attrs["forcing_title"]
         == "currents fitted to the observed drift with the reference's numerics, not measured"
     )
 
