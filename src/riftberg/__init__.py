@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from riftberg.ocean.datasets import DatasetForcing, Forcing
     from riftberg.ocean.grid import Grid
     from riftberg.ocean.gridded import FieldRules, GriddedForcing
-    from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+    from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
     from riftberg.products import open_product
     from riftberg.runs.model import Model
     from riftberg.runs.opendrift import read_opendrift, write_opendrift
@@ -55,6 +55,7 @@ _HOMES = {
     "Parameters": "riftberg.parameters",
     "A68A_2022": "riftberg.parameters",
     "A68A_2022_KID": "riftberg.parameters",
+    "A68A_2022_MTS": "riftberg.parameters",
     "FieldRules": "riftberg.ocean.gridded",
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
@@ -93,6 +94,7 @@ _HOMES = {
 __all__ = [
     "A68A_2022",
     "A68A_2022_KID",
+    "A68A_2022_MTS",
     "BmiRiftberg",
     "DatasetForcing",
     "Exchange",

@@ -25,13 +25,12 @@ from experiments.paper_files import (
     write_hours,
 )
 from parity.records import EARTH, read
-from riftberg import A68A_2022, A68A_2022_KID, Model, Options, build
+from riftberg import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Model, Options, build
 from riftberg.constants import OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments.a68a_files import FILES, paper_model
 from riftberg.fetching.fetch import HOURLY
 from riftberg.kid.parameters import read_namelist, to_parameters
-from riftberg.parameters import A68A_2022_MTS
 
 PAPER_DAYS = 18.0
 START_RECORD = 206

@@ -493,8 +493,8 @@ class ProductRecords:
         """Read all records from ``start`` to ``end`` (s) that have not been read before."""
         first, last = self._between(start), self._between(end)
         for record in range(first.before, last.after + 1):
-            if record < last.after and record in self._wide:
-                raise self._gap_error(record, max(start, self.times[record]))
+            if record < last.after:
+                self._check_gap(record, max(start, self.times[record]))
             if record // self._length * self._length not in self._judged:
                 self._record(record)
 
@@ -507,8 +507,8 @@ class ProductRecords:
         if k < 0 or k >= len(self.times) - 1:
             k = max(k, 0)
             return Between(k, k, 0.0)
-        if k in self._wide and time > self.times[k]:
-            raise self._gap_error(k, time)
+        if time > self.times[k]:
+            self._check_gap(k, time)
         weight = (time - self.times[k]) / (self.times[k + 1] - self.times[k])
         return Between(k, k + 1 if weight > 0.0 else k, weight)
 
@@ -522,9 +522,11 @@ class ProductRecords:
             remedy=outside_remedy(self.ds),
         )
 
-    def _gap_error(self, record: int, time: float) -> ForcingError:
-        gap = Gap(self.dates[record], self.dates[record + 1])
-        return gap_error(self.ds, gap, gap_limit(self.ds), self._date(time))
+    def _check_gap(self, record: int, time: float) -> None:
+        """Refuse a time from a record to the next where these are too far apart."""
+        if record in self._wide:
+            gap = Gap(self.dates[record], self.dates[record + 1])
+            raise gap_error(self.ds, gap, gap_limit(self.ds), self._date(time))
 
     def _date(self, time: float) -> np.datetime64:
         return utc(self.start) + np.timedelta64(round(time), "s")
