@@ -13,10 +13,9 @@ import pytest
 import xarray as xr
 
 import riftberg
-from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Options, Parameters
+from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Parameters, build
 from riftberg.config.values import moment
 from riftberg.errors import BergError, ForcingError, InputError
-from riftberg.experiments.yaml_file import build_file
 from riftberg.parameters import ExplicitParameters, QuasiStaticParameters, fields_by_path
 
 NOON = datetime(2020, 12, 9, 12)
@@ -183,7 +182,7 @@ def said_of_file(tmp_path: Path, line: str, value: str) -> str:
     path = tmp_path / "case.yaml"
     path.write_text(FILE.format(**parts))
     with pytest.raises(InputError) as caught:
-        build_file(path, Options())
+        build(str(path))
     return f"{caught.value.what}. {caught.value.remedy}"
 
 

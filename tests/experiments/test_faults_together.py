@@ -12,14 +12,14 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from keys import SECTIONS, keys
+from keys import SECTIONS, keys, nested
 from riftberg import Parameters, build
 from riftberg.cli.main import app
 from riftberg.config.values import given, moment, parse_date
 from riftberg.errors import InputError
 from riftberg.experiments.changes import parse_settings
 from riftberg.experiments.yaml_file import build_berg, read_file
-from riftberg.parameters import GROUPS, group_classes
+from riftberg.parameters import ExplicitParameters, QuasiStaticParameters
 
 SLAB = """\
 start: 2020-12-09 13:00
@@ -158,8 +158,11 @@ WRONG: list[Any] = [
     float("nan"), float("inf"), -1e400, -1, 1e300, 2.5, "", "abc", "1 kg", "9" * 400, True, None, [], {}, [1, 2, 3], ["a", None],
     [[1, 2], [3]], {"a": 1}, datetime(2020, 1, 1), object(), b"bytes", [float("nan")] * 2, 10**30,
 ]  # fmt: skip
-GROUPS_OF_PARAMETERS = [section for group in GROUPS for section in group_classes(group)]
-FIELDS = [(section, name) for section in (*SECTIONS, *GROUPS_OF_PARAMETERS) for name in keys(section)]
+ENGINES = (QuasiStaticParameters, ExplicitParameters)
+GROUPS_OF_PARAMETERS = [
+    group for engine in ENGINES for field in keys(engine).values() for group in nested(field.annotation)
+]
+FIELDS = [(section, name) for section in dict.fromkeys((*SECTIONS, *GROUPS_OF_PARAMETERS)) for name in keys(section)]
 
 
 @pytest.mark.quick(100)

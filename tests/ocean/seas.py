@@ -15,7 +15,7 @@ HOUR = 3600.0
 NAMED = {
     "uo": ("eastward_sea_water_velocity", "m s-1"), "vo": ("northward_sea_water_velocity", "m s-1"),
     "ssh": ("sea_surface_height_above_geoid", "m"), "ice_thickness": ("sea_ice_thickness", "m"),
-    "depth_below_surface": ("sea_floor_depth_below_geoid", "m"),
+    "taux": ("surface_downward_eastward_stress", "Pa"), "tauy": ("surface_downward_northward_stress", "Pa"),
 }  # fmt: skip
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from ocean.grids import bent, random_fields, square_lakes
+from ocean.seas import meet, sea
 from riftberg import Grid, GriddedForcing
 from riftberg.errors import ForcingError
-from riftberg.ocean.grid import at_corners, celsius, wind_from_stress
+from riftberg.ocean.grid import at_corners, celsius
 from riftberg.state import new_elements
 
 
@@ -68,11 +69,13 @@ def test_stress_becomes_wind_and_back():
     u, v = rng.normal(size=50), rng.normal(size=50)
     u[0] = v[0] = 0.0
     speed = np.hypot(u, v)
+    lon, lat = np.arange(10.0), np.arange(-60.0, -55.0)
+    tau = {name: (0.0015 * speed * q).reshape(5, 10) for name, q in (("taux", u), ("tauy", v))}
     with np.errstate(all="raise"):
-        ua, va = wind_from_stress(0.0015 * speed * u, 0.0015 * speed * v)
-    np.testing.assert_allclose(ua, u, rtol=1e-12)
-    np.testing.assert_allclose(va, v, rtol=1e-12)
-    assert ua[0] == va[0] == 0.0
+        e = meet(sea(lon, lat, **tau), *(q.ravel() for q in np.meshgrid(lon, lat)))
+    np.testing.assert_allclose(e.ua, u, rtol=1e-12)
+    np.testing.assert_allclose(e.va, v, rtol=1e-12)
+    assert e.ua[0] == e.va[0] == 0.0
 
 
 def test_kelvin_is_recognised_over_water_only():

@@ -20,7 +20,7 @@ import xarray as xr
 from fakes import FakeModel
 from riftberg import open_run
 from riftberg.errors import InputError, RunError
-from riftberg.parameters import from_file
+from riftberg.runs.layout import read_parameters
 from riftberg.runs.run_file import RunWriter, memory_run
 from riftberg.state import ELEMENT_VARIABLES
 
@@ -101,7 +101,7 @@ def test_the_peak_of_a_new_bond_begins_with_its_first_step(tmp_path: Path) -> No
 def test_attributes_allow_the_run_to_be_repeated(run: tuple[FakeModel, Path]) -> None:
     attributes = open_run(run[1]).attrs
     assert attributes["Conventions"] == "CF-1.11"
-    assert from_file(json.loads(attributes["parameters_json"]), goes_on=True) == run[0].parameters
+    assert read_parameters(attributes["parameters_json"], run[1], goes_on=True) == run[0].parameters
     assert "normal_strength = 18000.0 Pa" in attributes["parameters"]
     assert "eabq6974" in attributes["references"]
     assert "A uniform current" in attributes["references"]
