@@ -8,17 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from contract import FORCES
 from fakes import FakeForcing, FakeModel
 from riftberg import Forcing, Iceberg, Model, Parameters, open_run
+from riftberg.cli.main import app
 from riftberg.cli.run import short_summary
 from riftberg.constants import GRAVITY
 from riftberg.diagnostics.summary import summarize
 from riftberg.diagnostics.why import explain, reason_lines
 from riftberg.engines.common.forces.media import on_the_floor
 from riftberg.engines.common.fragments.grounding_log import GroundingEvent, GroundingLog, mass_on_floor
-from riftberg.runs.groundings import keel_line, list_stays, title_lines
+from riftberg.runs.groundings import list_stays, title_lines
 from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import RunWriter
@@ -286,13 +288,26 @@ def test_a_run_that_passes_near_the_floor_says_how_near() -> None:
         assert ground_lines(model) == said
 
 
-def test_keel_and_floor_at_the_start_are_named() -> None:
-    assert keel_line(model_of(200.0)) == (
-        "the keel is 166 m deep; the sea floor has at least 200 m under the berg (34 m of water below the keel); within 20 km of "
-        "it at least 200 m"
+@pytest.mark.parametrize(
+    ("depth", "scheme", "law", "said"),
+    [
+        (200.0, "quasi_static", "seabed", "the keel is 166 m deep; the sea floor has at least 200 m under the berg (34 m of "
+         "water below the keel); within 20 km of it at least 200 m"),
+        (150.0, "quasi_static", "seabed", "the keel stands 16 m deeper: it starts aground"),
+        (1e4, "quasi_static", "seabed", ""),
+        (150.0, "mts", "none", ""),
+    ],
+)  # fmt: skip
+def test_keel_and_floor_at_the_start_are_named(depth: float, scheme: str, law: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "e.yaml").write_text(
+        "start: 2025-02-28 06:00\ndays: 0.25\nberg: {rectangle: {length: 12 km, width: 6 km}, placement: [-37, -55]}\n"
+        f"forcing: {{uniform: {{current: [0.1, 0.0], depth: {depth}}}}}\n"
+        f"parameters: {{grounding: {{law: {law}}}, stepping: {{scheme: {scheme}}}}}\n"
     )
-    assert "the keel stands 16 m deeper: it starts aground" in keel_line(model_of(150.0))
-    assert keel_line(model_of(1e4)) == keel_line(model_of(150.0, law="none")) == ""
+    told = CliRunner().invoke(app, ["doctor", "--for", str(tmp_path / "e.yaml")])
+    assert told.exit_code == 0, told.output
+    words = " ".join(told.output.split())
+    assert said in words if said else "keel" not in words
 
 
 ROW = GroundingEvent(
