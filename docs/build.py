@@ -405,7 +405,7 @@ def write_replay_page(path: Path, days: float | None) -> None:
     """Write the replay of the built-in A68a that the first page of the site plays."""
     import tempfile
 
-    from riftberg.experiments import Options, build
+    from riftberg import Options, build
     from riftberg.runs.run_file import RunWriter, open_run
     from riftberg.viz.replay import write_replay
 

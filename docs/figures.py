@@ -216,7 +216,7 @@ def own_files(path: Path) -> dict[str, Any]:
     import contextlib
     import re
 
-    from riftberg.experiments import build
+    from riftberg import build
     from riftberg.viz.map import draw_map
 
     tutorial = (ROOT / "docs" / "tutorials" / "from-outline-to-break-up.md").read_text(encoding="utf-8")
@@ -235,7 +235,7 @@ def own_files(path: Path) -> dict[str, Any]:
 def story(on_a_map: Path, stress: Path, timeline: Path, why: Path) -> dict[str, Any]:
     """Run the built-in experiment; draw its map, the stress in its bonds, the life of its fragments, and why it broke."""
     from riftberg.diagnostics.why import explain
-    from riftberg.experiments import build
+    from riftberg import build
     from riftberg.viz.map import draw_map
     from riftberg.viz.plots import draw_fragments, draw_stress
     from riftberg.viz.score import draw_reasons

@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from riftberg import Laws, Parameters, constants
+from riftberg import A68A_2022_MTS, Laws, Parameters, constants
 from riftberg.engines.common.fragments.contact_log import ContactLog
 from riftberg.engines.common.fragments.grounding_log import GroundingLog
 from riftberg.engines.common.fragments.tree import Fragment, FragmentTree
 from riftberg.errors import RunError
 from riftberg.ocean.forcing import Forcing
-from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
 from riftberg.system.process import held

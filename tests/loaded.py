@@ -7,6 +7,6 @@ import xarray  # noqa: F401
 
 import riftberg.cli.run
 import riftberg.viz.style  # noqa: F401
-from riftberg.experiments import build
+from riftberg import build
 
 build("a68a")[0].step()

@@ -13,12 +13,10 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import A68A_2022, A68A_2022_KID, Forcing, GriddedForcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Forcing, Grid, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
 from riftberg.errors import BergError, ForcingError, InputError, RunError
 from riftberg.experiments.changes import parse_settings
-from riftberg.ocean.grid import Grid
-from riftberg.parameters import A68A_2022_MTS
 from riftberg.system.input_files import shown
 
 PLACE = (-39.0, -55.0)

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters, open_run
+from riftberg import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.errors import InputError, RunError
-from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, new_bonds, new_elements

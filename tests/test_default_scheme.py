@@ -7,10 +7,8 @@ from typing import Any
 
 import pytest
 
-from riftberg import A68A_2022, A68A_2022_KID, Parameters
-from riftberg.config.explicit_groups import Beams
+from riftberg import A68A_2022, A68A_2022_KID, Options, Parameters, build
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
 
 EXPLICIT: dict[str, dict[str, Any]] = {
     "sub-steps": {"stepping": {"substeps": 100}},
@@ -39,7 +37,8 @@ def test_who_asks_for_what_only_the_explicit_scheme_has_gets_it(groups: dict[str
 
 
 def test_groups_that_are_made_before_are_asked_too() -> None:
-    assert Parameters(bonds=Beams(law="spring")).stepping.scheme == "mts"
+    springs = Parameters(stepping={"scheme": "mts"}, bonds={"law": "spring"}).bonds
+    assert Parameters(bonds=springs).stepping.scheme == "mts"
     short = Parameters(stepping={"substeps": 100, "time_step": 900.0}).stepping
     assert (short.scheme, short.substeps, short.time_step) == ("mts", 100, 900.0)
     with pytest.raises(InputError, match=r"stepping\.substeps: it is of the explicit schemes"):

@@ -16,9 +16,9 @@ import pytest
 from typer.models import OptionInfo
 
 import riftberg
+from keys import extra
 from pages import run_blocks
 from riftberg.cli.main import app
-from riftberg.config.values import field_extra
 from riftberg.parameters import fields_by_path
 from scripts import loaded
 
@@ -256,7 +256,7 @@ def test_every_quirk_is_told() -> None:
 
 
 SWITCHES = [
-    path for path, field in fields_by_path().items() if path.startswith("compatibility.") or field_extra(field, "quirk")
+    path for path, field in fields_by_path().items() if path.startswith("compatibility.") or extra(field, "quirk")
 ]
 
 

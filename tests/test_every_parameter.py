@@ -13,12 +13,9 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from riftberg import Forcing, GriddedForcing, Iceberg, Model, Parameters
-from riftberg.config.values import field_extra
-from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.fields import OceanForcing
+from keys import extra
+from riftberg import Exchange, Forcing, Grid, GriddedForcing, Iceberg, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.errors import RiftbergError
-from riftberg.ocean.grid import Grid
 from riftberg.parameters import fields_by_path, kid_quirks
 
 Groups = dict[str, dict[str, Any]]
@@ -443,7 +440,7 @@ def changed(name: str, trial: Trial) -> Groups:
     group, leaf = name.split(".")[:2]
     value = trial.value
     if value is None:
-        value = field_extra(fields_by_path()[f"{group}.{leaf}"], "trial")
+        value = extra(fields_by_path()[f"{group}.{leaf}"], "trial")
     value = not value_of(trial.base, name) if value is None else value
     return with_(trial.base, **{group: {leaf: value}})
 

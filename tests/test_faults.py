@@ -17,16 +17,14 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import allow_large
+from fakes import FakeModel
+from riftberg import Forcing, Iceberg, Model, Parameters, allow_large
 from riftberg.cli.main import app
-from riftberg.cli.options import check_output, results_folder
 from riftberg.compiled.kernels import cache_folder
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
-from riftberg.system.atomic_files import OneWriter
-from riftberg.system.input_files import check_elements, check_work
 
-MOST_ELEMENTS = 1_000_000
+MOST_STEPS = 10_000_000
 
 EXPERIMENT = """\
 start: 2020-12-09 13:00
@@ -104,18 +102,24 @@ def test_too_much_is_refused_before_any_work(tmp_path: Path, key: str, value: st
 
 
 def test_limits_can_be_lifted() -> None:
-    with pytest.raises(
-        InputError, match=r"this asks for 2000000 elements, about 5 GB; the most is 1000000.*--allow-large"
-    ):
-        check_elements(2 * MOST_ELEMENTS)
-    with pytest.raises(InputError, match="long steps"):
-        check_work(1e9, 10, 10, where="test")
-    with pytest.raises(InputError, match="days of computing"):
-        check_work(1e6, 10_000, 10_000, where="test")
+    most = r"this asks for 2000000 elements, about 5 GB; the most is 1000000.*--allow-large"
+    with pytest.raises(InputError, match=most):
+        Iceberg.rectangle(2e6, 1e6, thickness=200.0, radius=500.0, latlon=False)
+    berg = Iceberg.rectangle(9e3, 6e3, thickness=200.0, placement=(-39.0, -55.5))
+    sea, many = Forcing.uniform(slope=(0.0, 0.0)), {"scheme": "mts", "substeps": 500_000}
+    model, fine = Model(berg, sea), Model(berg, sea, Parameters(stepping=many))
+    long: list[tuple[Model, int, str]] = [
+        (model, 2 * MOST_STEPS, "long steps"),
+        (fine, MOST_STEPS - 1, "days of computing"),
+    ]
+    for kind, steps, words in long:
+        with pytest.raises(InputError, match=words):
+            kind.check(steps=steps)
     with allow_large():
-        check_elements(2 * MOST_ELEMENTS)
-    with pytest.raises(InputError):
-        check_elements(2 * MOST_ELEMENTS)
+        assert [kind.check(steps=steps) for kind, steps, _ in long] == [2 * MOST_STEPS, MOST_STEPS - 1]
+    for kind, steps, words in long:
+        with pytest.raises(InputError, match=words):
+            kind.check(steps=steps)
 
 
 def cached(folder: Path, **environment: str) -> list[str]:
@@ -254,26 +258,34 @@ def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
     (tmp_path / "berg.yaml").write_text(EXPERIMENT)
     out = tmp_path / "out"
     out.mkdir()
-    other = OneWriter(out / "run.nc")
-    other.take()
+    model, other = FakeModel(), RunWriter(out / "run.nc")
+    other.start(model)
+    there = sorted(out.iterdir())
     result = CliRunner().invoke(app, ["run", str(tmp_path / "berg.yaml"), "-o", str(out), "-q", "--no-map"])
     assert result.exit_code == 2
     assert "another run" in result.stderr
-    assert [path.name for path in out.iterdir()] == [other.mark.name]
-    other.give_back()
+    assert sorted(out.iterdir()) == there
+    other.finish(model)
 
 
-def test_a_refused_run_leaves_no_folder(tmp_path: Path) -> None:
+def test_a_refused_run_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor the folders above it that it made; one that was there stays."""
+    (tmp_path / "berg.yaml").write_text(EXPERIMENT)
     folder = tmp_path / "a" / "b" / "c"
-    with pytest.raises(ValueError), results_folder(folder):
-        raise ValueError
-    assert list(tmp_path.iterdir()) == []
-    with results_folder(folder):
-        (folder / "result").write_text("x")
-    assert [path.name for path in folder.iterdir()] == ["result"]
-    with pytest.raises(ValueError), results_folder(folder):
-        raise ValueError
-    assert folder.is_dir()
+    words = ["run", str(tmp_path / "berg.yaml"), "-o", str(folder), "-q", "--no-map"]
+
+    def refuse(self: RunWriter, *arguments: object) -> None:
+        raise InputError("no run today")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(RunWriter, "start", refuse)
+        assert CliRunner().invoke(app, words).exit_code == 2
+        assert [path.name for path in tmp_path.iterdir()] == ["berg.yaml"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    there = sorted(folder.iterdir())
+    monkeypatch.setattr(RunWriter, "start", refuse)
+    assert CliRunner().invoke(app, words).exit_code == 2
+    assert sorted(folder.iterdir()) == there
 
 
 def test_places_that_cannot_be_written(tmp_path: Path) -> None:
@@ -285,10 +297,17 @@ def test_places_that_cannot_be_written(tmp_path: Path) -> None:
         result = CliRunner().invoke(app, ["run", str(tmp_path / "berg.yaml"), "-o", str(folder), "-q"])
         assert result.exit_code == 2
         assert words in " ".join(result.stderr.split())
-    with pytest.raises(InputError, match="a folder, where a file goes"):
-        check_output(tmp_path)
-    with pytest.raises(InputError, match="the output is one of the inputs"):
-        check_output(tmp_path / "file", inputs=[tmp_path / "file"])
+    run = tmp_path / "fake.nc"
+    FakeModel().advance(0.25, recorders=[RunWriter(run, every_hours=3)])
+    (tmp_path / "folder.html").mkdir()
+    (page := tmp_path / "page.html").symlink_to(run)
+    for output, words in (
+        (tmp_path / "folder.html", "a folder, where a file goes"),
+        (page, "the output is one of the inputs"),
+    ):
+        result = CliRunner().invoke(app, ["replay", str(run), "-o", str(output)])
+        assert result.exit_code == 2
+        assert words in " ".join(result.stderr.split())
 
 
 def test_a_full_disk_is_found_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,7 +34,7 @@ SOURCES = Path(riftberg.__file__).parent
 PROGRAM = """
 import sys
 from riftberg import Forcing, Iceberg, Model
-from riftberg.parameters import A68A_2022
+from riftberg import A68A_2022
 scheme, how, out = sys.argv[1:4]
 stepping = {"scheme": scheme, **({} if scheme == "mts" else {"time_step": 20.0})}
 law = {} if scheme == "mts" else {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}

@@ -103,7 +103,7 @@ WRITERS |= {
     "forces": """
 from riftberg.bergs.iceberg import Iceberg
 from riftberg import Forcing
-from riftberg.parameters import A68A_2022
+from riftberg import A68A_2022
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter
 berg = Iceberg.rectangle(9e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))

@@ -6,17 +6,15 @@ import logging
 import subprocess
 import sys
 import types
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
 
 import riftberg
-from riftberg import A68A_2022, A68A_2022_KID, Forcing, GriddedForcing, Iceberg, Model, Parameters
-from riftberg.experiments import build
-from riftberg.ocean.grid import Grid
+from riftberg import A68A_2022, A68A_2022_KID, Forcing, Grid, GriddedForcing, Iceberg, Model, Parameters, build
 from riftberg.ocean.story import StoryOcean
-from riftberg.runs.progress import in_notebook
 
 LINES, COLUMNS = 45, 300
 """A screen."""
@@ -145,18 +143,20 @@ def test_progress_in_a_notebook_is_one_bar(monkeypatch: pytest.MonkeyPatch, caps
     shown.HTML, shown.display = str, display  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "IPython", ipython)
     monkeypatch.setitem(sys.modules, "IPython.display", shown)
-    assert in_notebook()
     small().run(steps=2, progress=True)
     assert '<progress value="0"' in pages[0]
     assert "100 %" in pages[-1]
     assert capsys.readouterr().err == ""
 
 
-def test_a_terminal_of_ipython_is_no_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_of_ipython_is_no_notebook(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     ipython = types.ModuleType("IPython")
     ipython.get_ipython = type("TerminalInteractiveShell", (), {})  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "IPython", ipython)
-    assert not in_notebook()
+    small().run(steps=2, progress=True)
+    assert "100.0 %" in capsys.readouterr().err
 
 
 def test_the_log_has_the_name_of_the_package(caplog: pytest.LogCaptureFixture, tmp_path: Any) -> None:
@@ -178,21 +178,31 @@ def test_the_package_is_silent_unless_asked() -> None:
 def test_every_command_takes_verbose() -> None:
     from typer.testing import CliRunner
 
-    from riftberg.cli.main import SUMMARIES, app
+    from riftberg.cli.main import app
 
-    for name in SUMMARIES:
-        result = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "200"})
-        assert "--verbose" in result.output, name
+    for command in app.registered_commands:
+        result = CliRunner().invoke(app, [str(command.name), "--help"], env={"COLUMNS": "200"})
+        assert "--verbose" in result.output, command.name
 
 
-def test_verbose_logs_to_the_error_stream_and_leaves_nothing_behind() -> None:
-    from riftberg.cli.options import listening
+def test_verbose_logs_to_the_error_stream_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    """Once: what a run does. Twice: each file too."""
+    from typer.testing import CliRunner
 
+    from riftberg.cli.main import app
+
+    (tmp_path / "berg.yaml").write_text(
+        "start: 2020-12-09\ndays: 0.0625\nberg: {rectangle: {length: 9 km, width: 6 km}, placement: [-39.0, -55.5]}\n"
+        "forcing: {uniform: {current: [0.2, 0.0], slope: [0, 0]}}\n"
+    )
     logger = logging.getLogger("riftberg")
     before = list(logger.handlers), logger.level
-    with listening(2):
-        assert logger.isEnabledFor(logging.DEBUG)
-    assert (list(logger.handlers), logger.level) == before
+    for words, steps, files in (([], False, False), (["-v"], True, False), (["-vv"], True, True)):
+        out = tmp_path / f"out{len(words)}{files}"
+        done = CliRunner().invoke(app, ["run", str(tmp_path / "berg.yaml"), "-o", str(out), "-q", "--no-map", *words])
+        assert ("3 steps from 2020-12-09" in done.stderr, f"wrote {out}" in done.stderr) == (steps, files)
+        assert "steps from" not in done.stdout
+        assert (list(logger.handlers), logger.level) == before
 
 
 def test_the_tab_key_lists_parameters_and_not_what_they_are_made_with() -> None:

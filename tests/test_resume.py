@@ -9,9 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022, A68A_2022_KID, FieldRules, Forcing, GriddedForcing, Iceberg, Model, Parameters
-from riftberg.ocean.grid import Grid
-from riftberg.parameters import A68A_2022_MTS
+from riftberg import (
+    A68A_2022,
+    A68A_2022_KID,
+    A68A_2022_MTS,
+    FieldRules,
+    Forcing,
+    Grid,
+    GriddedForcing,
+    Iceberg,
+    Model,
+    Parameters,
+)
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
 STEPS = 7

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError, InputError, without_secrets
 from riftberg.experiments.changes import origin
-from riftberg.products import reading, registry
+from riftberg.products import open_all
 from riftberg.system import input_files
 from riftberg.system.process import say
 
@@ -103,7 +103,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             raise OSError(f"401, message='Unauthorized', url='{place}'")
         return xr.Dataset(field, axes)
 
-    monkeypatch.setattr(reading.xr, "open_zarr", opened)
+    monkeypatch.setattr(xr, "open_zarr", opened)
     return asked
 
 
@@ -112,7 +112,7 @@ def test_a_store_is_opened_by_the_whole_address_and_known_by_the_rest(
 ) -> None:
     whole = f"https://user:{SECRET}@host/x.zarr?token={SECRET}"
     with caplog.at_level(logging.DEBUG):
-        (ds,) = registry.open_all([whole])
+        (ds,) = open_all([whole])
     assert set(served) == {whole}
     assert ds.attrs["source"] == "https://***@host/x.zarr?token=***"
     assert SECRET not in f"{ds.attrs} {ds.encoding} {caplog.text}"
@@ -124,7 +124,7 @@ def test_a_store_is_opened_by_the_whole_address_and_known_by_the_rest(
 def test_an_error_of_a_library_does_not_tell_it(served: list[str]) -> None:
     whole = f"https://user:{SECRET}@host/gone.zarr"
     with pytest.raises(ForcingError) as caught:
-        registry.open_all([whole])
+        open_all([whole])
     error: BaseException | None = caught.value
     assert SECRET not in str(error)
     while error is not None and not error.__suppress_context__:
@@ -138,8 +138,8 @@ def test_an_address_that_was_cut_is_made_whole_from_the_environment(
 ) -> None:
     cut = "https://***@host/x.zarr?token=***"
     with pytest.raises(InputError, match=r"\*\*\*\) were cut .* into the environment variable RIFTBERG_ADDRESSES"):
-        registry.open_all([cut])
+        open_all([cut])
     whole = f"https://user:{SECRET}@host/x.zarr?token={SECRET}"
     monkeypatch.setenv("RIFTBERG_ADDRESSES", f"https://a:b@other/y.zarr {whole}")
-    registry.open_all([cut])
+    open_all([cut])
     assert set(served) == {whole}

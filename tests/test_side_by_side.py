@@ -167,7 +167,7 @@ forcing:
 
 def from_files(number: int, folder: str) -> str:
     """Build an experiment on currents from a file, and run it."""
-    from riftberg.experiments import Options, build
+    from riftberg import Options, build
 
     model, _ = build(str(Path(folder) / "case.yaml"), Options(data=Path(folder)))
     path = Path(folder) / f"from_files_{threading.get_ident()}_{number}.nc"
@@ -185,7 +185,7 @@ def test_forcing_files_are_read_from_several_threads(tmp_path: Path) -> None:
 
 def test_one_forcing_is_shared_by_models_in_threads(tmp_path: Path) -> None:
     """Each model reads records of its own times from the one forcing, whose blocks of records all of them use."""
-    from riftberg.experiments import Options, build
+    from riftberg import Options, build
 
     field_file(tmp_path / "currents.nc")
     (tmp_path / "case.yaml").write_text(EXPERIMENT.replace("FIELDS", "currents.nc"))
@@ -207,7 +207,7 @@ def test_one_forcing_is_shared_by_models_in_threads(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_filters_of_warnings_are_what_they_were_after_threads(tmp_path: Path) -> None:
     """Where the blocks of two threads overlapped, the second put back for ever what the first had set."""
-    from riftberg.products import open_product
+    from riftberg import open_product
 
     path = field_file(tmp_path / "currents.nc")
 

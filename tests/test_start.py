@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from kid.conftest import write_case
-from riftberg.cli.main import SUMMARIES, app, load_command
+from riftberg.cli.main import app
 from riftberg.state.neighbours import find_pairs
 
 KERNELS = """\
@@ -162,10 +162,12 @@ def said(code: str, folder: Path | None = None, **environment: str) -> str:
 
 def test_the_help_of_all_commands_says_what_each_says() -> None:
     """It is written by hand, so that no command is loaded for it."""
-    for name, summary in SUMMARIES.items():
-        assert " ".join((load_command(name).__doc__ or "").split("\n\n")[0].split()) == summary
     shown = " ".join(CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"}).output.split())
-    assert all(summary in shown for summary in SUMMARIES.values())
+    for command in app.registered_commands:
+        assert command.callback is not None
+        summary = " ".join((command.callback.__doc__ or "").split("\n\n")[0].split())
+        assert summary
+        assert f" {command.name} {summary}" in shown
 
 
 def test_help_loads_no_command() -> None:
@@ -197,7 +199,10 @@ def test_the_end_of_a_command_searches_no_cycles() -> None:
 
 
 def test_the_application_lists_its_commands() -> None:
-    assert [command.name for command in app.registered_commands] == list(SUMMARIES)
+    shown = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"}).output.partition("Commands:")[2]
+    listed = [line.split()[0] for line in shown.splitlines() if line.startswith("  ") and line[2] != " "]
+    assert [command.name for command in app.registered_commands] == listed
+    assert len(listed) > 20
     assert all(command.callback is not None and command.callback.__doc__ for command in app.registered_commands)
 
 

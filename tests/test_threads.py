@@ -10,8 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model
-from riftberg.parameters import A68A_2022_MTS
+from riftberg import A68A_2022_MTS, Forcing, Iceberg, Model
 
 PROGRAM = """
 import hashlib

@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 
 import riftberg
-from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.fields import OceanForcing
+from riftberg import Exchange, Forcing, Iceberg, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.runs.layout import run_parameters
 
 SEA = Forcing.uniform((0.2, 0.0))

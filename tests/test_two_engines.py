@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters
-from riftberg.config.values import field_extra
+from keys import extra
+from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Options, Parameters, build
 from riftberg.ensembles.vary import read_varied
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed, parse_settings
 from riftberg.experiments.yaml_file import read_file
 from riftberg.parameters import ExplicitParameters, QuasiStaticParameters, fields_by_path
@@ -212,7 +211,7 @@ def test_the_numerics_of_the_reference_stay_behind_with_its_engine() -> None:
 def test_each_engine_has_parameters_of_its_own_and_a_user_meets_few() -> None:
     """152 could be set with `quasi_static`, of which half did nothing. 80 are left."""
     sets = {engine: fields_by_path(engine) for engine in (QuasiStaticParameters, ExplicitParameters)}
-    settable = [path for path, field in sets[QuasiStaticParameters].items() if not field_extra(field, "hidden")]
+    settable = [path for path, field in sets[QuasiStaticParameters].items() if not extra(field, "hidden")]
     assert len(settable) <= 80
     for engine, other, scheme in (
         (QuasiStaticParameters, ExplicitParameters, "quasi_static"),

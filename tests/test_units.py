@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from riftberg.config.units import parse_unit, to_unit
+from keys import SECTIONS, TOP, extra, keys
+from riftberg.config.units import to_unit
+from riftberg.parameters import fields_by_path
 
 
 @pytest.mark.parametrize(
@@ -74,16 +76,8 @@ def test_a_quantity_is_the_nearest_number_to_what_is_written(text: str, unit: st
 
 def test_every_unit_of_a_parameter_or_a_key_can_be_written_behind_its_value() -> None:
     """That of the toughness, Pa m1/2, could not: its slash was taken for that of m/s."""
-    from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
-    from riftberg.config.values import field_unit, section_fields
-    from riftberg.experiments.yaml_file import sections
-    from riftberg.ocean.formulas import FORMULAS
-    from riftberg.parameters import fields_by_path
-
-    groups = [fields_by_path()]
-    shapes = [kind.model_fields for kind in (FieldOfBergs, LatticeRows, Rectangle)]
-    keys = [fields for _, fields in sections()] + [section_fields(part) for part in FORMULAS.values()]
-    units = {field_unit(field) for fields in (*groups, *shapes, *keys) for field in fields.values()} - {""}
+    groups = [fields_by_path(), TOP, *(keys(section) for section in SECTIONS)]
+    units = {extra(field, "unit") for fields in groups for field in fields.values()} - {None, ""}
     assert "Pa m1/2" in units
     for unit in sorted(units):
         for one in unit.split(" or "):
@@ -138,4 +132,6 @@ def test_plain_numbers_stay_as_they_are(value: float) -> None:
 
 
 def test_a_unit_divided_by_itself_has_no_dimension() -> None:
-    assert parse_unit("m/m").powers == {}
+    assert to_unit("3 m/m", "1") == 3.0
+    with pytest.raises(ValueError, match="measured in m"):
+        to_unit("3 m/m", "m")

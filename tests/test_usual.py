@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import A68A_2022, Forcing, GriddedForcing, Iceberg, Model, Parameters
+from keys import extra
+from riftberg import A68A_2022, Forcing, Grid, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
-from riftberg.config.usual_ranges import LAWS, USUAL, of_length, without_effect
-from riftberg.config.values import field_extra
-from riftberg.ocean.grid import Grid
+from riftberg.config.usual_ranges import LAWS, USUAL, without_effect
 from riftberg.parameters import QuasiStaticParameters, fields_by_path
 
 MTS = {"scheme": "mts"}
@@ -66,7 +65,7 @@ def numeric_parameters() -> set[str]:
 
 
 def test_every_number_has_a_usual_range_or_none_with_a_reason() -> None:
-    known = {path: usual for path, field in fields_by_path().items() if (usual := field_extra(field, "usual"))}
+    known = {path: usual for path, field in fields_by_path().items() if (usual := extra(field, "usual"))}
     assert known.keys() | NUMBERS_OF_METHOD | SHARES == numeric_parameters()
     assert all(usual.low < usual.high and usual.source for usual in {**USUAL, **known}.values())
 
@@ -214,8 +213,11 @@ def test_run_and_doctor_tell_the_same_once(tmp_path: Path) -> None:
         (0.1, 864.0, ""),
     ],
 )
-def test_an_end_between_two_steps_is_said(days: float, step: float, end: str) -> None:
-    said = of_length(days, Parameters(stepping={"time_step": step}))
+def test_an_end_between_two_steps_is_said(days: float, step: float, end: str, caplog: pytest.LogCaptureFixture) -> None:
+    sea = Forcing.uniform(current=(0.2, 0.0), slope=(0.0, 0.0))
+    with caplog.at_level(logging.WARNING, "riftberg"):
+        Model(berg(), sea, Parameters(stepping={"time_step": step})).advance(days)
+    said = [text for text in caplog.messages if "no whole number of time steps" in text]
     assert [end in text for text in said] == [True] * bool(end)
 
 

@@ -13,12 +13,9 @@ import pytest
 import xarray as xr
 
 import riftberg
-from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Parameters
-from riftberg.config.values import moment, native, number, numbers
-from riftberg.ensembles.sweep import make_plan
+from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Parameters, build
+from riftberg.config.values import moment
 from riftberg.errors import BergError, ForcingError, InputError
-from riftberg.experiments import Options
-from riftberg.experiments.yaml_file import build_file
 from riftberg.parameters import ExplicitParameters, QuasiStaticParameters, fields_by_path
 
 NOON = datetime(2020, 12, 9, 12)
@@ -28,6 +25,10 @@ def block(**options: Any) -> Iceberg:
     return Iceberg.rectangle(
         **{"length": 6e3, "width": 6e3, "thickness": 200.0, "placement": (-37.0, -56.0), **options}
     )
+
+
+def drifting(speed: float) -> Model:
+    return Model(block(), Forcing.uniform(current=(speed, 0.0), slope=(0.0, 0.0)), start="2020-12-09")
 
 
 @pytest.mark.parametrize(
@@ -181,7 +182,7 @@ def said_of_file(tmp_path: Path, line: str, value: str) -> str:
     path = tmp_path / "case.yaml"
     path.write_text(FILE.format(**parts))
     with pytest.raises(InputError) as caught:
-        build_file(path, Options())
+        build(str(path))
     return f"{caught.value.what}. {caught.value.remedy}"
 
 
@@ -268,13 +269,14 @@ def test_forcing_from_datasets_takes_dates_as_text() -> None:
         DatasetForcing.from_xarray(ds, "soon")
 
 
-def test_what_is_native_stays() -> None:
-    assert native("25 kPa") == "25 kPa"
-    assert native((np.float64(1.0), [np.int8(2)])) == (1.0, [2])
-    assert number(np.timedelta64(90, "m"), "h", where="every") == 1.5
-    assert numbers(["1 km", 5], "m", where="x").tolist() == [1000.0, 5.0]
-    with pytest.raises(InputError, match="x: True is no number"):
-        numbers([True, 1.0][0], "m", where="x")
+def test_numbers_of_numpy_and_lengths_of_time_are_taken_everywhere() -> None:
+    fixed = Parameters(stepping={"fixed_velocity": (np.float64(1.0), np.int8(2))}).stepping.fixed_velocity
+    assert fixed == (1.0, 2.0)
+    run = Model(block(), Forcing.uniform()).run("3 h", every_hours=np.timedelta64(90, "m"))
+    assert run.sizes["time"] == 3
+    assert block(placement=["1 km", 5], latlon=False).centroid == pytest.approx((1000.0, 5.0))
+    with pytest.raises(InputError, match="every_hours: True is no number"):
+        Model(block(), Forcing.uniform()).run("3 h", every_hours=True)
 
 
 @pytest.mark.parametrize(
@@ -420,8 +422,8 @@ def test_more_of_the_wrong_kind_is_refused_in_words(tmp_path: Path) -> None:
         riftberg.draw_map(xr.Dataset())
     with pytest.raises(InputError, match="vary: None cannot be used here"):
         riftberg.sweep("a68a", None)  # type: ignore[arg-type]
-    plan = make_plan("a68a", {"fracture.normal_strength": [1e3]}, Options(days=1 / 24), None)
-    assert plan.every == 3600.0  # by default as long as a run that is shorter than 6 h
+    short = riftberg.sweep(drifting, {"speed": [0.1]}, days="1 h", workers=0)
+    assert short.sizes["time"] == 2  # by default as far apart as a run is long that is shorter than 6 h
     for workers in (-1, "two", 1.5):
         with pytest.raises(InputError, match=r"workers: .* processes. Give a whole number, 0 or more"):
             riftberg.sweep("a68a", {"fracture.normal_strength": [1e3]}, days="1 h", workers=workers)  # type: ignore[arg-type]

@@ -14,10 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from riftberg import Iceberg, Model, Parameters
+from riftberg import Exchange, Iceberg, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.constants import EARTH_ROTATION, GRAVITY
-from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.fields import OceanForcing
 from riftberg.ocean.formulas import Eddy, Sum, Uniform, metric_offsets
 
 SPACINGS = {"1/12": 1 / 12, "1/4": 1 / 4, "1/2": 1 / 2, "1": 1.0}

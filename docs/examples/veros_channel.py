@@ -23,8 +23,7 @@ from veros.core.density import get_rho
 from veros.core.operators import at, update
 from veros.tools import get_vinokur_grid_steps
 
-from riftberg import Iceberg, Model, Parameters
-from riftberg.coupling.veros import VerosBergs, veros_forcing
+from riftberg import Iceberg, Model, Parameters, VerosBergs, veros_forcing
 
 LAYERS = get_vinokur_grid_steps(15, 3000.0, 20.0, refine_towards="lower")
 """Layers of the water, m, from the floor up. Veros finds their middles from floor to surface, each from the one below: layers

@@ -5,8 +5,7 @@ A68a in December 2020
 The built-in experiment: the berg loses its northern tip aground and its southern finger afloat. The currents are fitted to the observed drift.
 """
 
-from riftberg import draw_map
-from riftberg.experiments import build
+from riftberg import build, draw_map
 from riftberg.viz.plots import draw_fragments
 
 model, info = build("a68a")

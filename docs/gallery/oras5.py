@@ -6,8 +6,7 @@ The same berg in currents and sea level of ORAS5 and the wind of JRA-55, means o
 call, or read from the folder that ``RIFTBERG_DATA`` names. Monthly means have no eddies, so the berg goes another way: this is what a forecast from such data is worth.
 """
 
-from riftberg import draw_map
-from riftberg.experiments import Options, build
+from riftberg import Options, build, draw_map
 
 model, info = build("a68a-oras5", Options(fetch=True))
 run = model.run(5, every_hours=6)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.score import score_run
-from riftberg.experiments import build
+from riftberg import build
 from riftberg.experiments.a68a import A68A_OBSERVED
 from riftberg.viz.score import draw_score
 

@@ -5,8 +5,7 @@ Stress in the bonds
 Where a berg is stretched, its bonds carry tension, in equilibrium with the loads.
 """
 
-from riftberg import A68A_2022
-from riftberg.experiments import build
+from riftberg import A68A_2022, build
 from riftberg.viz.plots import draw_stress
 
 model, info = build("a68a")

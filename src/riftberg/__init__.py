@@ -21,14 +21,24 @@ from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
+    from riftberg.coupling.bmi import BmiRiftberg
+    from riftberg.coupling.exchange import Exchange, ocean_grid
+    from riftberg.coupling.fields import OceanForcing
+    from riftberg.coupling.gridded import GridRecorder
+    from riftberg.coupling.shelf import IceShelf
+    from riftberg.coupling.veros import VerosBergs, veros_forcing
+    from riftberg.coupling.yac import YacComponent, read_coupling
     from riftberg.engines.common.laws import Laws
     from riftberg.ensembles.forecast import forecast
     from riftberg.ensembles.result import open_cells, open_sweep
     from riftberg.ensembles.sensitivity import sensitivity
     from riftberg.ensembles.sweep import sweep
+    from riftberg.experiments import Options, build
     from riftberg.ocean.datasets import DatasetForcing, Forcing
+    from riftberg.ocean.grid import Grid
     from riftberg.ocean.gridded import FieldRules, GriddedForcing
-    from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+    from riftberg.parameters import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Parameters
+    from riftberg.products import open_product
     from riftberg.runs.model import Model
     from riftberg.runs.opendrift import read_opendrift, write_opendrift
     from riftberg.runs.run_file import open_run
@@ -45,10 +55,25 @@ _HOMES = {
     "Parameters": "riftberg.parameters",
     "A68A_2022": "riftberg.parameters",
     "A68A_2022_KID": "riftberg.parameters",
+    "A68A_2022_MTS": "riftberg.parameters",
     "FieldRules": "riftberg.ocean.gridded",
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
     "Forcing": "riftberg.ocean.datasets",
+    "Grid": "riftberg.ocean.grid",
+    "open_product": "riftberg.products",
+    "Options": "riftberg.experiments",
+    "build": "riftberg.experiments",
+    "Exchange": "riftberg.coupling.exchange",
+    "OceanForcing": "riftberg.coupling.fields",
+    "ocean_grid": "riftberg.coupling.exchange",
+    "IceShelf": "riftberg.coupling.shelf",
+    "GridRecorder": "riftberg.coupling.gridded",
+    "BmiRiftberg": "riftberg.coupling.bmi",
+    "VerosBergs": "riftberg.coupling.veros",
+    "veros_forcing": "riftberg.coupling.veros",
+    "YacComponent": "riftberg.coupling.yac",
+    "read_coupling": "riftberg.coupling.yac",
     "calibrate": "riftberg.verification.calibrate",
     "forecast": "riftberg.ensembles.forecast",
     "open_run": "riftberg.runs.run_file",
@@ -69,16 +94,27 @@ _HOMES = {
 __all__ = [
     "A68A_2022",
     "A68A_2022_KID",
+    "A68A_2022_MTS",
+    "BmiRiftberg",
     "DatasetForcing",
+    "Exchange",
     "FieldRules",
     "Forcing",
+    "Grid",
+    "GridRecorder",
     "GriddedForcing",
+    "IceShelf",
     "Iceberg",
     "Laws",
     "Model",
+    "OceanForcing",
+    "Options",
     "Parameters",
+    "VerosBergs",
+    "YacComponent",
     "__version__",
     "allow_large",
+    "build",
     "calibrate",
     "draw_fragments",
     "draw_map",
@@ -86,12 +122,16 @@ __all__ = [
     "draw_sweep",
     "draw_tracks",
     "forecast",
+    "ocean_grid",
     "open_cells",
+    "open_product",
     "open_run",
     "open_sweep",
+    "read_coupling",
     "read_opendrift",
     "sensitivity",
     "sweep",
+    "veros_forcing",
     "write_opendrift",
 ]
 

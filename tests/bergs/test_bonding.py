@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds, separations
+from riftberg.bergs.bonding import BondRule, Metric, form_bonds, separations
 from riftberg.errors import BergError
 from riftberg.state import Elements, new_elements
 
@@ -91,15 +91,6 @@ def test_bonds_across_the_end_of_a_periodic_domain() -> None:
     e = pair(99.5)
     assert len(form_bonds(e, BondRule(), Metric(False, 1.0, 100.0)).first) == 1
     assert len(form_bonds(e, BondRule(), PLANE).first) == 0
-
-
-def test_bond_count_leaves_out_broken_bonds() -> None:
-    e = pair(1.0)
-    bonds = form_bonds(e, BondRule(), PLANE)
-    assert e.bond_count.tolist() == [1, 1]
-    bonds.status[0] = 1
-    count_bonds(e, bonds)
-    assert e.bond_count.tolist() == [0, 0]
 
 
 def test_a_position_that_is_no_number_is_refused() -> None:

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, build
 from riftberg.errors import BergError, ForcingError, InputError
-from riftberg.experiments import build
 
 SEA = Forcing.uniform((0.2, 0.0))
 START, SIZES = "2020-12-09 00:00", {"length": 200.0, "width": 100.0, "thickness": 80.0}

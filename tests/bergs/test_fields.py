@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg
-from riftberg.bergs.populations import power_law, usual_thickness
 from riftberg.errors import BergError, RiftbergError
 
 EXPONENT = 1.52
@@ -58,18 +57,21 @@ def test_sizes_follow_the_classes_of_gladstone() -> None:
 
 def test_sizes_follow_the_power_law_of_tournadre() -> None:
     """The number of bergs above an area falls with its power -0.52, far from the upper end."""
-    area = power_law(np.random.default_rng(1).random(200_000), 0.1e6, 1e12)
-    edges = np.geomspace(0.1e6, 100e6, 7)
-    above = np.array([(area > edge).sum() for edge in edges])
-    slope = np.polyfit(np.log(edges), np.log(above), 1)[0]
-    assert slope == pytest.approx(1.0 - EXPONENT, abs=0.02)
-    assert (area.min() >= 0.1e6, area.max() <= 1e12) == (True, True)
-    np.testing.assert_allclose(power_law(np.array([0.0, 1.0]), 1e5, 1e7), [1e5, 1e7])
+    between = (1e5, 1e9)
+    e = Iceberg.field(5000, (0.0, 1e7, 0.0, 1e7), sizes="tournadre", between=between, seed=1, latlon=False).elements
+    area = e.length * e.width
+    edges = np.geomspace(1e5, 1e7, 5)
+    fall = 1.0 - EXPONENT
+    expected = (edges**fall - between[1] ** fall) / (between[0] ** fall - between[1] ** fall)
+    np.testing.assert_allclose([(area > edge).mean() for edge in edges * (1.0 + 1e-9)], expected, atol=0.015)
+    assert (area.min() >= 1e5 * (1.0 - 1e-9), area.max() <= 1e9) == (True, True)
+    assert area.max() > 1e8
 
 
 def test_thickness_rises_with_size_up_to_a_largest() -> None:
     area = np.geomspace(1e3, 1e8, 50)
-    thickness = usual_thickness(area)
+    e = Iceberg.field(50, (0.0, 1e6, 0.0, 1e6), sizes=area, seed=1, latlon=False).elements
+    thickness = e.thickness[np.argsort(e.length * e.width)]
     assert (np.diff(thickness) >= 0.0).all()
     assert (thickness[0], thickness[-1]) == (40.0, 250.0)
     assert set(Iceberg.field(5, BOX, seed=1, thickness=99.0).elements.thickness) == {99.0}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
 
@@ -9,8 +10,7 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg
-from riftberg.bergs.bonded import principal_axes
-from riftberg.bergs.raster import check_on_globe, read_raster
+from riftberg.bergs.raster import read_raster
 from riftberg.errors import BergError, RiftbergError
 
 rasterio = pytest.importorskip("rasterio")
@@ -68,7 +68,8 @@ def test_a_projected_mask_gives_the_berg_of_its_outline(tmp_path, box, nodata):
     assert berg.area == pytest.approx(outline.area, rel=0.02)
     assert berg.centroid == pytest.approx(outline.centroid, abs=4.5e-3)
     # At 45 W the projection's x axis points to the south-east.
-    assert [principal_axes(b)[2] for b in (berg, outline)] == pytest.approx([135.0, 135.0], abs=2.0)
+    azimuths = [float(re.findall(r"long axis (\d+) degrees from north", b.describe())[0]) for b in (berg, outline)]
+    assert azimuths == pytest.approx([135.0, 135.0], abs=2.0)
 
 
 def test_a_projected_thickness_is_sampled_where_it_lies(tmp_path, box):
@@ -112,10 +113,10 @@ def test_a_grid_may_end_half_a_cell_beyond_a_pole(tmp_path, beyond):
     """The last row of cells of one degree has its middle at the pole or half a cell beyond it, not farther."""
     path = write(tmp_path / "mask.tif", np.ones((5, 10)), 0.0, 90.5 + beyond, 1.0, crs="EPSG:4326")
     if beyond == 0.5:
-        check_on_globe(read_raster(path))
+        assert Iceberg.from_mask(path, thickness=200.0, radius=60e3).elements.size > 0
     else:
         with pytest.raises(BergError, match=r"latitude 90\.52 is beyond the globe"):
-            check_on_globe(read_raster(path))
+            Iceberg.from_mask(path, thickness=200.0)
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, build
 from riftberg.errors import BergError, InputError
-from riftberg.experiments import build
 from riftberg.plane import EqualAreaPlane
 
 HEAD = """

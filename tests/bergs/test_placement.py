@@ -8,22 +8,24 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg
-from riftberg.bergs.regions import ReferencePlane, turned
 from riftberg.plane import EqualAreaPlane
 
 EARTH = 6363827.0
 
 
 def test_reference_plane_uses_the_own_latitude_of_each_point():
-    plane = ReferencePlane(300.0, -60.0, -60.0, EARTH)
-    lon, lat = plane.inverse(np.array([1e5, 1e5]), np.array([0.0, 1e5]))
-    metres = np.radians(lon - 300.0) * EARTH * np.cos(np.radians(lat))
-    np.testing.assert_allclose(metres, 1e5, rtol=1e-12)
+    """Elements of a column stand at one distance (m) from the middle, along the parallel of each."""
+    berg = Iceberg.rectangle(60e3, 60e3, thickness=200.0, placement=(-60.0, -60.0), radius=1500.0, conformal=False)
+    lon, lat = berg.elements.lon, berg.elements.lat
+    metres = np.radians(lon + 60.0) * EARTH * np.cos(np.radians(lat))
+    np.testing.assert_allclose(metres / 1500.0, np.round(metres / 1500.0), atol=1e-9)
+    np.testing.assert_allclose(np.unique(np.round(metres / 1500.0)), np.arange(-19.0, 20.0, 2.0))
 
 
 def test_turning_is_counter_clockwise():
-    x, y = turned(np.array([1.0]), np.array([0.0]), 90.0)
-    assert (x[0], y[0]) == pytest.approx((0.0, 1.0))
+    berg = Iceberg.rectangle(9e3, 3e3, thickness=200.0, radius=1500.0, latlon=False, rotation=90.0)
+    eastern = np.argmax(Iceberg.rectangle(9e3, 3e3, thickness=200.0, radius=1500.0, latlon=False).elements.lon)
+    assert (berg.elements.lon[eastern], berg.elements.lat[eastern]) == pytest.approx((0.0, 3e3))
 
 
 @pytest.mark.parametrize("latitude", [0.0, -55.0, -75.0])

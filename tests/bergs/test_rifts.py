@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -9,8 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from riftberg import Iceberg
-from riftberg.bergs.bonding import crossed_by_mask, pieces, scatter
-from riftberg.bergs.raster import read_raster
 from riftberg.errors import BergError
 
 
@@ -99,7 +99,7 @@ def test_a_rift_mask_just_beyond_the_end_of_a_bond_leaves_it():
     lon, lat = second + 0.025 * (third - second) * np.arange(-20, 21), np.linspace(-60.2, -59.8, 81)
     values = np.isin(np.arange(-20, 21), (4, 5))[None, :] & np.ones(81, bool)[:, None]
     mask = xr.DataArray(values.astype(float), coords={"lat": lat, "lon": lon}, dims=("lat", "lon"), name="rift")
-    gone = crossed_by_mask(e, b, read_raster(mask))
+    gone = berg.with_rifts(mask, broken=True).bonds.status == 2
     ends_of = np.sort([e.lon[b.first], e.lon[b.second]], axis=0)
     np.testing.assert_array_equal(gone, np.isclose(ends_of[0], second) & np.isclose(ends_of[1], third))
 
@@ -123,12 +123,20 @@ def test_rift_in_0_to_360_longitudes_cuts_a_berg_in_negative_longitudes():
     assert (one.bonds.status == 2).sum() == 4
 
 
+@cache
+def slab() -> Iceberg:
+    """A berg of 200,000 bonds."""
+    berg = Iceberg.rectangle(632.0, 632.0, thickness=1.0, radius=1.0, latlon=False, offset=(0.0, 0.0))
+    assert len(berg.bonds.first) > 199_000
+    return berg
+
+
 @pytest.mark.parametrize("distribution", ["weibull", "normal", "uniform"])
 def test_scatter_is_reproducible_and_has_mean_one(block, distribution):
     first, second, other = (block.with_strength(distribution, seed=seed) for seed in (7, 7, 8))
     np.testing.assert_array_equal(first.bonds.strength, second.bonds.strength)
     assert (first.bonds.strength != other.bonds.strength).all()
-    many = scatter(200_000, distribution, shape=None, spread=None, seed=1)
+    many = slab().with_strength(distribution, seed=1).bonds.strength
     assert many.mean() == pytest.approx(1.0, abs=2e-3)
     assert many.min() > 0
 
@@ -137,14 +145,14 @@ def test_weibull_modulus_is_that_of_the_distribution():
     """The share below x of a Weibull distribution is 1 - exp(-(x / scale)**m)."""
     from math import gamma
 
-    values = scatter(200_000, "weibull", shape=4.0, spread=None, seed=3)
+    values = slab().with_strength("weibull", shape=4.0, seed=3).bonds.strength
     scale = 1 / gamma(1.25)
     for x in (0.6, 1.0, 1.3):
         assert (values < x).mean() == pytest.approx(1 - np.exp(-((x / scale) ** 4)), abs=4e-3)
 
 
 def test_wide_normal_scatter_stays_positive():
-    assert scatter(100_000, "normal", shape=None, spread=0.9, seed=2).min() > 0
+    assert slab().with_strength("normal", spread=0.9, seed=2).bonds.strength.min() > 0
 
 
 def test_drawn_seed_is_reported_and_makes_the_same_berg(block):
@@ -168,15 +176,28 @@ def test_impossible_scatter_is_refused(block, distribution, values):
         block.with_strength(distribution, seed=1, **values)
 
 
-@given(st.integers(1, 30), st.data())
-def test_pieces_are_those_of_a_plain_search(size, data):
-    pairs = data.draw(st.lists(st.tuples(st.integers(0, size - 1), st.integers(0, size - 1)), max_size=40))
-    first, second = (np.array([p[k] for p in pairs], dtype=np.int64) for k in (0, 1))
-    got = pieces(size, first, second)
-    label = list(range(size))
-    for _ in range(size):
-        for a, b in pairs:
-            label[a] = label[b] = min(label[a], label[b])
+@given(st.data())
+def test_pieces_are_those_of_a_plain_search(block, data):
+    """Any bonds of a berg broken, by a strength of 0 and a rift across all: its pieces are numbered by their first element."""
+    lon, lat = block.elements.lon, block.elements.lat
+    broken = data.draw(st.sets(st.integers(0, len(block.bonds.first) - 1), min_size=1))
+    pairs = list(zip(block.bonds.first.tolist(), block.bonds.second.tolist(), strict=True))
+    rifts = []
+    for k in broken:  # a short line across the middle of the bond, which touches no other
+        i, j = pairs[k]
+        x, y, dx, dy = (
+            0.5 * (lon[i] + lon[j]),
+            0.5 * (lat[i] + lat[j]),
+            0.2 * (lon[j] - lon[i]),
+            0.2 * (lat[j] - lat[i]),
+        )
+        rifts.append([(x - dy, y + dx), (x + dy, y - dx)])
+    got = block.with_rifts(rifts, broken=True).elements.berg
+    label = list(range(len(lon)))
+    for _ in range(len(lon)):
+        for k, (a, b) in enumerate(pairs):
+            if k not in broken:
+                label[a] = label[b] = min(label[a], label[b])
     order = {root: n for n, root in enumerate(sorted(set(label)), start=1)}
     assert got.tolist() == [order[root] for root in label]
 
@@ -283,15 +304,17 @@ def test_what_of_a_rift_lies_outside_of_the_ice_is_told(block, rift, how, outsid
     assert ("of it lies outside of the ice" in cut.describe()) is (outside > 0.0)
 
 
-def test_a_rift_in_a_map_projection_is_held_against_the_ice_where_it_lies():
-    from riftberg.bergs.raster import Raster, projection
-
+def test_a_rift_in_a_map_projection_is_held_against_the_ice_where_it_lies(tmp_path):
+    rasterio, pyproj = pytest.importorskip("rasterio"), pytest.importorskip("pyproj")
     berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, radius=500.0, placement=(-38.0, -70.0))
-    x, y = projection("EPSG:3031").transform(-38.0, -70.0)
-    values = np.zeros((61, 61))
-    values[30, 10:51] = 1.0  # 40 km along x, as the grid of the projection lies there
-    mask = Raster(x + 1e3 * np.arange(-30.0, 31.0), y + 1e3 * np.arange(-30.0, 31.0), values, "rift", "EPSG:3031")
-    share = berg.with_rifts(mask, broken=True).report["rifts"][0]["outside"]
+    x, y = pyproj.Transformer.from_crs(4326, 3031, always_xy=True).transform(-38.0, -70.0)
+    values = np.zeros((61, 61), np.uint8)
+    values[30, 10:51] = 1  # 40 km along x, as the grid of the projection lies there
+    corner = rasterio.Affine(1e3, 0.0, x - 30.5e3, 0.0, -1e3, y + 30.5e3)
+    about = {"driver": "GTiff", "width": 61, "height": 61, "count": 1, "dtype": "uint8", "crs": "EPSG:3031"}
+    with rasterio.open(tmp_path / "rift.tif", "w", transform=corner, **about) as file:
+        file.write(values, 1)
+    share = berg.with_rifts(tmp_path / "rift.tif", broken=True).report["rifts"][0]["outside"]
     assert 0.45 < share < 0.8
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 import xarray as xr
 
 from riftberg import Iceberg
-from riftberg.bergs.bonded import principal_axes
 
 RADIUS = 6.378e6
 STEPS = np.linspace(-0.6, 0.6, 61)
@@ -77,7 +77,8 @@ def test_a_berg_made_elsewhere_is_the_same(lon0: float, lat0: float, points: boo
     assert there.bonds.bond_length.size == here.bonds.bond_length.size
     east = (np.array([there.centroid[0] - lon0, here.centroid[0] + 39.0]) + 180.0) % 360.0 - 180.0
     assert east[0] == pytest.approx(east[1], abs=1e-9)
-    assert principal_axes(there)[:2] == pytest.approx(principal_axes(here)[:2], rel=1e-6)
+    extents = [re.findall(r"extents: ([\d.]+ km x [\d.]+ km)", berg.describe()) for berg in (there, here)]
+    assert extents[0] == extents[1] != []
 
     for one, other in zip(cracked(there, lon0, lat0), cracked(here, -39.0, -55.0), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,10 +18,9 @@ from typer.testing import CliRunner
 
 from experiments.paper_files import stand_ins
 from fetching.serving import Shelf, serving
-from riftberg import experiments
+from riftberg import Options, experiments
 from riftberg.cli.main import app
-from riftberg.experiments import Options
-from riftberg.fetching import download, fetch
+from riftberg.fetching import fetch
 
 BERG = "icebergs.res.nc"
 GRID = "a68_experiment_ll_p125_grid.nc"
@@ -151,7 +151,7 @@ def source(shelf: Shelf, files: Path, tmp_path: Path, monkeypatch: pytest.Monkey
         local = functools.partial(fetch.fetch_a68a, base_url=base, large_files_url=base, files=small, progress=False)
         monkeypatch.setattr(fetch, "fetch_a68a", local)
         monkeypatch.setattr(fetch, "HOURLY", hourly)
-        monkeypatch.setattr(download.time, "sleep", lambda seconds: None)
+        monkeypatch.setattr(time, "sleep", lambda seconds: None)
         monkeypatch.chdir(tmp_path)
         yield shelf
 

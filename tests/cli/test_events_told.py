@@ -14,7 +14,7 @@ from riftberg import A68A_2022
 from riftberg.cli.main import app
 from riftberg.cli.run import short_summary
 from riftberg.compiled import kernels
-from riftberg.config.units import area_text, duration_text, place_text, quantity_text
+from riftberg.config.units import quantity_text
 from riftberg.experiments import Info
 
 
@@ -55,32 +55,60 @@ def test_a_run_of_seconds_tells_seconds(monkeypatch: pytest.MonkeyPatch) -> None
     assert "per day" not in result.stderr
 
 
-def test_lengths_areas_and_places_are_written_in_units_that_suit_them() -> None:
-    assert [duration_text(days) for days in (17.0, 1.0, 0.347222, 0.01, 10.0 / 86_400.0)] == [
-        "17 days", "1 day", "8.33 h", "14.4 min", "10 s",
-    ]  # fmt: skip
-    assert [area_text(area) for area in (4.248e9, 4.2e6, 2e4, 7.25, 0.0)] == [
-        "4248 km2",
-        "4.2 km2",
-        "0.02 km2",
-        "7.25 m2",
-        "0 km2",
-    ]
-    assert [quantity_text(*pair) for pair in ((16000.0, "Pa"), (9e9, "Pa"), (-500.0, "Pa"), (5e4, "m"), (0.0, "m"),
-                                              (259200.0, "s"), (1234567.0, "kg"), (0.3, "1"))] == [
-        "16 kPa", "9000 MPa", "-500 Pa", "50 km", "0 m", "3 day", "1.23457e+06 kg", "0.3",
-    ]  # fmt: skip
-    assert place_text(-37.56, -54.93, latlon=True) == "54.930 S, 37.560 W"
-    assert place_text(63e3, 60e3, latlon=False) == "x 63 km, y 60 km"
-    assert place_text(350.0, 60.0, latlon=False) == "x 350 m, y 60 m"
-
-
-def test_a_summary_without_a_clock_is_told_too() -> None:
-    summary = {
-        "experiment": "", "end": "2020-12-09T13:00:10", "days": 1e-4, "elements": 2, "bonds_broken": 0, "bonds_total": 1,
+def summary_of(**entries: Any) -> dict[str, Any]:
+    """Return the summary of a day of two elements in which nothing happened, but for some entries."""
+    nothing = {
+        "experiment": "", "end": "2020-12-10T00:00:00", "days": 1.0, "elements": 2, "bonds_broken": 0, "bonds_total": 1,
         "seconds_per_day": None, "wall_seconds": None, "breakups": [], "fragments": 1, "areas_km2": [3.0],
         "largest_km2": 3.0, "numerics": {"earth": {"latlon": True}},
     }  # fmt: skip
+    return nothing | entries
+
+
+@pytest.mark.parametrize(
+    ("days", "told"),
+    [(17.0, "17 days"), (1.0, "1 day"), (0.347222, "8.33 h"), (0.01, "14.4 min"), (10.0 / 86_400.0, "10 s")],
+)
+def test_the_length_of_a_run_is_written_in_a_unit_that_suits_it(days: float, told: str) -> None:
+    assert re.split(" to |,", short_summary(summary_of(days=days))[0])[0] == f"run: {told}"
+
+
+def test_areas_and_places_are_written_in_units_that_suit_them() -> None:
+    def told(area: float, lon: float, lat: float, latlon: bool) -> str:
+        event = {
+            "time": "2020-12-09T13:00:00",
+            "area_km2": area / 1e6,
+            "bonds": 1,
+            "grounded": False,
+            "lon": lon,
+            "lat": lat,
+        }
+        return short_summary(summary_of(breakups=[event], numerics={"earth": {"latlon": latlon}}))[1][20:]
+
+    assert told(4.248e9, -37.56, -54.93, True) == "4248 km2 broke off afloat (1 bond) at 54.930 S, 37.560 W"
+    assert told(4.2e6, 63e3, 60e3, False) == "4.2 km2 broke off afloat (1 bond) at x 63 km, y 60 km"
+    assert told(2e4, 350.0, 60.0, False) == "0.02 km2 broke off afloat (1 bond) at x 350 m, y 60 m"
+    assert [told(area, 0.0, 0.0, True).split(" broke")[0] for area in (7.25, 0.0)] == ["7.25 m2", "0 km2"]
+
+
+def test_numbers_are_written_in_units_that_suit_them() -> None:
+    pairs = [
+        (16000.0, "Pa"),
+        (9e9, "Pa"),
+        (-500.0, "Pa"),
+        (5e4, "m"),
+        (0.0, "m"),
+        (259200.0, "s"),
+        (1234567.0, "kg"),
+        (0.3, "1"),
+    ]
+    assert [quantity_text(*pair) for pair in pairs] == [
+        "16 kPa", "9000 MPa", "-500 Pa", "50 km", "0 m", "3 day", "1.23457e+06 kg", "0.3",
+    ]  # fmt: skip
+
+
+def test_a_summary_without_a_clock_is_told_too() -> None:
+    summary = summary_of(end="2020-12-09T13:00:10", days=1e-4)
     assert short_summary(summary) == ["run: 8.64 s, 2 elements, 0 of 1 bonds broken", "  1 fragment at the end: 3 km2"]
 
 
@@ -96,11 +124,7 @@ def test_events_are_told_by_date() -> None:
     def met(hour: int) -> dict[str, Any]:
         return event(hour, bergs=["A", "B"], speed=0.1)
 
-    summary = {
-        "experiment": "", "end": "2020-12-10T00:00:00", "days": 1.0, "elements": 2, "bonds_broken": 0, "bonds_total": 1,
-        "seconds_per_day": None, "wall_seconds": None, "breakups": [broke(3), broke(9)], "fragments": 1,
-        "areas_km2": [3.0], "largest_km2": 3.0, "numerics": {"earth": {"latlon": True}}, "collisions": [met(1), met(4)],
-    }  # fmt: skip
+    summary = summary_of(breakups=[broke(3), broke(9)], collisions=[met(1), met(4)])
     lines = short_summary(summary)[1:5]
     assert [line[2:18] for line in lines] == [f"2020-12-09 {hour:02}:00" for hour in (1, 3, 4, 9)]
     assert ["met" in line for line in lines] == [True, False, True, False]

@@ -9,9 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 from fakes import FakeModel
-from riftberg import draw_map, open_run
+from riftberg import Options, draw_map, open_run
 from riftberg.cli.main import app
-from riftberg.experiments import Info, Options
+from riftberg.experiments import Info
 from riftberg.runs.run_file import RunWriter
 
 

@@ -16,10 +16,10 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from fakes import FakeModel
-from riftberg import open_run
+from riftberg import Options, open_run
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError
-from riftberg.experiments import BuiltIn, Info, Options
+from riftberg.experiments import BuiltIn, Info
 from riftberg.runs.run_file import RunWriter
 
 RING = [[-39.1, -55.05], [-38.6, -55.05], [-38.6, -54.95], [-39.1, -54.95], [-39.1, -55.05]]

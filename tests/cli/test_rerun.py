@@ -10,10 +10,9 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import open_run, open_sweep, sweep
+from riftberg import build, open_run, open_sweep, sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.experiments import build
 
 YAML = """start: 2020-12-09
 days: 0.25

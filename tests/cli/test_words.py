@@ -6,13 +6,16 @@ import re
 import time as clock
 from typing import Any
 
+import numpy as np
 import pytest
+import xarray as xr
 from numba.core import event
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Grid, Iceberg, Model, Parameters
 from riftberg.cli.run import ledger_lines, short_summary
-from riftberg.config.units import box_text, drift_text
 from riftberg.diagnostics.summary import summarize
+from riftberg.errors import ForcingError
+from riftberg.products import window
 from riftberg.runs.progress import ProgressRecorder, Stopwatch
 
 
@@ -47,14 +50,38 @@ def test_each_berg_has_a_line_of_result_and_the_ledgers_are_for_the_verbose() ->
         assert words in told
 
 
-def test_boxes_and_ways_have_letters_and_points_of_the_compass() -> None:
-    assert box_text(321.875, 323.375, -56.5, -54.0) == "56.5 S to 54 S, 38.125 W to 36.625 W"
-    assert box_text(-180.0, 180.0, -90.0, 90.0) == "90 S to 90 N, all longitudes"
-    assert box_text(170.0, 190.0, -1.0, 0.0) == "1 S to 0, 170 E to 170 W"
-    assert box_text(0.0, 80.0, 0.0, 40.0, latlon=False) == "x 0 to 80 m, y 0 to 40 m"
-    assert drift_text(-3e3, -3.1e3) == "4.31 km south-west"
-    assert drift_text(0.0, 12.0) == "12 m north"
-    assert drift_text(0.0, -0.474) == "0.47 m south"  # the middle of a beam, of which "0 m south" was said
+@pytest.mark.parametrize(
+    ("west", "east", "south", "north", "words"),
+    [
+        (321.875, 323.375, -56.5, -54.0, "56.5 S to 54 S, 38.125 W to 36.625 W"),
+        (-180.0, 180.0, -90.0, 90.0, "90 S to 90 N, all longitudes"),
+        (170.0, 190.0, -1.0, 0.0, "1 S to 0, 170 E to 170 W"),
+    ],
+)
+def test_the_box_of_a_current_is_told_with_letters(
+    west: float, east: float, south: float, north: float, words: str
+) -> None:
+    axes = {"lat": np.linspace(south, north, 5), "lon": np.linspace(west, east, 5)}
+    sea = xr.Dataset({name: (("lat", "lon"), np.zeros((5, 5))) for name in ("uo", "vo")}, axes)
+    with pytest.raises(ForcingError, match=f"nothing lies in .*: the data cover {words}"):
+        window(sea, (0.0, 1.0), (91.0, 92.0))
+
+
+def test_the_box_of_a_grid_in_metres_is_told_by_x_and_y() -> None:
+    assert "x 0 to 80 m, y 0 to 40 m" in Grid.cartesian(8, 4, 10.0).describe()
+
+
+@pytest.mark.parametrize(
+    ("east", "north", "words"),
+    [(-3e3, -3.1e3, "4.31 km south-west"), (0.0, 12.0, "12 m north"), (0.0, -0.474, "0.47 m south")],
+)
+def test_ways_are_told_by_the_points_of_the_compass(east: float, north: float, words: str) -> None:
+    """The last is the middle of a beam, of which "0 m south" was said."""
+    model = adrift()
+    model.advance(steps=1)
+    summary = summarize(model) | {"numerics": {"earth": {"latlon": True}, "stepping": {"only_interactions": True}}}
+    summary["bergs"][0] |= {"drift_east_km": east / 1e3, "drift_north_km": north / 1e3}
+    assert short_summary(summary)[1].startswith(f"  X1 bent: its centre moved {words} to ")
 
 
 def test_seconds_per_day_leave_out_what_is_compiled_on_the_way() -> None:

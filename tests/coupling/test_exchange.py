@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import FieldRules, Iceberg, Model, Parameters
+from riftberg import Exchange, FieldRules, Iceberg, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.constants import LATENT_HEAT, RHO_SEAWATER
-from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.ledger import scaled_mass
 

@@ -8,11 +8,8 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, GridRecorder, Iceberg, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.cli.main import app
-from riftberg.coupling.exchange import ocean_grid
-from riftberg.coupling.fields import OceanForcing
-from riftberg.coupling.gridded import GridRecorder, make_cells
 from riftberg.errors import InputError
 from riftberg.life.ledger import scaled_mass
 
@@ -62,17 +59,16 @@ def dense(recorder: GridRecorder) -> np.ndarray:
 
 
 def test_each_cell_is_the_sum_over_bergs_that_run_alone(tmp_path) -> None:
-    grid = make_cells(0.5)
-    together = run(tmp_path, grid=grid)[1]
+    together = run(tmp_path, grid=0.5)[1]
     whole = dense(together)
-    alone = sum(dense(run(tmp_path, name=f"b{k}", rows=slice(k, k + 1), grid=grid)[1]) for k in range(3))
+    alone = sum(dense(run(tmp_path, name=f"b{k}", rows=slice(k, k + 1), grid=0.5)[1]) for k in range(3))
     np.testing.assert_allclose(whole, alone, rtol=1e-12, atol=1e-12 * np.abs(whole).max())
     assert (whole[0] > 0).sum() > 6  # several cells each
 
 
 @pytest.mark.parametrize("width", [1.0, 7.5])
 def test_cells_go_round_the_earth_from_the_date_line_to_near_the_poles(width: float) -> None:
-    g = make_cells(width).arrays
+    g = GridRecorder("cells", width).grid.arrays
     first = g.halo - 1
     last = first + g.nj, first + g.ni
     most = width * np.floor(88.0 / width)
@@ -155,7 +151,7 @@ def test_a_berg_beyond_the_cells_and_cells_that_do_not_close_are_refused(tmp_pat
         run(tmp_path, grid=ocean_grid(x, y, latlon=False))
     for width in (0.7, 0.0, 20.0, float("nan")):
         with pytest.raises(InputError, match="cells"):
-            make_cells(width)
+            GridRecorder(tmp_path / "x", width)
     with pytest.raises(InputError, match="every"):
         GridRecorder(tmp_path / "x", 1.0, every_hours=0.0)
 

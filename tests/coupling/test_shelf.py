@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Iceberg, Model, Parameters
-from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.fields import OceanForcing
+from riftberg import Exchange, Iceberg, IceShelf, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.coupling.fluxes import mass_on_cells
-from riftberg.coupling.shelf import IceShelf
 from riftberg.errors import BergError, InputError, RiftbergError
 from riftberg.life.ledger import scaled_mass
 
@@ -275,7 +272,7 @@ def shelf_file(folder: Path, **keys) -> Path:
 
 
 def test_an_experiment_file_may_name_a_shelf(tmp_path: Path) -> None:
-    from riftberg.experiments import Options, build
+    from riftberg import Options, build
 
     model, _ = build(str(shelf_file(tmp_path, packing="hexagonal")), Options())
     with xr.open_dataset(tmp_path / "shelf.nc") as map_:

@@ -7,8 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Model
-from riftberg.coupling.veros import VerosBergs, veros_forcing, veros_grid
+from riftberg import Forcing, Model, VerosBergs, veros_forcing
 from riftberg.errors import InputError
 from scripts import loaded
 
@@ -150,10 +149,9 @@ def test_another_grid_and_a_keel_above_the_water_are_refused(after_hours, exampl
             VerosBergs(channel.state, bergs.exchange.model, keel=keel)
 
 
-def test_the_grid_is_that_of_the_ocean(example) -> None:
-    channel = example.Channel()
-    channel.setup()
-    grid, vs = veros_grid(channel.state), channel.state.variables
+def test_the_grid_is_that_of_the_ocean(after_hours) -> None:
+    channel, bergs, _ = after_hours
+    grid, vs = bergs.exchange.grid, channel.state.variables
     assert grid.arrays.cyclic
     np.testing.assert_allclose(grid.bounds(), ((-0.5, 29.5), (-62.25, -54.25)), rtol=1e-12)
     assert (grid.arrays.mask[grid.domain] == 1.0).all()

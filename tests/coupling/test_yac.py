@@ -15,11 +15,10 @@ import numpy as np
 import pytest
 import yaml
 
-from riftberg.coupling.exchange import ocean_grid
+from riftberg import Options, YacComponent, build, ocean_grid, read_coupling
 from riftberg.coupling.fields import GIVEN
-from riftberg.coupling.yac import YacComponent, ocean_beside, read_coupling
+from riftberg.coupling.yac import ocean_beside
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
 from riftberg.runs.restart import load_state
 
 OCEAN = Path(__file__).with_name("toy_ocean.py")
@@ -522,8 +521,7 @@ def test_what_does_not_fit_is_refused_before_the_coupler_begins(
 
 
 def test_a_grid_in_metres_is_refused(tmp_path: Path) -> None:
-    from riftberg import Iceberg, Model, Parameters
-    from riftberg.coupling.fields import OceanForcing
+    from riftberg import Iceberg, Model, OceanForcing, Parameters
 
     x, y = np.meshgrid(1e4 * np.arange(11), 1e4 * np.arange(9))
     grid = ocean_grid(x, y, latlon=False)
@@ -536,8 +534,7 @@ def test_a_grid_in_metres_is_refused(tmp_path: Path) -> None:
 
 def with_rows(noise: float, turn: float = 0.0) -> Any:
     """A model on rows of longitude and latitude with noise on their corners (degrees), or whose axes are turned (rad)."""
-    from riftberg import Iceberg, Model, Parameters
-    from riftberg.coupling.fields import OceanForcing
+    from riftberg import Iceberg, Model, OceanForcing, Parameters
 
     lon, lat = np.meshgrid(-40.0 + 0.25 * np.arange(17), -58.0 + 0.25 * np.arange(13))
     off = noise * np.random.default_rng(3).uniform(-0.5, 0.5, (2, *lon.shape))

@@ -196,9 +196,8 @@ class Ocean:
 
 def run_bergs(said: dict) -> None:
     """Run the bergs by the interface in Python; keep what they gave by step."""
-    from riftberg import Model
-    from riftberg.coupling.yac import YacComponent, ending_all_ranks, ocean_beside, read_coupling
-    from riftberg.experiments import Options, build
+    from riftberg import Model, Options, YacComponent, build, read_coupling
+    from riftberg.coupling.yac import ending_all_ranks, ocean_beside
 
     with ending_all_ranks():
         coupling = read_coupling(said["coupling"])

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import csv
+import json
+import math
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 import xarray as xr
+from typer.testing import CliRunner
 
 from contract import FRAGMENT
+from riftberg.cli.main import app
 from riftberg.ensembles.member import Outcome
 from riftberg.ensembles.probability import Breaks, with_probabilities
-from riftberg.ensembles.result import build_dataset
+from riftberg.ensembles.result import build_dataset, write_sweep
 from riftberg.ensembles.vary import Varied
 
 DAY = 86400.0
@@ -77,3 +83,46 @@ def forecast_of(
     breaks = Breaks(ice, weight)
     breaks.add(ds, {o.number: o.cracks for o in outcomes})
     return with_probabilities(ds, breaks, weight)
+
+
+def wilson(share: float, number: float) -> tuple[float, float]:
+    """Return the interval of Wilson (1927) at 90 %, the share being one of so many members."""
+    z = 1.6448536269514722
+    middle, half = share + z * z / (2 * number), z * math.sqrt(share * (1 - share) / number + z * z / (4 * number**2))
+    return (middle - half) / (1 + z * z / number), (middle + half) / (1 + z * z / number)
+
+
+class Limit(NamedTuple):
+    """A limit of ice as ``riftberg hazard`` writes it."""
+
+    inside: float  # Share of the members
+    shape: Any
+
+
+def hazards(ds: xr.Dataset, folder: Path) -> Path:
+    """Write a forecast, and return the folder with what ``riftberg hazard`` makes of it."""
+    write_sweep(ds, folder / "forecast.nc")
+    said = CliRunner().invoke(app, ["hazard", str(folder)])
+    assert said.exit_code == 0, said.output
+    return folder / "hazard"
+
+
+def limits_of(ds: xr.Dataset, folder: Path, percent: int | None, date: str | None = None) -> list[Limit]:
+    """Return the limits that hold a share of the members, of the whole time first, or those of one date.
+
+    ``percent``: None where too few members count for limits, for the range of their ice.
+    """
+    kind = "range of the members' ice" if percent is None else "limit of ice"
+    features = json.loads((hazards(ds, folder) / "hazard.geojson").read_text())["features"]
+    return [
+        Limit(about.get("members_inside", 1.0), shapely.from_geojson(json.dumps(feature["geometry"])))
+        for feature in sorted(features, key=lambda feature: feature["properties"].get("date") != "whole time")
+        if (about := feature["properties"])["kind"] == kind
+        and about.get("percent") == percent
+        and date in (None, about["date"])
+    ]
+
+
+def table_of(ds: xr.Dataset, folder: Path) -> list[dict[str, str]]:
+    """Return the table of positions and probabilities by date."""
+    return list(csv.DictReader((hazards(ds, folder) / "hazard.csv").read_text().splitlines()))

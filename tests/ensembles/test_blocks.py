@@ -14,12 +14,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Model, Parameters, forecast, open_run, open_sweep
+from riftberg import Forcing, Iceberg, Model, Options, Parameters, forecast, open_run, open_sweep
 from riftberg.ensembles import sweep as module
 from riftberg.ensembles.forecast import forecast_plan
 from riftberg.ensembles.sweep import Store
 from riftberg.ensembles.vary import Draws
-from riftberg.experiments import Options
 from riftberg.runs import progress
 
 from .made import outcome

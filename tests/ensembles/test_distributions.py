@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,12 @@ from typer.testing import CliRunner
 
 from riftberg import Forcing, Iceberg, Model, Parameters, open_sweep, sweep
 from riftberg.cli.main import app
-from riftberg.ensembles.member import Job, run_member
 from riftberg.ensembles.sweep import write_record
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, list_members, plan_from_design, read_design, read_varied
+from riftberg.ensembles.vary import Draws, list_members, plan_from_design, read_varied
 from riftberg.errors import InputError
-from riftberg.experiments import Options
+
+from .made import small_berg
 
 STRENGTH = "fracture.normal_strength"
 
@@ -187,15 +188,14 @@ def test_a_latin_hypercube_takes_no_further_members(tmp_path: Path) -> None:
 def test_a_design_of_another_tool_has_one_row_for_each_member(tmp_path: Path) -> None:
     file = tmp_path / "plan.csv"
     text = "fracture.normal_strength,start.east\n18 kPa,1 km\n12000 Pa,1 km\n\n18 kPa,-2000 m\n"
-    file.write_text(text.replace(",", ";"))
-    other = read_design(file)
-    file.write_text(text)
-    assert read_design(file) == other
-    varied, members = plan_from_design(read_design(file))
-    assert [v.name for v in varied] == [STRENGTH, "start.east"]
-    assert members == [
-        {STRENGTH: 18e3, "start.east": 1e3}, {STRENGTH: 12e3, "start.east": 1e3}, {STRENGTH: 18e3, "start.east": -2e3}
-    ]  # fmt: skip
+    for name, written in (("comma", text), ("semicolon", text.replace(",", ";"))):
+        file.write_text(written)
+        words = ["sweep", str(small_berg(tmp_path)), "--design", str(file), "--days", "0.02", "--every", "0.48"]
+        said = CliRunner().invoke(app, [*words, "-o", str(tmp_path / name), "--workers", "0", "--no-map"])
+        assert said.exit_code == 0, said.output
+        result = open_sweep(tmp_path / name)
+        assert result["fracture_normal_strength"].values.tolist() == [18e3, 12e3, 18e3]
+        assert result["start_east"].values.tolist() == [1e3, 1e3, -2e3]
 
 
 @pytest.mark.parametrize(
@@ -364,8 +364,8 @@ def notched() -> Model:
 
 @pytest.mark.parametrize("turn", [0.0, 90.0])
 def test_cracks_are_told_where_they_lay_in_the_berg_before_it_was_turned(turn: float, tmp_path: Path) -> None:
-    job = Job(0, {"start.turn": turn}, notched, Options(), 0.1, 3600.0, tmp_path)
-    cracks = np.array(run_member(job).cracks)
+    sweep(notched, {"start.turn": [turn]}, days=0.1, every_hours=1, workers=0, output=tmp_path)
+    cracks = np.array(json.loads((tmp_path / "members" / "00000.json").read_text())["cracks"])
     assert len(cracks) > 0
     assert cracks[:, 1] == pytest.approx(np.full(len(cracks), 8e3), abs=2e3)
     assert np.abs(cracks[:, 2]).max() < 5e3

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,12 @@ import shapely
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg.cli.ensembles import _distance
 from riftberg.cli.main import app
-from riftberg.ensembles.hazard import approach, area_km2, geojson, ice_limits, positions, smallest_line
-from riftberg.ensembles.probability import told, wilson
+from riftberg.ensembles.hazard import approach, smallest_line
+from riftberg.ensembles.probability import told
 from riftberg.ensembles.result import write_sweep
 
-from .made import forecast_of, outcome
+from .made import forecast_of, limits_of, outcome, table_of, wilson
 
 DEGREE = 111.195  # km
 
@@ -32,38 +32,40 @@ def standing(lons: list[float], lat: float = -56.0, area: float = 100e6) -> xr.D
     return forecast_of([outcome(k, [lon, lon], [lat, lat], area=area) for k, lon in enumerate(lons)], 1)
 
 
-def test_the_limit_holds_whole_members_and_is_no_contour_of_presence() -> None:
+def test_the_limit_holds_whole_members_and_is_no_contour_of_presence(tmp_path: Path) -> None:
     """Ten bergs far from each other: the 50 % limit surrounds five of them, where no cell has a presence above 10 %."""
     ds = standing([-40.0 + 0.5 * k for k in range(10)])
     assert ds["presence"].values.max() == pytest.approx(0.1)
-    limit = next(limit for limit in ice_limits(ds) if limit.percent == 50 and limit.date is None)
+    (limit,) = limits_of(ds, tmp_path, 50, "whole time")
     assert limit.inside == pytest.approx(0.5)
-    inside = [shapely.Polygon(limit.line).contains(shapely.Point(-40.0 + 0.5 * k, -56.0)) for k in range(10)]
+    inside = [limit.shape.contains(shapely.Point(-40.0 + 0.5 * k, -56.0)) for k in range(10)]
     assert sum(inside) == 5
     # The smallest such line: five next to each other.
-    assert np.ptp(limit.line[:, 0]) == pytest.approx(2.0, abs=0.4)
+    west, _, east, _ = limit.shape.bounds
+    assert east - west == pytest.approx(2.0, abs=0.4)
 
 
-def test_all_ice_of_a_member_lies_inside_also_its_pieces() -> None:
+def test_all_ice_of_a_member_lies_inside_also_its_pieces(tmp_path: Path) -> None:
     members = [outcome(k, [-37.0] * 3, [-56.0] * 3, broken=1) for k in range(12)]
-    limits = ice_limits(forecast_of(members, 2))
-    whole = next(limit for limit in limits if limit.percent == 90 and limit.date is None)
-    shape = shapely.Polygon(whole.line)
+    ds = forecast_of(members, 2)
+    (whole,) = limits_of(ds, tmp_path, 90, "whole time")
+    shape = whole.shape.buffer(1e-5)  # positions in files have five digits
     for lat, area in ((-56.0, 100e6), (-55.9, 30e6)):  # the piece drifts 0.1 degrees to the north
         radius = np.sqrt(area / np.pi) / 1e3 / DEGREE
         for angle in np.linspace(0.0, 6.28, 12):
             corner = -37.0 + radius * np.cos(angle) / np.cos(np.deg2rad(lat)), lat + radius * np.sin(angle)
-            assert shape.buffer(1e-9).contains(shapely.Point(corner))
-    first = next(limit for limit in limits if limit.percent == 90 and limit.date is not None)
-    assert shapely.Polygon(first.line).area < shape.area  # on the first day there is no piece yet
+            assert shape.contains(shapely.Point(corner))
+    first = limits_of(ds, tmp_path, 90)[1]
+    assert first.shape.area < 0.9 * shape.area  # on the first day there is no piece yet
 
 
-def test_the_limit_of_half_holds_one_of_two_groups_far_apart() -> None:
+def test_the_limit_of_half_holds_one_of_two_groups_far_apart(tmp_path: Path) -> None:
     """Leaving out one member after another took them from both groups in turn, and the line joined what was left."""
     ends = [-37.0, -36.8, -36.6, -20.0, -19.8, -19.6] * 2
-    found = ice_limits(forecast_of([outcome(k, [lon] * 2, [-55.0] * 2) for k, lon in enumerate(ends)], 1))
-    half = next(limit for limit in found if limit.percent == 50)
-    assert np.ptp(half.line[:, 0]) < 1.0
+    ds = forecast_of([outcome(k, [lon] * 2, [-55.0] * 2) for k, lon in enumerate(ends)], 1)
+    half = limits_of(ds, tmp_path, 50)[0]
+    west, _, east, _ = half.shape.bounds
+    assert east - west < 1.0
     assert half.inside == pytest.approx(0.5)
 
 
@@ -106,15 +108,15 @@ def test_members_with_more_weight_are_kept() -> None:
     assert line[:, 0].min() == pytest.approx(9.0)
 
 
-def test_positions_have_the_radii_that_hold_half_and_most_of_the_members() -> None:
+def test_positions_have_the_radii_that_hold_half_and_most_of_the_members(tmp_path: Path) -> None:
     north = np.arange(1, 11) / 100.0  # members from 1.1 to 11 km north of the start
     members = [outcome(k, [-37.0, -37.0], [-56.0, -56.0 + d]) for k, d in enumerate(north)]
-    first, last = positions(forecast_of(members, 1))
-    assert first["radius_90_km"] == pytest.approx(0.0, abs=1e-6)
-    assert last["lat"] == pytest.approx(-56.0 + north.mean(), abs=1e-4)
+    first, last = table_of(forecast_of(members, 1), tmp_path)
+    assert float(first["radius_90_km"]) == pytest.approx(0.0, abs=1e-6)
+    assert float(last["lat"]) == pytest.approx(-56.0 + north.mean(), abs=1e-4)
     away = np.sort(np.abs(north - north.mean())) * DEGREE
-    assert last["radius_50_km"] == pytest.approx(away[4], abs=0.02)
-    assert last["radius_90_km"] == pytest.approx(away[8], abs=0.02)
+    assert float(last["radius_50_km"]) == pytest.approx(away[4], abs=0.02)
+    assert float(last["radius_90_km"]) == pytest.approx(away[8], abs=0.02)
 
 
 def test_ice_near_a_place_is_found_between_the_tracks_times() -> None:
@@ -136,9 +138,6 @@ def test_across_the_date_line() -> None:
     ds = forecast_of(members, 1)
     found = approach(ds, "rig", shapely.Point(-179.6, -60.0), 10e3)
     assert found.probability[-1] == 1.0
-    for feature in geojson(ds, ice_limits(ds))["features"]:
-        bounds = shapely.from_geojson(json.dumps(feature["geometry"])).bounds
-        assert -180.0 <= bounds[0] <= bounds[2] <= 180.0
 
 
 def test_routes_and_areas_across_the_date_line_take_the_short_way() -> None:
@@ -389,17 +388,21 @@ def test_of_few_that_come_near_of_many_members_the_first_and_the_last_date_is_to
     assert "half of these by" not in found.told()
 
 
-def test_ten_members_have_limits_radii_and_ellipses() -> None:
+def test_ten_members_have_limits_radii_and_ellipses(tmp_path: Path) -> None:
     ds = spread_out(10, None)
-    assert {limit.percent for limit in ice_limits(ds)} == {50, 90, 99}
-    assert positions(ds)[-1]["radius_90_km"] > 0.0
-    assert any("90 % within an ellipse of" in line for line in told(ds))
+    assert all(limits_of(ds, tmp_path, percent) for percent in (50, 90, 99))
+    assert float(table_of(ds, tmp_path)[-1]["radius_90_km"]) > 0.0
+    assert "90 % within an ellipse of" in " ".join(told(ds))
     assert ds["members_west"].values[-1] == pytest.approx(-36.0)
 
 
 @pytest.mark.parametrize("text", ["5nm", "5 NM", " 5.0 nmi", "9.26 km", "9260m", "9.26e3 m"])
-def test_nautical_miles_as_ships_write_them(text: str) -> None:
-    assert _distance(text) == pytest.approx(9260.0)
+def test_nautical_miles_as_ships_write_them(text: str, folder: Path) -> None:
+    (folder / "place.json").write_text('{"type": "Point", "coordinates": [-36.8, -56.0]}')
+    said = CliRunner().invoke(app, ["hazard", str(folder), "--near", str(folder / "place.json"), f"--within={text}"])
+    assert said.exit_code == 0, said.output
+    rows = csv.DictReader((folder / "hazard" / "near.csv").read_text().splitlines())
+    assert {float(row["within_km"]) for row in rows} == {9.26}
 
 
 def test_a_sweep_is_no_forecast(tmp_path: Path) -> None:
@@ -451,7 +454,11 @@ def test_what_unfinished_members_did_counts_and_the_rest_is_not_known() -> None:
 
 
 @pytest.mark.parametrize("lat", [0.0, -60.0])
-def test_the_area_inside_of_a_line_is_that_of_its_parallels(lat: float) -> None:
-    half = 0.05
-    line = np.array([[10.0, lat - half], [10.2, lat - half], [10.2, lat + half], [10.0, lat + half]])
-    assert area_km2(line) == pytest.approx(0.2 * np.cos(np.radians(lat)) * 0.1 * DEGREE**2, rel=5e-3)
+def test_the_area_inside_of_a_line_is_that_of_its_parallels(lat: float, tmp_path: Path) -> None:
+    write_sweep(ds := standing([10.0 + 0.3 * k for k in range(10)], lat, area=100e6), tmp_path / "forecast.nc")
+    said = CliRunner().invoke(app, ["hazard", str(tmp_path)]).output
+    told = {int(p): float(km2) for p, km2 in re.findall(r"(\d+) % limit of ice, whole time: (\d+) km2", said)}
+    for percent in (50, 90, 99):
+        (limit,) = limits_of(ds, tmp_path, percent, "whole time")
+        expected = limit.shape.area * np.cos(np.radians(lat)) * DEGREE**2
+        assert told[percent] == pytest.approx(expected, rel=5e-3)

@@ -16,14 +16,14 @@ import riftberg
 from riftberg import Forcing, Iceberg, Model, Parameters, open_run, open_sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
-from riftberg.ensembles.hazard import approach, ice_limits
+from riftberg.ensembles.hazard import approach
 from riftberg.ensembles.member import Outcome, broken_off
-from riftberg.ensembles.probability import scenarios, sources, told, wilson
+from riftberg.ensembles.probability import scenarios, sources, told
 from riftberg.ensembles.vary import read_varied
 from riftberg.errors import InputError
 from riftberg.viz.ensemble import draw_forecast
 
-from .made import forecast_of, outcome, small_berg
+from .made import forecast_of, limits_of, outcome, small_berg, wilson
 
 CONES = (0.5, 0.9)
 MOST_LISTED = 64
@@ -114,7 +114,7 @@ def test_an_unfinished_member_counts_until_it_took_too_long_and_then_both_ways()
     assert any("first break-up in 1 of 2 members, 2020-12-10 00:00" in line for line in lines)
 
 
-def test_ice_of_unfinished_members_counts_as_far_as_they_came() -> None:
+def test_ice_of_unfinished_members_counts_as_far_as_they_came(tmp_path: Path) -> None:
     """Presence, and the limits of ice, left them out from the start: most often those that break up most."""
     members = [outcome(k, [-37.0] * 5, [-56.0] * 5) for k in range(12)]
     members += [outcome(k, [-36.0] * 3, [-56.0] * 3) for k in range(12, 16)]
@@ -126,9 +126,9 @@ def test_ice_of_unfinished_members_counts_as_far_as_they_came() -> None:
     assert at[1]["presence"].values == pytest.approx([0.25, 0.25, 0.25, 0.0, 0.0])
     # It passed there; whether it came to the others' place later is not known.
     assert [float(place["passes"]) for place in at] == pytest.approx([1.0, 0.25])
-    limits = {(limit.date, limit.percent): limit for limit in ice_limits(ds)}
-    dates = [ds["time"].values[k] for k in (0, 4)]
-    assert [limits[date, 99].line[:, 0].max() > -36.1 for date in (*dates, None)] == [True, False, False]
+    dates = [str(ds["time"].values[k])[:16] + "Z" for k in (0, 4)]
+    east = [limits_of(ds, tmp_path, 99, date)[0].shape.bounds[2] for date in (*dates, "whole time")]
+    assert [most > -36.1 for most in east] == [True, False, False]
 
 
 def test_pieces_beyond_those_that_are_listed_are_said_not_to_be_covered() -> None:
@@ -147,12 +147,13 @@ def test_pieces_beyond_those_that_are_listed_are_said_not_to_be_covered() -> Non
     assert ds.attrs["not_covered"].endswith("; pieces beyond the 64 largest in 1 member")
 
 
-def test_wilson_covers_at_the_ends() -> None:
-    low, high = wilson(np.array([0.0, 1.0]), 20.0)
-    assert low[0] == 0.0
-    assert 0.0 < high[0] < 0.15
-    assert high[1] == 1.0
-    assert 0.85 < low[1] < 1.0
+def test_intervals_of_probabilities_cover_at_the_ends() -> None:
+    whole = forecast_of([still(k) for k in range(20)], 4)
+    assert whole["p_broken_low"].values[-1] == pytest.approx(0.0, abs=1e-15)
+    assert 0.0 < whole["p_broken_high"].values[-1] < 0.15
+    broken = forecast_of([still(k, broken=1) for k in range(20)], 4)
+    assert broken["p_broken_high"].values[-1] == pytest.approx(1.0, abs=1e-15)
+    assert 0.85 < broken["p_broken_low"].values[-1] < 1.0
 
 
 def test_area_classes_and_ground() -> None:
@@ -230,17 +231,17 @@ def test_presence_holds_each_member_once() -> None:
     assert float((ds["presence"].values[0] > 0).sum()) * dx * dy == pytest.approx(100.0, rel=0.25)
 
 
-def test_ice_lies_where_a_long_berg_lies() -> None:
+def test_ice_lies_where_a_long_berg_lies(tmp_path: Path) -> None:
     """Bug: of a berg 150 km long the ends lay beyond the presence and the limits of ice, which took discs of its area."""
     ds = forecast_of([outcome(k, [-37.0] * 2, [-56.0] * 2, area=400e6, shape=(30.0, 4.0)) for k in range(2)], 1)
     major, minor = 2.0 * 400.0**0.5 / np.pi**0.5, 0.5 * 400.0**0.5 / np.pi**0.5  # km
+    limit = limits_of(ds, tmp_path, None)[0].shape
     for along, across, there in ((0.9, 0.0, 1.0), (-0.9, 0.0, 1.0), (1.2, 0.0, 0.0), (0.0, 0.8, 1.0), (0.0, 1.6, 0.0)):
         azimuth = np.deg2rad(30.0)
         east = along * major * np.sin(azimuth) + across * minor * np.cos(azimuth)
         north = along * major * np.cos(azimuth) - across * minor * np.sin(azimuth)
         lon, lat = -37.0 + east / 111.2 / np.cos(np.deg2rad(56.0)), -56.0 + north / 111.2
         assert float(ds["presence"].isel(time=0).sel(cell_lon=lon, cell_lat=lat, method="nearest")) == there
-        limit = shapely.Polygon(ice_limits(ds)[0].line)
         assert limit.contains(shapely.Point(lon, lat)) == (there > 0.0)
     near_by = approach(
         ds, "tip", shapely.Point(-37.0 + 1.0 * np.tan(np.deg2rad(30.0)) / np.cos(np.deg2rad(56.0)), -55.0), 1e3
@@ -354,9 +355,9 @@ def test_a_forecast_of_a_function_has_all_default_errors(tmp_path: Path) -> None
 
 
 def test_what_is_given_comes_before_the_default_errors() -> None:
+    from riftberg import Options
     from riftberg.ensembles.forecast import forecast_plan
     from riftberg.ensembles.vary import Draws
-    from riftberg.experiments import Options
 
     plan = forecast_plan(
         drifting, ["current_error.speed=0.3 m/s", "start.thickness~normal(1, 0.1)"], Options(days=0.1), None, Draws(2)

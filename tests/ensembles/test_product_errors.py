@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,13 +11,12 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from ocean.test_errors import probes
-from riftberg import Forcing
+from riftberg import Forcing, build
 from riftberg.cli.main import app
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.uncertain import estimate_errors, stated_error, with_errors
+from riftberg.ensembles.uncertain import estimate_errors, with_errors
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import build
-from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing
+from riftberg.ocean.errors import Errors, FieldError, UncertainForcing
 from riftberg.state import Floats
 
 DAY = 86400.0
@@ -110,9 +110,14 @@ def stated(path: Path, west: float, east: float, units: str = "m s-1") -> Path:
     return path
 
 
+def size_by_place(path: Path) -> Any:
+    """Return the field of sizes that a run has whose current errs as a product states."""
+    return with_errors(build("a68a")[0], {"current_error.field": str(path)}).forcing.errors.current_size
+
+
 @pytest.mark.slow
 def test_the_size_by_place_is_that_of_the_product(tmp_path: Path) -> None:
-    field = stated_error(str(stated(tmp_path / "it.nc", 5.0, 20.0, "cm s-1")))
+    field = size_by_place(stated(tmp_path / "it.nc", 5.0, 20.0, "cm s-1"))
     assert field.at(np.array([-42.0, -32.0]), np.array([-56.0, -56.0])) == pytest.approx([0.05, 0.2])
     metres = DEGREE * EARTH_RADIUS_A68 * np.cos(np.radians(56.0))
     elements = probes()
@@ -132,7 +137,7 @@ def test_a_gap_has_the_size_of_the_nearest_places_that_are_known(tmp_path: Path)
     ds = xr.open_dataset(stated(tmp_path / "it.nc", 0.05, 0.2)).load()
     gap = (abs(ds["lon"] + 42.0) < 0.8) & (abs(ds["lat"] + 56.0) < 0.8) | ((ds["lon"] > -31.0) & (ds["lat"] > -53.0))
     ds.assign({name: ds[name].where(~gap) for name in ("uo_err", "vo_err")}).to_netcdf(tmp_path / "gap.nc")
-    field = stated_error(str(tmp_path / "gap.nc"))
+    field = size_by_place(tmp_path / "gap.nc")
     assert field.at(np.array([-42.0, -30.0]), np.array([-56.0, -52.5])) == pytest.approx([0.05, 0.2])
 
 
@@ -143,7 +148,7 @@ def test_a_gap_at_the_seam_of_a_globe_has_the_size_beyond_the_seam(tmp_path: Pat
     data = {name: (("lat", "lon"), size, {"units": "m s-1"}) for name in ("uo_err", "vo_err")}
     coords = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})}
     xr.Dataset(data, coords).to_netcdf(tmp_path / "globe.nc")
-    field = stated_error(str(tmp_path / "globe.nc"))
+    field = size_by_place(tmp_path / "globe.nc")
     assert field.at(np.array([2.0, 100.0]), np.array([-56.0, -56.0])) == pytest.approx([0.2, 0.05])
 
 
@@ -158,7 +163,7 @@ def test_names_of_errors_are_known(east: str, north: str, about: dict[str, str],
     for name, way in ((east, "east"), (north, "north")):
         ds[name].attrs |= {key: way + value for key, value in about.items()}
     ds.to_netcdf(tmp_path / "other.nc")
-    assert stated_error(str(tmp_path / "other.nc")).size == pytest.approx(0.1)
+    assert size_by_place(tmp_path / "other.nc").size == pytest.approx(0.1)
 
 
 def test_a_product_without_errors_is_refused_before_the_first_member(tmp_path: Path) -> None:
@@ -166,7 +171,7 @@ def test_a_product_without_errors_is_refused_before_the_first_member(tmp_path: P
     with pytest.raises(ForcingError, match=r"one\.nc: states no error of its current"):
         with_errors(build("a68a")[0], {"current_error.field": str(path)})
     model = with_errors(build("a68a")[0], {"current_error.field": str(stated(tmp_path / "it.nc", 0.1, 0.1))})
-    assert isinstance(model.forcing.errors.current_size, SizeField)
+    assert model.forcing.errors.current_size.size == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +203,7 @@ def test_errors_in_the_files_of_real_products(
         ds[name] = packed.assign_attrs(ds[current].attrs)
         ds[name].attrs.pop("standard_name", None)
     ds.to_netcdf(file)
-    field = stated_error(str(file))
+    field = size_by_place(file)
     west, east = (0.75 * middle + 0.25 * float(ds[lon][k]) for k in (0, -1))
     at = np.array([west, east]), np.full(2, float(ds[lat].mean()))
     assert field.at(*at) == pytest.approx([0.05, 0.2], rel=1e-3)

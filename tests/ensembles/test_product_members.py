@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import forecast, sweep
+from riftberg import Options, build, forecast, sweep
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
 from riftberg.ensembles.vary import read_varied
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import Options, build
 from riftberg.experiments.changes import parse_settings
 from riftberg.ocean import files_forcing
 

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, forecast
+from riftberg import Forcing, Iceberg, Model, Options, build, forecast
 from riftberg.ensembles.uncertain import read_starts
 from riftberg.ensembles.vary import Draws, list_members, read_varied, vary_with_file
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
 from riftberg.experiments.changes import parse_settings
 
 SPEED_OF_AGE = 0.12

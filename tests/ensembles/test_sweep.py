@@ -12,7 +12,6 @@ import time
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,16 +20,14 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import riftberg
-from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters, draw_sweep, open_cells, open_run, open_sweep, sweep
+from riftberg import Forcing, Iceberg, Model, Options, Parameters, draw_sweep, open_cells, open_run, open_sweep, sweep
 from riftberg.cli.ensembles import summary_lines
 from riftberg.cli.main import app
-from riftberg.ensembles.member import Job, MemberTracks, Outcome, _stress_ratio, build_member, run_member
 from riftberg.ensembles.result import write_sweep
-from riftberg.ensembles.sweep import Store, _cells, join_parts, make_plan
 from riftberg.errors import InputError, RunError
-from riftberg.experiments import Options
 from riftberg.verification.sightings import berg_offsets
+
+from .made import forecast_of, outcome
 
 MOST_LISTED = 64
 
@@ -51,6 +48,9 @@ def halting(speed: float, folder: str) -> Model:
 
     def halt(now: Any) -> None:
         marker = Path(folder) / "halted"
+        if speed == SPEEDS[1]:
+            with (Path(folder) / "steps").open("a") as steps:
+                steps.write("x")
         if now.step_number == 5 and speed == SPEEDS[1] and not marker.exists():
             marker.touch()
             os.kill(os.getpid(), signal.SIGINT)
@@ -130,8 +130,12 @@ def test_the_file_speaks_cf(alone: xr.Dataset, tmp_path: Path) -> None:
     assert np.array_equal(open_sweep(zarr)["lon"], alone["lon"], equal_nan=True)
 
 
-def test_a_sweep_goes_on_and_keeps_what_is_done(alone: xr.Dataset, tmp_path: Path) -> None:
-    """Ctrl-C in the middle of the second member: it goes on from its state, the first is not run again."""
+@pytest.mark.parametrize("damaged", [False, True])
+def test_a_sweep_goes_on_and_keeps_what_is_done(damaged: bool, alone: xr.Dataset, tmp_path: Path) -> None:
+    """Ctrl-C in the middle of the second member: it goes on from its state, unless this is damaged; the first is not run again.
+
+    Bug: tracks had grown by two columns, each state counted as damaged, and every member began anew, with the same digits.
+    """
     vary = {"speed": SPEEDS, "folder": [str(tmp_path)]}
     options: dict[str, Any] = {"days": "6 h", "every_hours": 1, "workers": 0, "output": tmp_path / "out"}
     with pytest.raises(KeyboardInterrupt):
@@ -142,29 +146,16 @@ def test_a_sweep_goes_on_and_keeps_what_is_done(alone: xr.Dataset, tmp_path: Pat
     first = (members / "00000.json").stat().st_mtime_ns
     with pytest.raises(InputError, match="holds a sweep already"):
         sweep(halting, vary, **options)
+    before = len((tmp_path / "steps").read_text())
+    if damaged:
+        (members / "00001.restart.nc").write_bytes(b"no state")
     result = sweep(halting, vary, **options, resume=True)
+    whole = drifting(SPEEDS[1])
+    whole.advance("6 h")
+    assert len((tmp_path / "steps").read_text()) == whole.step_number + (before if damaged else 0)
     assert (members / "00000.json").stat().st_mtime_ns == first
     assert same(result, alone)
     assert sorted(path.suffix for path in members.iterdir()) == [".json"] * 3
-
-
-def test_a_member_goes_on_from_the_state_that_it_saved(tmp_path: Path) -> None:
-    job = Job(0, {"speed": 0.2}, drifting, Options(), 0.25, 3600.0, tmp_path, save_seconds=0.0)
-    whole = run_member(job)
-    model = build_member(job)
-    from riftberg.ensembles.member import Keeper, MemberTracks
-    from riftberg.ensembles.member import _resume_member as going_on
-
-    track = MemberTracks(job.every)
-    model.advance(steps=5, recorders=[track, Keeper(job, track)])
-    assert job.state_file.exists()
-    # Bug: tracks had grown by two columns, each state counted as damaged, and every member began anew, with the same digits.
-    assert going_on(job, build_member(job)).time == pytest.approx(model.time)
-    again = run_member(job)
-    assert (again.track, again.fragments, again.totals) == (whole.track, whole.fragments, whole.totals)
-    assert not job.state_file.exists()
-    job.state_file.write_bytes(b"no state")
-    assert run_member(job).track == whole.track
 
 
 class Slow:
@@ -272,18 +263,18 @@ def test_impossible_combinations_and_what_an_experiment_keeps_are_refused(tmp_pa
     with pytest.raises(
         InputError, match=r"member with .*grounding.law = 'quadratic' is of the explicit schemes.*seabed"
     ):
-        make_plan("a68a", ["grounding.law=seabed,quadratic"], Options(), 6.0)
+        sweep("a68a", ["grounding.law=seabed,quadratic"])
     with pytest.raises(
         InputError, match=r"grounding.coefficient: it is of the explicit schemes: .*grounding.law: none"
     ):
-        make_plan("a68a", ["grounding.coefficient=0,1e4"], Options(), 6.0)
+        sweep("a68a", ["grounding.coefficient=0,1e4"])
     with pytest.raises(InputError, match=r"member with bonds.packing = 'hexagonal': .*the berg has square elements"):
-        make_plan("a68a", ["bonds.packing=square,hexagonal"], Options(), 6.0)
+        sweep("a68a", ["bonds.packing=square,hexagonal"])
     (tmp_path / "hexagons.yaml").write_text(HEXAGONS)
     with pytest.raises(InputError, match=r"hexagons.yaml keeps bonds.packing = 'hexagonal' whatever is given"):
-        make_plan(tmp_path / "hexagons.yaml", ["bonds.packing=square,hexagonal"], Options(), 6.0)
+        sweep(tmp_path / "hexagons.yaml", ["bonds.packing=square,hexagonal"])
     with pytest.raises(InputError, match="no experiment of this name"):
-        make_plan("a86a", ["fracture.normal_strength=14,18kPa"], Options(), 6.0)
+        sweep("a86a", ["fracture.normal_strength=14,18kPa"])
 
 
 @pytest.fixture
@@ -297,67 +288,83 @@ def experiment(tmp_path: Path) -> Path:
     return file
 
 
+def changed(file: Path, old: str) -> None:
+    file.write_text(file.read_text().replace(old, old.replace("2", "3").replace("5", "6")))
+
+
 @pytest.mark.parametrize("old", ["0.2, 0.0", "thickness: 200", "days: 0.05"])
 def test_an_experiment_that_changes_on_the_way_is_not_mixed_with_what_is_done(
-    old: str, experiment: Path, tmp_path: Path
+    old: str, experiment: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    vary = ["fracture.normal_strength=14,18kPa"]
-    plan = make_plan(experiment, vary, Options(), 1.0)
-    store = Store(tmp_path / "out", plan, resume=False)
-    store.begin()
-    store.keep(run_member(plan.job(0, store.members, 60.0)))
-    assert store.done[0] == "done"
-    experiment.write_text(experiment.read_text().replace(old, old.replace("2", "3").replace("5", "6")))
-    other = run_member(plan.job(1, store.members, 60.0))
-    assert other.status == "failed"
-    assert "this file has changed since the sweep began" in other.message
+    """The file is written anew while the first of two members runs."""
+    step, options = Model.step, {"every_hours": 1, "workers": 0, "output": tmp_path / "out"}
+
+    def step_and_change(model: Model) -> None:
+        step(model)
+        changed(experiment, old)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Model, "step", step_and_change)
+        result = sweep(experiment, ["fracture.normal_strength=14,18kPa"], **options)
+    assert result["status"].values.tolist() == [0, 1]
+    assert "this file has changed since the sweep began" in result["message"].values[1]
     with pytest.raises(InputError, match=r"mine\.yaml has changed since the sweep began"):
-        Store(tmp_path / "out", make_plan(experiment, vary, Options(days=0.05), 1.0), resume=True)
+        sweep(experiment, ["fracture.normal_strength=14,18kPa"], days=0.05, resume=True, **options)
+
+
+def ran(experiment: Path, vary: str, out: Path, part: str) -> str:
+    """Run a part of a sweep on the command line, and return what it prints."""
+    words = ["sweep", str(experiment), "--vary", vary, "--every", "1", "--part", part, "-o", str(out), "--workers", "0"]
+    return CliRunner().invoke(app, [*words, "--no-map"]).output
 
 
 @pytest.mark.parametrize("there", ["fracture.normal_strength=14,18,30kPa", "start.east=1,2"])
 def test_parts_are_not_joined_into_another_sweep(there: str, experiment: Path, tmp_path: Path) -> None:
-    Store(tmp_path / "out", make_plan(experiment, [there], Options(), 1.0), resume=False).begin()
-    vary = ["fracture.normal_strength=14,18,24kPa"]
-    Store(tmp_path / "out", make_plan(experiment, vary, Options(), 1.0), resume=False, part=(1, 1)).begin()
+    sweep(experiment, [there], every_hours=1, workers=0, output=tmp_path / "out")
+    ran(experiment, "fracture.normal_strength=14,18,24kPa", tmp_path / "out", "1/1")
     before = (tmp_path / "out" / "sweep.json").read_text()
-    with pytest.raises(InputError, match="holds another sweep than its parts"):
-        join_parts(tmp_path / "out")
+    said = CliRunner().invoke(app, ["sweep", "--join", str(tmp_path / "out"), "--no-map"])
+    assert said.exit_code == 2
+    assert "holds another sweep than its parts" in said.output
     assert (tmp_path / "out" / "sweep.json").read_text() == before
 
 
 def test_members_of_other_parts_wait_and_have_not_failed(experiment: Path, tmp_path: Path) -> None:
-    plan = make_plan(experiment, ["fracture.normal_strength=14,18kPa"], Options(), 1.0)
-    store = Store(tmp_path, plan, resume=False, part=(1, 2))
-    store.begin()
-    store.write()
-    with open_sweep(store.file) as result:
-        lines = "\n".join(summary_lines(result))
-    assert "0 failed" in lines
-    assert lines.count("waits") == 2
-    assert "failed:" not in lines
+    ran(experiment, "fracture.normal_strength=14,16,18kPa", tmp_path, "1/3")
+    said = CliRunner().invoke(app, ["sweep", "--join", str(tmp_path), "--no-map"]).output
+    assert "0 failed" in said
+    assert said.count("waits") == 2
+    assert "failed:" not in said
+
+
+FASTEST = "stepping.speed_limit=0.0010,10,0.0011,11,12,13"
+"""Of six members numbers 0 and 2 fail: nothing may move faster than a millimetre a second."""
 
 
 def test_parts_that_are_joined_keep_failures_and_cells_and_say_what_is_missing(
     experiment: Path, tmp_path: Path
 ) -> None:
     """Failed members had become waiting ones, and files on cells stayed in the parts."""
-    plan = make_plan(experiment, ["fracture.normal_strength=14..24kPa:6"], Options(), 1.0)
     for k, member in ((1, 0), (3, 2)):
-        store = Store(tmp_path, plan, resume=False, part=(k, 4))
-        store.begin()
-        store.keep(Outcome(member, "failed", "it ran away"))
-        (store.folder / "cells").mkdir()
-        (store.folder / "cells" / f"{member:05d}-monthly.nc").touch()
+        ran(experiment, FASTEST, tmp_path, f"{k}/4")
+        cells = tmp_path / f"part-{k}-of-4" / "cells"
+        cells.mkdir()
+        (cells / f"{member:05d}-monthly.nc").touch()
     said = CliRunner().invoke(app, ["sweep", "--join", str(tmp_path), "--no-map"])
-    assert "Missing: parts 2, 4; 6 members wait" in said.output
+    assert "Missing: parts 2, 4; 5 members wait" in said.output
     result = open_sweep(tmp_path)
-    assert result["status"].values.tolist() == [1, 2, 1, 2, 2, 2]
-    assert result["message"].values[0] == "it ran away"
+    assert result["status"].values.tolist() == [1, 2, 1, 2, 0, 2]
+    assert "speed" in result["message"].values[0]
     assert [file.name for file in sorted((tmp_path / "cells").iterdir())] == ["00000-monthly.nc", "00002-monthly.nc"]
     # What failed is tried again when it goes on, and a part goes on as a part.
-    assert Store(tmp_path, plan, resume=True).waiting() == [0, 1, 2, 3, 4, 5]
-    assert Store(tmp_path / "part-3-of-4", plan, resume=True).waiting() == [2]
+    done = {path: path.stat().st_mtime_ns for path in (tmp_path / "members").iterdir()}
+    again = CliRunner().invoke(app, ["sweep", "--resume", str(tmp_path), "--no-map", "--workers", "0"])
+    assert "2 failed" in again.output
+    assert open_sweep(tmp_path)["status"].values.tolist() == [1, 0, 1, 0, 0, 0]
+    anew = {int(path.stem) for path, time in done.items() if path.stat().st_mtime_ns != time}
+    assert anew == {0, 2}
+    CliRunner().invoke(app, ["sweep", "--resume", str(tmp_path / "part-3-of-4"), "--no-map", "--workers", "0"])
+    assert open_sweep(tmp_path / "part-3-of-4")["status"].values.tolist() == [2, 2, 1, 2, 2, 2]
 
 
 def test_a_part_without_members_has_not_failed(experiment: Path, tmp_path: Path) -> None:
@@ -390,20 +397,16 @@ def test_the_command_refuses_in_one_sentence(tmp_path: Path) -> None:
 
 
 def test_many_fragments_are_listed_by_size() -> None:
-    from contract import FRAGMENT
-    from riftberg.ensembles.member import Outcome
-    from riftberg.ensembles.result import _listed
-
-    count = MOST_LISTED + 20
-    table = {name: [0.0] * count for name in FRAGMENT}
-    table["number"] = [float(k + 1) for k in range(count)]
-    table["parent"] = [0.0] + [1.0] * (count - 1)
-    table["area"] = [float(k) for k in range(count)]
-    rows = _listed(Outcome(0, "done", fragments=table))
-    assert len(rows) == MOST_LISTED
-    assert rows[0] == 0  # the berg at the start stays, however small
-    assert rows == sorted(rows)
-    assert rows[1] == 21
+    member, count = outcome(0, [-37.0] * 2, [-56.0] * 2), MOST_LISTED + 20
+    first = {name: values[0] for name, values in member.fragments.items()}
+    member.fragments.update({name: [value] * count for name, value in first.items()})
+    member.fragments["number"] = [float(k + 1) for k in range(count)]
+    member.fragments["parent"] = [0.0] + [1.0] * (count - 1)
+    member.fragments["area"] = [float(k) for k in range(count)]
+    area = forecast_of([member], 1)["fragment_area"].values[0]
+    # The berg at the start stays, however small; of the others the largest.
+    assert area.tolist() == [0.0, *range(21, count)]
+    assert len(area) == MOST_LISTED
 
 
 @pytest.mark.slow
@@ -519,8 +522,15 @@ def test_cells_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
             sweep(melting, {"west": WESTS}, days="1 h", every_hours=1, workers=0, output=output, cells=cells)
     with pytest.raises(InputError, match="holds no monthly files"):
         open_cells(tmp_path)
-    on_the_sphere: Any = SimpleNamespace(parameters=Parameters())
-    assert [_cells(width, on_the_sphere) for width in (0.01, 10.0)] == [0.01, 10.0]
+    sweep(melting, {"west": WESTS[:1]}, days="1 h", every_hours=1, workers=0, output=tmp_path / "b")
+    for width, words in (
+        (0.0099, "0.01 to 10"),
+        (0.01, "holds a sweep"),
+        (10.0, "holds a sweep"),
+        (10.1, "0.01 to 10"),
+    ):
+        with pytest.raises(InputError, match=words):
+            sweep(melting, {"west": WESTS}, days="1 h", every_hours=1, workers=0, output=tmp_path / "b", cells=width)
 
 
 def test_a_failed_part_leaves_no_cells(tmp_path: Path) -> None:
@@ -585,18 +595,24 @@ def test_the_command_runs_is_interrupted_and_goes_on(tmp_path: Path) -> None:
     assert (result["status"] == 0).all()
     assert (out / "sweep.png").stat().st_size > 20_000
     single = riftberg.experiments.build("a68a", Options({"fracture": {"normal_strength": 16e3}}))[0]  # type: ignore[attr-defined]
-    track = MemberTracks(6 * 3600.0)
-    single.advance(2.0, recorders=[track])
-    assert result["lon"].values[0, 0].tolist() == [row[2] for row in track.rows if row[1] == 1.0]
+    tracks = single.run(days=2, every_hours=6).riftberg.tracks
+    assert result["lon"].values[0, 0] == pytest.approx(tracks["lon"].values[: result.sizes["time"]], abs=1e-9)
     assert json.loads((out / "sweep.json").read_text())["days"] == 2.0
 
 
 def test_stress_of_a_member_is_held_against_the_strength_that_damage_has_left() -> None:
     """Bug: bonds that damage had worn to four tenths were told by their whole strength, less than the tracks of the run say."""
-    model: Any = FakeModel()
-    whole = _stress_ratio(model)
-    model.bonds.damage[:] = 0.6
-    assert 0.0 < whole == pytest.approx(0.4 * _stress_ratio(model))
+    result = sweep(worn, {"damage": [0.0, 0.6]}, days="1 h", every_hours=1, workers=0)
+    whole, less = result["stress_ratio"].values
+    assert 0.0 < whole == pytest.approx(0.4 * less)
+
+
+def worn(damage: float) -> Model:
+    """Return a berg whose bonds are damaged, in a current that shears."""
+    berg = Iceberg.rectangle("12 km", "6 km", thickness=200.0, placement=(-37.0, -56.0))
+    berg.bonds.damage[:] = damage
+    sea = Forcing.uniform(current=(0.2, 0.0), slope=(0.0, 0.0)) + Forcing.eddy((-37.0, -55.9), radius=9e3, speed=0.5)
+    return Model(berg, sea, Parameters(), start="2020-12-09")
 
 
 def begun(start: str) -> Model:

@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from riftberg.ensembles.sweep import _check_members
-from riftberg.ensembles.vary import Draws, list_members, order_line, read_varied
+from riftberg import Forcing, Iceberg, Model, sweep
+from riftberg.cli.main import app
+from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import InputError
-from riftberg.experiments import build
+
+from .made import small_berg
 
 
 @pytest.mark.parametrize(
@@ -97,17 +100,26 @@ def test_what_the_documentation_varies_can_be_varied() -> None:
         assert read_varied([text.strip()])
 
 
-def test_the_ends_of_what_is_drawn_and_all_listed_combinations_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+def drifting(speed: float) -> Model:
+    berg = Iceberg.rectangle("3 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
+    return Model(berg, Forcing.uniform(current=(speed, 0.0), slope=(0.0, 0.0)), start="2020-12-09")
+
+
+def test_the_ends_of_what_is_drawn_and_all_listed_combinations_are_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """To check every one of 10,000 draws took half a minute."""
-    vary = read_varied(["fracture.normal_strength~uniform(10, 20 kPa)", "damage.enabled=true,false"])
-    members = list_members(vary, Draws(32))
+    texts = ["fracture.normal_strength~uniform(10, 20 kPa)", "damage.enabled=true,false"]
+    members = list_members(read_varied(texts), Draws(32))
     checked: list[float] = []
 
     def note(parameters: object, values: dict[str, dict[str, float]], *, where: str) -> None:
         checked.append(values["fracture"]["normal_strength"])
 
     monkeypatch.setattr("riftberg.ensembles.sweep.changed", note)
-    _check_members(build("a68a")[0], members, vary)
+    sweep(drifting, {"speed": [0.1]}, days="1 h", workers=0, output=tmp_path)  # which is in the way of the first run
+    with pytest.raises(InputError, match="holds a sweep"):
+        sweep("a68a", texts, members=32, workers=0, output=tmp_path)
     drawn = [member["fracture.normal_strength"] for member in members]
     assert {min(drawn), max(drawn)} <= set(checked)
     assert 2 <= len(checked) <= 4
@@ -126,10 +138,25 @@ def test_members_are_plain_values_however_they_are_kept() -> None:
         members[4]
 
 
-def test_members_that_follow_an_order_are_said_to() -> None:
-    assert order_line(["start.turn"]) == ""
-    words = order_line(["start.turn", "fracture.normal_strength"])
-    assert "(start.turn, fracture.normal_strength): another order gives other members" in words
+def test_members_that_follow_an_order_are_said_to(tmp_path: Path) -> None:
+    turn, strength = ["--vary", "start.turn~normal(0, 5)"], ["--vary", "fracture.normal_strength~uniform(10, 20 kPa)"]
+    for vary, told in ((turn, False), (turn + strength, True)):
+        words = [
+            "sweep",
+            str(small_berg(tmp_path)),
+            *vary,
+            "--members",
+            "2",
+            "--days",
+            "0.02",
+            "--workers",
+            "0",
+            "--no-map",
+        ]
+        said = CliRunner().invoke(app, [*words, "--every", "0.48", "-o", str(tmp_path / f"{told}")])
+        assert said.exit_code == 0, said.output
+        line = "(start.turn, fracture.normal_strength): another order gives other members"
+        assert (line in " ".join(said.output.split())) == told
     one, other = (list_members(read_varied(vary), Draws(4)) for vary in (
         ["start.turn~normal(0, 5)", "start.size~normal(1, 0.1)"], ["start.size~normal(1, 0.1)", "start.turn~normal(0, 5)"]
     ))  # fmt: skip

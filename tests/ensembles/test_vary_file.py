@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg import forecast, open_sweep, sweep
+from riftberg import Options, build, forecast, open_sweep, sweep
 from riftberg.cli.compare import opened_result
 from riftberg.ensembles.forecast import forecast_errors
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, grouped, list_members, plan_from_design, read_varied, vary_with_file
+from riftberg.ensembles.vary import Draws, list_members, plan_from_design, read_varied, vary_with_file
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
-from riftberg.experiments.changes import changed_document, parse_settings
+from riftberg.experiments.changes import parse_settings
 
 YAML = """start: 2020-12-09
 days: 0.125
@@ -122,7 +121,8 @@ def test_keys_of_a_file_have_distributions_in_their_unit(file: str) -> None:
     members = list_members(varied, Draws(4))
     assert all(0.2 <= member["forcing.eddy.speed"] <= 0.4 for member in members)
     assert {member["start"] for member in members} <= {"2020-12-09", "2020-12-12"}
-    model = build(file, Options(changes=grouped(members[2])))[0]
+    changes = parse_settings([f"{name}={value}" for name, value in members[2].items()])
+    model = build(file, Options(changes=changes))[0]
     sample = model.forcing.parts if hasattr(model.forcing, "parts") else []
     assert any(getattr(part, "radius", None) == members[2]["forcing.eddy.radius"] for part in sample)
 
@@ -140,13 +140,18 @@ def test_distributions_that_no_key_has_are_refused(text: str, words: str) -> Non
         read_varied(text)
 
 
-def test_several_bergs_are_changed_alike_or_one_by_its_number() -> None:
-    values = {"bergs": [{"thickness": 1.0}, {"thickness": 2.0}]}
-    assert changed_document(values, {"berg": {"thickness": 3.0}})["bergs"] == [{"thickness": 3.0}] * 2
-    assert changed_document(values, {"bergs": {"1.thickness": 3.0}})["bergs"] == [
-        {"thickness": 1.0},
-        {"thickness": 3.0},
-    ]
+def test_several_bergs_are_changed_alike_or_one_by_its_number(tmp_path: Path) -> None:
+    """Two elements each, of 100 and 200 m."""
+    (tmp_path / "two.yaml").write_text(
+        "start: 2020-12-09\ndays: 1\nforcing: {uniform: {slope: [0, 0]}}\nbergs:\n"
+        "  - {rectangle: {length: 6 km, width: 3 km}, placement: [-39, -55], thickness: 100 m, radius: 1500}\n"
+        "  - {rectangle: {length: 6 km, width: 3 km}, placement: [-37, -55], thickness: 200 m, radius: 1500}\n"
+    )
+    for setting, thickness in (
+        ("berg.thickness=300 m", [300.0] * 4), ("bergs.1.thickness=300 m", [100.0, 100.0, 300.0, 300.0]),
+    ):  # fmt: skip
+        model = build(str(tmp_path / "two.yaml"), Options(changes=parse_settings([setting])))[0]
+        assert model.elements.thickness.tolist() == thickness
 
 
 VARY = """vary:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from riftberg import Model
+from riftberg import Model, Options, build
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.experiments import Options, build
-from riftberg.experiments.a68a import A68A_OBSERVED, ObservedDay, story_model
+from riftberg.experiments.a68a import A68A_OBSERVED, story_model
 from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, stream
-from riftberg.runs.layout import forcing_title
 from riftberg.runs.tracks import berg_position
 
 LATITUDE = -55.8
@@ -58,7 +57,7 @@ def assert_tip_and_finger(
     assert model.bonds_broken < 0.05 * model.bonds.first.size
 
 
-def off(model: Model, seen: ObservedDay, gone: list[int]) -> tuple[float, float]:
+def off(model: Model, seen: Any, gone: list[int]) -> tuple[float, float]:
     """Distance (km) and difference of azimuth (degrees) from an observed day, without pieces that are gone."""
     e = model.elements
     on = ~np.isin(e.berg, gone)
@@ -419,7 +418,7 @@ def test_what_a_run_should_not_be_taken_for_is_told_before_it() -> None:
     assert "another one" in other
     model, _ = build("a68a", Options(numerics="reference"))
     assert (
-        forcing_title(model.forcing)
+        model.run(steps=1).attrs["forcing_title"]
         == "currents fitted to the observed drift with the reference's numerics, not measured"
     )
 

@@ -9,7 +9,6 @@ import pytest
 
 from riftberg import Iceberg
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.bergs.lattice import expand_rows
 from riftberg.experiments.a68a import A68A_OBSERVED, A68A_ROWS, a68a_berg, table_positions
 
 
@@ -33,7 +32,7 @@ def test_table_has_the_472_elements_and_874_bonds_of_the_paper():
     [(0.0, "data/a68a/icebergs.res.nc"), (0.1, "reference/a68_story/INPUT/icebergs.res.nc")],
 )
 def test_positions_of_the_reference_to_the_last_digit(shared, northward, file):
-    column, row = expand_rows(A68A_ROWS)
+    row, column = np.array([(row, column) for row, first, last in A68A_ROWS for column in range(first, last + 1)]).T
     by_column = np.lexsort((row, column))  # as the file numbers the elements
     for ours, theirs in zip(table_positions(northward), positions(shared / file), strict=True):
         np.testing.assert_array_equal(ours[by_column], theirs)

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from cases import collision
-from riftberg import Iceberg, Model
+from riftberg import Iceberg, Model, Options, build
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
 from riftberg.experiments.changes import change_berg
 from riftberg.experiments.yaml_file import read_file
 from riftberg.ocean.story import StoryOcean

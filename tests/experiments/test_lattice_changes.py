@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from riftberg import Options, build
 from riftberg.errors import InputError
-from riftberg.experiments import Options, build
 from riftberg.experiments.changes import parse_settings
 
 FILE = """

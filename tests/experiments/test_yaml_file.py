@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Iceberg
+from riftberg import Iceberg, Options, build
 from riftberg.errors import BergError, InputError, RiftbergError
-from riftberg.experiments import Options, build
 from riftberg.experiments.yaml_file import build_berg, read_file
 
 SLAB = """\

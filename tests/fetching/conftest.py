@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import pytest
 
 from fetching.serving import Shelf, serving
-from riftberg.fetching import download
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ def shelf() -> Shelf:
 @pytest.fixture
 def base(shelf: Shelf, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """Address of a server of the shelf; nothing waits between attempts."""
-    monkeypatch.setattr(download.time, "sleep", lambda seconds: None)
+    monkeypatch.setattr(time, "sleep", lambda seconds: None)
     with serving(shelf) as address:
         yield address
 

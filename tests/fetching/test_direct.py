@@ -17,11 +17,11 @@ pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 sys.path.insert(0, str(Path(__file__).parent / "products"))
 from fetching.serving import Shelf
 from products import product_files as files
+from riftberg import open_product
 from riftberg.errors import ForcingError
 from riftberg.fetching import download
 from riftberg.fetching.services import fetch_product, gebco_query
 from riftberg.ocean.doctor import doctor
-from riftberg.products import open_product
 
 BOX = ((-38.1, -37.9), (-55.1, -55.0))
 

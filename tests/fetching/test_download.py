@@ -8,6 +8,8 @@ import gc
 import gzip
 import hashlib
 import io
+import shutil
+import time
 import types
 import warnings
 from pathlib import Path
@@ -16,14 +18,11 @@ from typing import BinaryIO
 import pytest
 
 pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
-pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
-
-import requests
 
 from fetching.serving import Shelf, answering
 from riftberg.errors import ForcingError
 from riftberg.fetching import download
-from riftberg.fetching.download import PartFile, Resuming, Version, fetch_one
+from riftberg.fetching.download import Resuming, fetch_one
 
 CONTENT = bytes(range(256)) * 8000
 DIGEST = hashlib.sha256(CONTENT).hexdigest()
@@ -67,12 +66,23 @@ OLD = bytes(reversed(range(256))) * 8000
 """An earlier version of the file, of the same length."""
 
 
-def interrupt(folder: Path, base: str, shelf: Shelf, content: bytes, after: int = 1_000_000) -> None:
-    """Leave what a fetch of ``content`` that was cut for good leaves, with the tag and date that the shelf has now."""
-    part = PartFile(folder / "field.nc.part", f"{base}data/field.nc")
-    told = {"ETag": shelf.etag.get("/data/field.nc", ""), "Last-Modified": shelf.modified.get("/data/field.nc", "")}
-    part.begin(Version.told(part.url, told, len(content)))
-    part.path.write_bytes(content[:after])
+def stop(name: str, done: int, total: int) -> None:
+    """Stop a fetch as Ctrl-C does, once something has come that is no pointer."""
+    if done > 1000:
+        raise KeyboardInterrupt
+
+
+def interrupt(
+    folder: Path, base: str, shelf: Shelf, content: bytes, after: int = 1_000_000, *, at: str = "/data/field.nc",
+    **options: object,
+) -> None:  # fmt: skip
+    """Fetch ``content`` with the tag and date that the shelf has now, and stop when so many bytes have come."""
+    there, shelf.files[at] = shelf.files[at], content
+    with pytest.raises(KeyboardInterrupt):
+        fetch_field(folder, base, digest=None, progress=stop, **options)
+    shelf.files[at] = there
+    shelf.requests.clear()
+    (folder / "field.nc.part").write_bytes(content[:after])
 
 
 TAGS = {"etag": '"first"', "modified": "Wed, 16 Dec 2020 12:00:00 GMT"}
@@ -89,14 +99,19 @@ def test_interrupted_run_is_continued_by_the_next(kind: str, shelf: Shelf, base:
 
 def test_a_cut_fetch_leaves_a_record_with_which_the_next_continues(shelf: Shelf, base: str, tmp_path: Path) -> None:
     shelf.etag["/data/field.nc"] = '"first"'
-    shelf.cut_after, shelf.cuts = 900_000, 1
-    part = PartFile(tmp_path / "field.nc.part", f"{base}data/field.nc")
-    with contextlib.suppress(requests.RequestException):
-        Resuming()._continue(part, checked=False)
-    assert 500_000 < part.size <= 900_000
-    assert part.version == Version(part.url, '"first"', "", len(CONTENT))
+    kept = []
+
+    def stop_behind(name: str, done: int, total: int) -> None:
+        if done >= 500_000:
+            kept.append(done)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fetch_field(tmp_path, base, progress=stop_behind)
+    assert (tmp_path / "field.nc.part").read_bytes() == CONTENT[: kept[0]]
+    assert 500_000 <= kept[0] < len(CONTENT)
     assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
-    assert shelf.requests[-1][1].startswith("bytes=")
+    assert shelf.requests[-1][1] == f"bytes={kept[0]}-"
 
 
 @pytest.mark.parametrize("spans", [True, False])
@@ -179,7 +194,7 @@ def test_file_that_changes_between_two_cuts_is_not_spliced(
     """Without a tag the size alone tells, within a run."""
     shelf.files["/data/field.nc"] = OLD + OLD[:1000]
     shelf.cut_after, shelf.cuts = 900_000, 1
-    monkeypatch.setattr(download.time, "sleep", lambda _: shelf.files.__setitem__("/data/field.nc", CONTENT))
+    monkeypatch.setattr(time, "sleep", lambda _: shelf.files.__setitem__("/data/field.nc", CONTENT))
     assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
     assert len(shelf.requests) == 3
 
@@ -261,7 +276,7 @@ def test_a_write_that_the_system_refuses_keeps_what_was_written(shelf: Shelf, ba
 
 
 def test_download_that_cannot_fit_is_not_begun(base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(download.shutil, "disk_usage", lambda folder: types.SimpleNamespace(free=1000))
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: types.SimpleNamespace(free=1000))
     with pytest.raises(ForcingError, match="the disk is full"):
         fetch_field(tmp_path, base)
     assert not (tmp_path / "field.nc.part").exists()
@@ -381,9 +396,7 @@ def test_large_file_behind_a_pointer_is_continued_by_the_next_run(shelf: Shelf, 
     shelf.files["/data/field.nc"] = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
     shelf.files["/large/data/field.nc"] = CONTENT
     shelf.etag = {"/data/field.nc": '"pointer"', "/large/data/field.nc": '"large"'}
-    part = PartFile(tmp_path / "field.nc.part", f"{base}large/data/field.nc")
-    part.begin(Version(part.url, '"large"', "", len(CONTENT)))
-    part.path.write_bytes(CONTENT[:1_000_000])
+    interrupt(tmp_path, base, shelf, CONTENT, at="/large/data/field.nc", large_files=large)
     fetched = fetch_field(tmp_path, base, digest=None, large_files=lambda url: url.replace("/data/", "/large/data/"))
     assert fetched.read_bytes() == CONTENT
     assert shelf.requests == [("/large/data/field.nc", "bytes=1000000-")]
@@ -416,9 +429,8 @@ def test_a_large_file_whose_first_part_was_damaged_on_the_disk_is_found_out(
     shelf.files["/data/field.nc"] = pointer_to(CONTENT)
     shelf.files["/large/data/field.nc"] = CONTENT
     shelf.etag = {"/large/data/field.nc": '"large"'}
-    part = PartFile(tmp_path / "field.nc.part", f"{base}large/data/field.nc", hashlib.sha256(CONTENT).hexdigest())
-    part.begin(Version(part.url, '"large"', "", len(CONTENT)))
-    part.path.write_bytes(b"?" + CONTENT[1:1_000_000])
+    interrupt(tmp_path, base, shelf, CONTENT, at="/large/data/field.nc", large_files=large)
+    (tmp_path / "field.nc.part").write_bytes(b"?" + CONTENT[1:1_000_000])
     with pytest.raises(ForcingError, match="its checksum is wrong"):
         fetch_field(tmp_path, base, digest=None, large_files=large)
     assert shelf.requests == [("/large/data/field.nc", "bytes=1000000-")]

@@ -13,9 +13,9 @@ pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 
 from fetching.serving import Shelf
+from riftberg import open_product
 from riftberg.errors import ForcingError
 from riftberg.fetching.fetch import FILES, HOURLY, Hourly, fetch_a68a, merge_hourly
-from riftberg.products import open_product
 
 CONTENT = bytes(range(256)) * 8000
 DIGEST = hashlib.sha256(CONTENT).hexdigest()

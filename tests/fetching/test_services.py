@@ -12,11 +12,11 @@ import pytest
 pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 
 from fetching.fake_clients import Cdsapi, Copernicusmarine, Earthaccess
+from riftberg import open_product
 from riftberg.errors import ForcingError
 from riftberg.fetching import services
 from riftberg.fetching.services import fetch_product
 from riftberg.ocean.doctor import doctor
-from riftberg.products import open_product
 
 PLACE = {"lon": (-43.0, -33.0), "lat": (-59.0, -53.0), "time": ("2020-12-09", "2020-12-25")}
 EXTRAS = {"earthaccess": "oscar", "copernicusmarine": "copernicus", "cdsapi": "era5"}

@@ -15,8 +15,8 @@ import xarray as xr
 
 from fakes import FakeModel
 from kid.conftest import namelist_text, restart_variables, write_nc
+from riftberg import build
 from riftberg.diagnostics.summary import summarize
-from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter
 from riftberg.system.atomic_files import write_json
 

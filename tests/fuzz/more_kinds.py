@@ -9,16 +9,15 @@ import json
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import yaml
 
 from fuzz.base_files import EXPERIMENT, KML, RING, TRACK, changed_nc, copied, store, summary
 from fuzz.judging import Kind, flipped
-from riftberg.config.values import Section
-from riftberg.experiments import schema
-from riftberg.ocean.files_schema import FileForcing
+from keys import SECTIONS, TOP, keys
+from keys import Path as KeyPath
 from riftberg.parameters import fields_by_path
 
 RUN = ["run", "bad.yaml", "-o", "out", "-q", "--no-map"]
@@ -46,30 +45,39 @@ def more(seeds: int) -> Iterator[Kind]:
 # --- every key and every parameter ---------------------------------------------------------------------------------------
 
 
-def _placed(section: type[Section], name: str, value: Any) -> dict[str, Any] | None:
+SHAPES: dict[str, dict[str, Any]] = {
+    "rectangle": {"length": 9000, "width": 6000}, "lattice": {"rows": [[0, 0, 3], [1, 0, 3]]}, "outline": {"file": "good.kml"},
+    "mask": {"file": "mask.nc"},
+}  # fmt: skip
+KINDS: dict[str, dict[str, Any]] = {
+    "experiment": {},
+    "files": {
+        "files": ["ocean.nc"],
+        "longitude": [-40, -38],
+        "latitude": [-56.5, -54.5],
+        "sea_level": "none",
+        "wind": "none",
+    },
+}
+
+
+def _placed(path: KeyPath, section: type | None, name: str, value: Any) -> dict[str, Any] | None:
     """Return an experiment with a value at a key of a section; None where the section has no place there."""
     made: dict[str, Any] = yaml.safe_load(EXPERIMENT)
     berg = made["berg"]
-    if section is schema.Experiment:
+    if section is None:
         made[name] = value
-    elif section is schema.Berg:
+    elif path == ("berg",):
         berg[name] = value
-    elif section in (schema.Rectangle, schema.LatticeRows, schema.OutlineFile, schema.Mask):
+    elif path[:1] == ("berg",) and path[1] in SHAPES:
         del berg["rectangle"]
-        shape = {
-            schema.Rectangle: ("rectangle", {"length": 9000, "width": 6000}), schema.LatticeRows: ("lattice", {"rows": [[0, 0, 3], [1, 0, 3]]}),
-            schema.OutlineFile: ("outline", {"file": "good.kml"}), schema.Mask: ("mask", {"file": "mask.nc"}),
-        }[section]  # fmt: skip
-        berg[shape[0]] = {**shape[1], name: value}
-    elif section is schema.Rift:
+        berg[path[1]] = {**SHAPES[path[1]], name: value}
+    elif path == ("berg", "rifts"):
         berg["rifts"] = [{"points": [[-39.1, -55.5], [-38.9, -55.5]], name: value}]
-    elif section is schema.Strength:
+    elif path == ("berg", "strength"):
         berg["strength"] = {"weibull": 5, name: value}
-    elif section is schema.ExperimentForcing:
-        made["forcing"] = {"kind": "experiment", name: value}
-    elif section is FileForcing:
-        files = {"kind": "files", "files": ["ocean.nc"], "longitude": [-40, -38], "latitude": [-56.5, -54.5]}
-        made["forcing"] = {**files, "sea_level": "none", "wind": "none", name: value}
+    elif path == ("forcing",) and (kind := get_args(keys(section)["kind"].annotation)[0]) in KINDS:
+        made["forcing"] = {"kind": kind, **KINDS[kind], name: value}
     else:
         return None
     return made
@@ -77,17 +85,13 @@ def _placed(section: type[Section], name: str, value: Any) -> dict[str, Any] | N
 
 def schema_values() -> Iterator[Kind]:
     """Give a wrong value of every kind at every key that an experiment file knows."""
-    sections = [
-        part
-        for part in vars(schema).values()
-        if isinstance(part, type) and issubclass(part, Section) and part is not Section
-    ]
-    for section in [*dict.fromkeys(sections), FileForcing]:
-        for name in section.model_fields:
+    sections: list[tuple[KeyPath, type | None]] = [((), None), *((path, section) for section, path in SECTIONS.items())]
+    for path, section in sections:
+        for name in TOP if section is None else keys(section):
             for what, value in WRONG.items():
-                if section is schema.Berg and name in ("rectangle", "lattice", "outline", "mask"):
+                if path == ("berg",) and name in SHAPES:
                     continue
-                made = _placed(section, name, value)
+                made = _placed(path, section, name, value)
                 if made is None:
                     continue
 
@@ -97,7 +101,9 @@ def schema_values() -> Iterator[Kind]:
                     (folder / "bad.yaml").write_text(yaml.safe_dump(made, allow_unicode=True))
                     return RUN
 
-                yield Kind(f"key of {section.__name__}", f"{name}: {what}", make, (), False)
+                yield Kind(
+                    f"key of {section.__name__ if section else 'Experiment'}", f"{name}: {what}", make, (), False
+                )
 
 
 def parameter_values() -> Iterator[Kind]:

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from contract import HEAT_CLOSES, MASS_CLOSES
-from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, open_run
+from riftberg import A68A_2022, A68A_2022_MTS, Forcing, Iceberg, Model, Parameters, open_run
 from riftberg.errors import ForcingError, InputError, RunError
 from riftberg.life.melt import base_spans, life_values
-from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.run_file import RunWriter
 from twins import footloose as twin
 

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from contract import HEAT_CLOSES, MASS_CLOSES
-from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.fields import OceanForcing
+from riftberg import Exchange, Forcing, Iceberg, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.life.births import Births
 from riftberg.life.free_places import FreePlaces, corner_reach
 from riftberg.state import new_elements

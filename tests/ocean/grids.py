@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riftberg.ocean.cells import Fields
-from riftberg.ocean.grid import ZERO_ON_LAND, Grid, usable
+from riftberg import Grid
 from riftberg.state import new_elements
 
 
@@ -45,7 +44,7 @@ ALL = (square_lakes, bent, degrees)
 def random_fields(grid, rng):
     """Random fields on all of a grid, halo included (copies in cyclic halos)."""
     shape = (grid.arrays.nj, grid.arrays.ni)
-    return Fields(**{name: grid.extended(rng.normal(size=shape)) for name in Fields._fields})
+    return grid.fields(**{name: rng.normal(size=shape) for name in grid.fields()._fields})
 
 
 def scattered(grid, count, rng, wet=True):
@@ -61,9 +60,3 @@ def scattered(grid, count, rng, wet=True):
         out[:] = (q[j, i] * x + q[j, i - 1] * (1 - x)) * y + (q[j - 1, i] * x + q[j - 1, i - 1] * (1 - x)) * (1 - y)
     e.lon_pair[:], e.lat_pair[:] = e.lon, e.lat
     return e
-
-
-def without_gaps(fields, mask):
-    """Fields as a forcing prepares them."""
-    pairs = zip(Fields._fields, fields, strict=True)
-    return Fields(**{name: usable(values, mask, name in ZERO_ON_LAND) for name, values in pairs})

@@ -14,7 +14,6 @@ from riftberg import Forcing, Iceberg
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import InputError
 from riftberg.ocean.errors import Errors, FieldError, UncertainForcing, onto_plane
-from riftberg.ocean.formulas import Formula
 from riftberg.plane import ConformalPlane
 
 DAY = 86400.0
@@ -157,7 +156,7 @@ def test_at_the_equator_the_current_has_no_level_and_no_jump() -> None:
     assert got["slope_x"][0, 0] == pytest.approx(-got["slope_x"][0, 2], rel=0.1)
 
 
-class Coast(Formula):
+class Coast(Forcing):
     """Still water north of a parallel, land south of it."""
 
     lat = -56.0

@@ -11,12 +11,11 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import Model
+from riftberg import Model, Options, build
 from riftberg.cli.main import app
 from riftberg.cli.options import named_files
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import Options, build
 from riftberg.ocean.files_forcing import ModelGrid, Run
 from riftberg.ocean.files_schema import FileForcing
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Model
+from riftberg import Model, Options, build
 from riftberg.errors import ForcingError
-from riftberg.experiments import Options, build
 
 EXPERIMENT = """\
 start: 2020-12-09 12:00

@@ -10,10 +10,9 @@ import pytest
 import xarray as xr
 
 from ocean.test_files_forcing import EXPERIMENT, LEVELS, field, folder, mean_to, with_levels
-from riftberg import DatasetForcing
+from riftberg import DatasetForcing, build
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.experiments import build
 from riftberg.ocean.product_part import averaged_product, product_part
 from riftberg.products import open_all
 from riftberg.state import Elements, Floats, new_elements

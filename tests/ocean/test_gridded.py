@@ -8,12 +8,9 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from ocean.grids import degrees, random_fields, scattered, square_lakes, without_gaps
-from riftberg import FieldRules, GriddedForcing
+from ocean.grids import degrees, random_fields, scattered, square_lakes
+from riftberg import FieldRules, Grid, GriddedForcing
 from riftberg.errors import ForcingError
-from riftberg.ocean.cells import DepthAtPoint, Fields, sample_gridded
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import add_tidal_drift, tidal_draws
 from riftberg.state import Environment
 
 ENVIRONMENT = tuple(
@@ -26,16 +23,15 @@ def environment(e):
     return np.array([getattr(e, name) for name in ENVIRONMENT])
 
 
-def by_hand(grid, fields, e, rule=1):
-    """Environment sampled straight from one state."""
-    clean = without_gaps(fields, grid.arrays.mask)
-    sample_gridded(e, grid.arrays, clean, DepthAtPoint(rule, 0.0, 0.0, False), 0.0, False)
+def by_hand(grid, fields, e, **rules):
+    """Environment of one state."""
+    GriddedForcing(grid, fields, rules=FieldRules(**rules)).sample(e, 0.0)
     return environment(e)
 
 
 def mean(a, b, w):
     """Weighted mean of two states."""
-    return Fields(*((1.0 - w) * p + w * q for p, q in zip(a, b, strict=True)))
+    return type(a)(*((1.0 - w) * p + w * q for p, q in zip(a, b, strict=True)))
 
 
 @pytest.fixture
@@ -125,25 +121,12 @@ def test_moving_elements_always_see_fresh_fields(scene):
 def test_shared_arrays_stay_shared(scene):
     """Fields that are one object in all records are neither copied nor blended."""
     grid, states, _ = scene
-    clean = without_gaps(states[0], grid.arrays.mask)
+    clean = GriddedForcing(grid, states[0]).fields_at(0.0)
     records = [clean, clean._replace(uo=2.0 * clean.uo)]
     middle = GriddedForcing(grid, records, [0.0, 10.0]).fields_at(5.0)
-    for name in Fields._fields:
+    for name in clean._fields:
         assert (getattr(middle, name) is getattr(clean, name)) == (name != "uo")
     np.testing.assert_allclose(middle.uo, 1.5 * clean.uo)
-
-
-def test_drift_near_land_is_added(scene):
-    """Coastal and tidal drift of the forcing equal those of the kernels."""
-    grid, states, e = scene
-    clean = without_gaps(states[0], grid.arrays.mask)
-    sample_gridded(e, grid.arrays, clean, DepthAtPoint(0, 0.0, 0.0, False), 0.4, False)
-    add_tidal_drift(e, grid.arrays, tidal_draws(e.cell_i, e.cell_j, clean.ssh, grid.arrays.halo), 0.3)
-    expected = environment(e).copy()
-    GriddedForcing(grid, states[0], rules=FieldRules(depth_rule="cell", coastal_drift=0.4, tidal_drift=0.3)).sample(
-        e, 0.0
-    )
-    np.testing.assert_array_equal(environment(e), expected)
 
 
 def test_depth_rules_by_name(scene):

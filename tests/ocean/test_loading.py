@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ocean.grids import bent, random_fields, square_lakes, without_gaps
-from riftberg.ocean.cells import Fields
-from riftberg.ocean.grid import Grid, at_corners, celsius, first_gap, usable, wind_from_stress
+from ocean.grids import bent, random_fields, square_lakes
+from ocean.seas import meet, sea
+from riftberg import Grid, GriddedForcing
+from riftberg.errors import ForcingError
+from riftberg.ocean.grid import at_corners, celsius
+from riftberg.state import new_elements
 
 
 def corner_by_hand(grid, u, v, i, j, staggering):
@@ -66,11 +69,13 @@ def test_stress_becomes_wind_and_back():
     u, v = rng.normal(size=50), rng.normal(size=50)
     u[0] = v[0] = 0.0
     speed = np.hypot(u, v)
+    lon, lat = np.arange(10.0), np.arange(-60.0, -55.0)
+    tau = {name: (0.0015 * speed * q).reshape(5, 10) for name, q in (("taux", u), ("tauy", v))}
     with np.errstate(all="raise"):
-        ua, va = wind_from_stress(0.0015 * speed * u, 0.0015 * speed * v)
-    np.testing.assert_allclose(ua, u, rtol=1e-12)
-    np.testing.assert_allclose(va, v, rtol=1e-12)
-    assert ua[0] == va[0] == 0.0
+        e = meet(sea(lon, lat, **tau), *(q.ravel() for q in np.meshgrid(lon, lat)))
+    np.testing.assert_allclose(e.ua, u, rtol=1e-12)
+    np.testing.assert_allclose(e.va, v, rtol=1e-12)
+    assert e.ua[0] == e.va[0] == 0.0
 
 
 def test_kelvin_is_recognised_over_water_only():
@@ -87,8 +92,8 @@ def test_land_is_still_and_cold_and_gaps_are_zero():
     land = grid.arrays.mask < 0.5
     fields = random_fields(grid, rng)
     fields.uo[6, 6] = fields.depth[7, 7] = np.nan
-    clean = without_gaps(fields, grid.arrays.mask)
-    for name in Fields._fields:
+    clean = GriddedForcing(grid, fields).fields_at(0.0)
+    for name in fields._fields:
         q, raw = getattr(clean, name), getattr(fields, name)
         assert not np.isnan(q).any()
         if name in ("ssh", "depth"):
@@ -102,29 +107,38 @@ def test_land_is_still_and_cold_and_gaps_are_zero():
 
 def test_a_clean_field_is_not_copied():
     """Fields that are already usable are taken as they are; single precision, gaps and read-only arrays are copied."""
-    mask = np.ones((3, 3))
-    good = np.ones((3, 3))
-    assert usable(good, mask, True) is good
+    grid = Grid.cartesian(3, 3, 100.0)
+
+    def usable(values):
+        return GriddedForcing(grid, grid.fields()._replace(depth=values)).fields_at(0.0).depth
+
+    good = np.ones(grid.arrays.mask.shape)
+    assert usable(good) is good
     frozen = good.copy()
     frozen.flags.writeable = False
-    for bad in (good.astype(np.float32), np.asfortranarray(np.arange(9.0).reshape(3, 3)), frozen):
-        copy = usable(bad, mask, True)
+    for bad in (good.astype(np.float32), np.asfortranarray(np.arange(float(good.size)).reshape(good.shape)), frozen):
+        copy = usable(bad)
         assert copy is not bad
         assert copy.flags.writeable
         assert copy.flags.c_contiguous
         np.testing.assert_array_equal(copy, bad)
     hole = good.copy()
-    hole[1, 1] = np.nan
-    assert usable(hole, mask, False)[1, 1] == 0.0
-    assert np.isnan(hole[1, 1])
+    hole[5, 5] = np.nan
+    assert usable(hole)[5, 5] == 0.0
+    assert np.isnan(hole[5, 5])
 
 
 def test_gaps_count_over_water_only():
     """NaN on land or in the halo is no gap; the first over water is found with its column and row."""
-    mask = np.ones((8, 8))
-    mask[4, 4] = 0.0
-    q = np.zeros((8, 8))
-    q[4, 4] = q[0, 3] = np.nan
-    assert first_gap(q, mask, 2) == (-1, -1)
-    q[5, 3] = np.nan
-    assert first_gap(q, mask, 2) == (3, 5)
+    mask = np.ones((4, 4))
+    mask[1, 1] = 0.0
+    grid = Grid.cartesian(4, 4, 100.0, mask=mask)
+    depth, halo = np.ones(grid.arrays.mask.shape), grid.arrays.halo
+    depth[halo + 1, halo + 1] = depth[0, 3] = np.nan
+    e = new_elements(1)
+    e.lon[:], e.lat[:] = 350.0, 350.0
+    grid.locate(e)
+    GriddedForcing(grid, grid.fields()._replace(depth=depth)).check(e, 0.0, 1.0)
+    depth[halo + 3, halo + 2] = np.nan
+    with pytest.raises(ForcingError, match=r"depth is NaN over water in cell \(3, 4\)"):
+        GriddedForcing(grid, grid.fields()._replace(depth=depth)).check(e, 0.0, 1.0)

@@ -14,7 +14,6 @@ from riftberg import Forcing, Iceberg, Model
 from riftberg.errors import InputError
 from riftberg.ocean.errors import Errors, UncertainForcing
 from riftberg.ocean.forcing import Forcing as AnyForcing
-from riftberg.ocean.forcing import as_forcing
 
 POINTS = np.array([-37.0, -36.9]), np.array([-56.0, -56.1])
 BERG = Iceberg.rectangle("6 km", "6 km", thickness="200 m", placement=(-37.0, -56.0))
@@ -58,7 +57,7 @@ KINDS = {
     "product": product,
     "product and formula": lambda: product() + Forcing.uniform(wind=(5.0, 0.0)),
     "errors": lambda: UncertainForcing(product(), Errors(seed=3), BERG.elements),
-    "another class": lambda: as_forcing(Brook()),
+    "another class": lambda: Model(BERG, Brook()).forcing,
     "another class and a formula": lambda: Forcing.uniform(wind=(5.0, 0.0)) + Brook(),  # type: ignore[operator]
 }
 
@@ -87,7 +86,7 @@ def test_every_kind_answers_all_that_a_run_may_ask(kind: str) -> None:
 
 
 def test_an_object_of_another_class_is_asked_for_what_it_has() -> None:
-    sea = as_forcing(Brook())
+    sea = Model(BERG, Brook()).forcing  # type: ignore[arg-type]
     assert sea.citations == ("Nobody (2001).",)
     assert sea.depth(*POINTS).tolist() == [300.0, -10.0]
     assert sea.land(*POINTS).tolist() == [False, True]  # by its own depth

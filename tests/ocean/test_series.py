@@ -13,12 +13,10 @@ import pytest
 import xarray as xr
 
 import riftberg
-from riftberg import DatasetForcing, Forcing, Iceberg, Model, Parameters
+from riftberg import DatasetForcing, Forcing, Iceberg, Model, Options, Parameters, build
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import Options, build
 from riftberg.ocean.grid import haversine
-from riftberg.ocean.series import Series, read_series
 from riftberg.state import Elements, new_elements
 
 START = np.datetime64("2025-10-01T00:00", "us")
@@ -31,7 +29,7 @@ def dates(hours: Any = HOURS) -> Any:
     return START + (np.asarray(hours) * 3600e6).astype("timedelta64[us]")
 
 
-def made(**changes: Any) -> Series:
+def made(**changes: Any) -> Any:
     return Forcing.along(dates(), **{**SHARE, **changes})
 
 
@@ -155,7 +153,9 @@ def test_waves_go_with_the_wind_and_ice_is_the_densest() -> None:
 
 
 def test_series_may_stand_side_by_side_each_with_a_floor_in_its_sector() -> None:
-    several = Series.side_by_side([made(uo=0.1, depth=90.0), Forcing.along([0.0, 7200.0], **dict.fromkeys(SHARE, 0.0))])
+    several = Forcing.along.side_by_side(
+        [made(uo=0.1, depth=90.0), Forcing.along([0.0, 7200.0], **dict.fromkeys(SHARE, 0.0))]
+    )
     e = sampled(several, 1.0, count=2)
     assert e.uo.tolist() == [0.1, 0.0]
     assert e.depth.tolist() == [90.0, 1e4]
@@ -266,13 +266,13 @@ def test_a_table_is_the_forcing_of_an_experiment_and_of_its_forecast(experiment:
     assert np.isfinite(ds["track_lon" if "track_lon" in ds else "lon"].values).any()
 
 
-def test_a_table_with_a_column_that_is_not_known_is_refused(tmp_path: Path) -> None:
+def test_a_table_with_a_column_that_is_not_known_is_refused(experiment: Path) -> None:
     for text, said in (("time,uo,vo,u10\n0,0,0,1\n", "a column 'u10'"), ("time,uo\n0,1\n", "no column 'vo'"),
                        ("time,uo,vo\n0,x,0\n", "line 2, uo.*'x' is no number"),
                        ("time,uo,vo\n0,0,1,0\n", "line 2: '0' has no name: 3 columns are named.*decimal comma")):  # fmt: skip
-        (tmp_path / "t.csv").write_text(text)
+        experiment.with_name("sea.csv").write_text(text)
         with pytest.raises(ForcingError, match=said):
-            read_series(tmp_path / "t.csv")
+            build(str(experiment))
 
 
 def test_a_run_that_is_resumed_ends_where_a_whole_one_does(tmp_path: Path) -> None:

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, build
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.experiments import build
 
 START = "2020-12-09"
 LAYER = 0.005 * 10.0 * np.sqrt(0.5)  # m/s to each side, of a wind of 10 m/s

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from physics.agreement import SEEDS, assert_same
-from riftberg.ocean.grid import Grid
+from riftberg import Grid
 from riftberg.physics import spreading
 from riftberg.state import new_elements
 from twins import spreading as twin

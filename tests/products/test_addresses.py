@@ -19,10 +19,9 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import open_run
+from riftberg import build, open_run
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError
-from riftberg.experiments import build
 from riftberg.products.reading import is_zarr, open_raw
 
 YAML = """\

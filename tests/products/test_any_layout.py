@@ -18,11 +18,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from products.probe import at_points
+from riftberg import open_product
 from riftberg.errors import ForcingError
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_product
 from riftberg.state import Elements, new_elements
 
 START = datetime(2020, 12, 16, 6)
@@ -356,7 +356,7 @@ def test_the_doctor_names_the_variable_and_what_it_noticed(tmp_path: Path) -> No
 
 def test_currents_on_one_level_reach_the_berg_of_a_run(tmp_path: Path) -> None:
     """`depth = 1`, the usual surface subset of Copernicus, became 0 and the doctor said Ready."""
-    from riftberg.experiments import build
+    from riftberg import build
 
     written(tmp_path, replace(PLAIN, level="depth:1:0.494:m", packed="int16"))
     (tmp_path / "one.yaml").write_text(

@@ -20,14 +20,13 @@ from products.probe import at_points
 from products.test_models import CENTRE, roms
 from products.test_odd_files import AIR, plain, refused, truth, written
 from products.test_odd_files import elements as around
-from riftberg import DatasetForcing
+from riftberg import DatasetForcing, open_product
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import ForcingError, InputError
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_all, open_product
-from riftberg.products.repair import with_text_dates
+from riftberg.products import open_all
 
 DAY_0 = datetime(2020, 12, 16)
 UO_VO = ("uo", "vo")
@@ -623,10 +622,11 @@ def test_a_store_that_is_none_is_not_looked_for_in_the_network(tmp_path: Path) -
         ("2020-12-09T12:00:00Z", "2020-12-09T12:00"),
     ],
 )
-def test_the_minutes_of_a_zone_count_like_its_hours(text: str, utc: str) -> None:
+def test_the_minutes_of_a_zone_count_like_its_hours(text: str, utc: str, tmp_path: Path) -> None:
     """Dates written as text: what is ahead of UTC is taken off, hours and minutes alike."""
-    ds = xr.Dataset({"uo": ("time", [0.1])}, coords={"time": ("time", np.array([text], object))})
-    found = xr.decode_cf(with_text_dates(ds))["time"].values[0]
+    ds = plain(names=UO_VO).isel(time=[0]).assign_coords(time=("time", np.array([text], object)))
+    ds.to_netcdf(tmp_path / "text.nc")
+    (found,) = open_all(tmp_path / "text.nc")[0]["time"].values
     assert found == np.datetime64(utc)
 
 

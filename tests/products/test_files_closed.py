@@ -14,10 +14,10 @@ import pytest
 import xarray as xr
 
 from products.test_odd_files import by_run, on_level, plain
+from riftberg import Options, build, open_product
 from riftberg.errors import ForcingError, RiftbergError
-from riftberg.experiments import Options, build
 from riftberg.ocean.doctor import doctor
-from riftberg.products import open_all, open_product, recognise
+from riftberg.products import open_all, recognise
 from riftberg.system.netcdf_lock import open_lazily
 
 FILE = "odd.nc"

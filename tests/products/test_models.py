@@ -11,11 +11,12 @@ import xarray as xr
 
 from products.probe import at_points
 from products.test_any_layout import START, elements, truth
+from riftberg import open_product
 from riftberg.errors import ForcingError
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_all, open_product, recognise, window
+from riftberg.products import open_all, recognise, window
 
 TURN = np.deg2rad(35.0)
 CENTRE = -39.0

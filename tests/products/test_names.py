@@ -9,10 +9,9 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import DatasetForcing, Forcing
+from riftberg import DatasetForcing, Forcing, build
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import build
 from riftberg.products import recognise
 from riftberg.products.registry import open_named
 from riftberg.state import new_elements

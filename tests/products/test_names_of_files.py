@@ -10,13 +10,14 @@ import yaml
 from typer.testing import CliRunner
 
 from products.test_odd_files import CENTRE, START, elements, plain, written
+from riftberg import open_product
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError, RiftbergError
 from riftberg.experiments.yaml_file import build_berg, read_file
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_all, open_product
+from riftberg.products import open_all
 from riftberg.system.input_files import files_matching
 
 

@@ -10,10 +10,10 @@ import pytest
 import xarray as xr
 
 from products.test_odd_files import CENTRE, FIELDS, START, elements, plain, refused, truth, written
+from riftberg import open_product
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_product
 
 MOM6 = ("yh", "xh", "h point nominal latitude", "h point nominal longitude")
 MOM5 = ("yt_ocean", "xt_ocean", "tcell latitude", "tcell longitude")

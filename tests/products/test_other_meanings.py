@@ -12,11 +12,11 @@ import xarray as xr
 
 from products.test_meaning import BOX, forcing_of, not_told, told, with_floor
 from products.test_odd_files import CENTRE, START, arrives, elements, plain, truth, written
+from riftberg import Forcing, open_product
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_product, recognise
-from riftberg.products.mesh import Located, build_mesh
+from riftberg.products import recognise
 from riftberg.products.registry import open_named
 
 # --- land -----------------------------------------------------------------------------------------------------------------
@@ -285,12 +285,12 @@ def test_all_fields_arrive_beside_winds_of_era5_names(tmp_path: Path) -> None:
 def test_an_axis_that_jumps_by_a_turn_is_one_axis(branch: Any, middle: float) -> None:
     """Depths of ROMS west of Greenwich were 'apart' from its currents."""
     lon, lat = middle + np.arange(-2.0, 2.1, 0.2), np.arange(-60.0, -55.0, 0.5)
-    field = xr.DataArray(np.zeros((lat.size, lon.size)), dims=("lat", "lon"), coords={"lat": lat, "lon": branch(lon)})
-    there = Located(build_mesh(field), *np.meshgrid(lon + 0.05, lat))
-    assert not there.outside.any()
-    np.testing.assert_allclose(
-        there.take(np.broadcast_to(lon, field.shape))[:, :-1], np.meshgrid(lon + 0.05, lat)[0][:, :-1]
-    )
+    axes = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", branch(lon), {"units": "degrees_east"})}
+    values = np.broadcast_to(1e-3 * lon, (lat.size, lon.size))
+    ds = xr.Dataset({name: (("lat", "lon"), values, {"units": "m s-1"}) for name in ("uo", "vo")}, axes)
+    x, y = np.meshgrid(lon[:-1] + 0.05, lat)
+    current, _ = Forcing.from_dataset(ds, "2020-12-09", uo="uo", vo="vo", sea_level="none").currents(x, y, 0.0)
+    np.testing.assert_allclose(current, 1e-3 * x)
 
 
 def test_components_without_a_standard_name_on_a_turned_grid_are_told_to_follow_it(tmp_path: Path) -> None:

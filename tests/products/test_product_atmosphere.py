@@ -12,8 +12,9 @@ import xarray as xr
 
 from products import product_files as files
 from products.test_odd_files import AIR, plain, refused, written
+from riftberg import open_product
 from riftberg.errors import ForcingError
-from riftberg.products import open_all, open_product, recognise
+from riftberg.products import open_all, recognise
 
 
 def test_era5_old_store_equals_raw_times_scale_plus_offset(shared: Path) -> None:

@@ -11,8 +11,9 @@ import pytest
 
 from products import product_files as files
 from products.probe import at_points
+from riftberg import open_product
 from riftberg.errors import ForcingError
-from riftberg.products import open_product, recognise, window
+from riftberg.products import recognise, window
 
 
 def test_srtm15_depth_is_positive_down_and_land_missing(shared: Path) -> None:

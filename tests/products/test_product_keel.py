@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from riftberg import open_product
 from riftberg.errors import ForcingError
-from riftberg.products import keel_mean, open_product
-from riftberg.products.levels import layer_limits
+from riftberg.products import keel_mean
 
 DEPTH = np.array([10.0, 30.0, 70.0, 150.0])  # limits 0, 20, 50, 110, 190
 
@@ -24,10 +24,6 @@ def column(values: list[float], dry: int = 0) -> xr.Dataset:
     dims = ("depth", "lat", "lon")
     axes = {"depth": DEPTH, "lat": [-56.0, -55.0], "lon": [-38.0, -37.0]}
     return xr.Dataset({"uo": (dims, data), "vo": (dims, -data)}, coords=axes)
-
-
-def test_layers_meet_half_way() -> None:
-    np.testing.assert_allclose(layer_limits(DEPTH), [0.0, 20.0, 50.0, 110.0, 190.0])
 
 
 def test_uniform_current_is_its_own_mean() -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from products import product_files as files
+from riftberg import open_product
 from riftberg.errors import ForcingError
-from riftberg.products import keel_mean, open_product, recognise, window
+from riftberg.products import keel_mean, recognise, window
 
 A68A = "a68_experiment_{}_dec2020_ll_p125.nc"
 

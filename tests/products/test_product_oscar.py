@@ -9,8 +9,9 @@ import pytest
 
 from products import product_files as files
 from products.probe import at_points
+from riftberg import open_product
 from riftberg.errors import ForcingError
-from riftberg.products import open_product, window
+from riftberg.products import window
 
 
 def test_v2_order_longitude_latitude_is_told_by_name(tmp_path: Path) -> None:

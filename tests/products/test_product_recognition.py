@@ -11,8 +11,9 @@ import pytest
 import xarray as xr
 
 from products import product_files as files
+from riftberg import open_product
 from riftberg.errors import ForcingError
-from riftberg.products import PRODUCTS, open_product, product_named, recognise
+from riftberg.products import PRODUCTS, product_named, recognise
 from riftberg.products.product import Heading
 from riftberg.products.quantities import QUANTITIES, conversion
 from riftberg.products.reading import open_raw

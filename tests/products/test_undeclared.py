@@ -16,12 +16,11 @@ from products.test_dates_and_neighbours import dated, day, forced, growing
 from products.test_given_waves import forced as forced_by_waves
 from products.test_given_waves import with_waves
 from products.test_odd_files import CENTRE, START, elements, plain, truth, written
-from riftberg import DatasetForcing
+from riftberg import DatasetForcing, open_product
 from riftberg.config.units import to_unit
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products import open_product
 from riftberg.products.quantities import unit_change
 from riftberg.system.input_files import reading
 

@@ -13,8 +13,8 @@ import xarray as xr
 from fakes import FakeForcing, FakeModel
 from riftberg import Forcing, Iceberg, Model, open_run
 from riftberg.errors import ForcingError
-from riftberg.runs.background import KeptWater, _axes, find_water, interpolate_evenly, stored_water
-from riftberg.runs.run_file import RunWriter, memory_run, open_own
+from riftberg.runs.background import find_water, stored_water
+from riftberg.runs.run_file import RunWriter, memory_run
 
 GROUP = "background"
 
@@ -95,13 +95,22 @@ def test_a_run_in_memory_does_without(tmp_path: Path) -> None:
         assert stored_water(writer.dataset()) is None
 
 
-def test_bilinear_is_exact_for_bilinear_fields_and_blind_outside() -> None:
-    x, y = np.linspace(0.0, 2.0, 5), np.linspace(-1.0, 1.0, 3)
-    field = (1.0 + x[None, :]) * (2.0 - y[:, None])
-    px, py = np.array([0.3, 2.0, 0.0, 2.1]), np.array([0.7, 1.0, -1.0, 0.0])
-    expected = (1.0 + px) * (2.0 - py)
+def test_bilinear_is_exact_for_bilinear_fields_and_blind_outside(tmp_path: Path) -> None:
+    class Hollow(FakeForcing):
+        def depth(self, lon: Any, lat: Any) -> Any:
+            return 1000.0 + 500.0 * (1.0 + 1e-4 * lon) * (2.0 - 1e-4 * lat)
+
+    water = stored_water(path := finished(tmp_path, Hollow(), latlon=False))
+    assert water is not None
+    with xr.open_dataset(path, group=GROUP) as box:
+        edges = box["floor_x"].values[[0, -1]], box["floor_y"].values[[-1, 0]]
+    x, y = (
+        np.append(a, b)
+        for a, b in zip(([123.0, 2000.0, -1500.0, 2e6], [700.0, 1000.0, -1234.0, 0.0]), edges, strict=True)
+    )
+    expected = Hollow().depth(x, y)
     expected[3] = np.nan
-    np.testing.assert_allclose(interpolate_evenly(x, y, field, px, py), expected)
+    np.testing.assert_allclose(water.depth(x, y), expected, atol=0.06)  # of slopes of 0.1 m a metre; kept to 0.1 m
 
 
 def test_a_run_in_memory_knows_its_water(tmp_path: Path) -> None:
@@ -111,7 +120,7 @@ def test_a_run_in_memory_knows_its_water(tmp_path: Path) -> None:
     run = Model(berg, sea).run(steps=1)
     for known in (run, run.copy(deep=True), run.isel(time=slice(0, 1))):
         water = find_water(known)
-        assert isinstance(water, KeptWater)
+        assert water is not None
         assert water.currents(np.array([-37.0]), np.array([-56.0]), 0.0)[0] == 0.1
         assert water.depth(np.array([-37.0]), np.array([-56.0])) == 300.0
     passed = find_water(pickle.loads(pickle.dumps(run)))
@@ -121,8 +130,17 @@ def test_a_run_in_memory_knows_its_water(tmp_path: Path) -> None:
     assert find_water(open_run(tmp_path / "copy.nc")) is None
 
 
-def test_a_forcing_that_cannot_be_asked_leaves_the_map_without_water() -> None:
-    water = KeptWater(object())  # type: ignore[arg-type]
+def test_a_forcing_that_cannot_be_asked_leaves_the_map_without_water(monkeypatch: pytest.MonkeyPatch) -> None:
+    sea = Forcing.uniform(current=(0.1, 0.0), depth=300.0, slope=(0.0, 0.0))
+    run = Model(Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-37.0, -56.0)), sea).run(steps=1)
+
+    def silent(*_: Any) -> Any:
+        raise ForcingError("no records at this time")
+
+    monkeypatch.setattr(type(sea), "currents", silent)
+    monkeypatch.setattr(type(sea), "depth", silent)
+    water = find_water(run)
+    assert water is not None
     assert np.isnan(water.currents(np.zeros(3), np.zeros(3), 0.0)).all()
     assert np.isnan(water.depth(np.zeros(3), np.zeros(3))).all()
 
@@ -130,8 +148,9 @@ def test_a_forcing_that_cannot_be_asked_leaves_the_map_without_water() -> None:
 def test_a_run_does_not_check_its_own_values_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     checked: list[Path] = []
     monkeypatch.setattr("riftberg.runs.layout._check_values", lambda run, file: checked.append(file))
-    path = finished(tmp_path, FakeForcing())
-    open_own(path).close()
+    berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
+    path = tmp_path / "run.nc"
+    Model(berg, Forcing.uniform(current=(0.1, 0.0), slope=(0.0, 0.0))).run(steps=1, output=path).close()
     assert not checked
     open_run(path).close()
     assert checked == [path]
@@ -163,6 +182,8 @@ def test_a_run_that_begins_late_has_water_every_six_hours_too(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("lat", [0.0, -60.0, 75.0])
-def test_on_the_sphere_the_box_is_twice_as_wide_as_high_in_kilometres(lat: float) -> None:
-    x, y = _axes(np.full((5, 1), -39.0), np.linspace(lat, lat + 0.2, 5)[:, None], True, 40)
-    assert np.ptp(x) * np.cos(np.radians(0.5 * (y[0] + y[-1]))) == pytest.approx(2.0 * np.ptp(y), rel=1e-9)
+def test_on_the_sphere_the_box_is_twice_as_wide_as_high_in_kilometres(lat: float, tmp_path: Path) -> None:
+    path = finished(tmp_path, Turning(), 1.0, nx=2, ny=8, lat=lat, turn_per_day=0.0, break_time=np.inf)
+    with xr.open_dataset(path, group=GROUP) as water:
+        x, y = water["x"].values, water["y"].values
+    assert np.ptp(x) * np.cos(np.radians(0.5 * (y[0] + y[-1]))) == pytest.approx(2.0 * np.ptp(y), rel=1e-6)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from fakes import EXPLICIT, FakeModel
-from riftberg import FieldRules, Forcing, GriddedForcing, Iceberg, Model, Parameters
+from riftberg import FieldRules, Forcing, Grid, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.diagnostics.summary import summarize
-from riftberg.ocean.grid import Grid
 from riftberg.runs.accessor import find_course
 from riftberg.runs.run_file import memory_run
 from riftberg.runs.scene import Scene

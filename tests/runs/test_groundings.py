@@ -8,25 +8,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from contract import FORCES
 from fakes import FakeForcing, FakeModel
 from riftberg import Forcing, Iceberg, Model, Parameters, open_run
+from riftberg.cli.main import app
+from riftberg.cli.run import short_summary
 from riftberg.constants import GRAVITY
 from riftberg.diagnostics.summary import summarize
 from riftberg.diagnostics.why import explain, reason_lines
 from riftberg.engines.common.forces.media import on_the_floor
 from riftberg.engines.common.fragments.grounding_log import GroundingEvent, GroundingLog, mass_on_floor
-from riftberg.runs.groundings import (
-    GroundTeller,
-    ground_lines,
-    keel_line,
-    list_stays,
-    read_stays,
-    stay_words,
-    summarize_ground,
-    title_lines,
-)
+from riftberg.runs.groundings import list_stays, title_lines
+from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
@@ -75,6 +70,36 @@ def after(
         before, el, (began, model.time), model.fragments, model.constants, lambda: forces, clearance,
         model.forcing.sea_level,
     )  # fmt: skip
+
+
+def ground_of(model: Model) -> dict[str, Any]:
+    """Return what the summary says of the sea floor."""
+    ground: dict[str, Any] = summarize(model)["ground"]
+    return ground
+
+
+def berg_line(model: Model) -> str:
+    """Return the line of the berg in the short summary, from where it stands on."""
+    return short_summary(summarize(model))[1].partition("(72 km2), ")[2]
+
+
+def ground_lines(model: Model) -> list[str]:
+    """Return the lines of the short summary on the sea floor, below that of the berg."""
+    return short_summary(summarize(model))[2:]
+
+
+class Said:
+    """What a run prints on its way of the sea floor, from a state on."""
+
+    def __init__(self, model: Model, capsys: pytest.CaptureFixture[str]) -> None:
+        self._bar, self._model, self._said = ProgressRecorder(1e3), model, capsys
+        capsys.readouterr()
+        self._bar.start(model)
+
+    def lines(self) -> list[str]:
+        """Return what is printed after a step."""
+        self._bar.record(self._model)
+        return self._said.readouterr().err.splitlines()
 
 
 def test_a_stay_begins_at_the_touch_and_lasts_until_the_floor_carries_nothing() -> None:
@@ -142,43 +167,40 @@ def test_with_a_drag_the_floor_carries_what_the_water_does_not() -> None:
     assert not mass_on_floor(model_of(100.0, law="none").elements, model_of(100.0, law="none").constants).any()
 
 
-def test_touches_and_coming_free_are_told_once() -> None:
-    model, teller = model_of(), GroundTeller()
-    teller.start(model)
+def test_touches_and_coming_free_are_told_once(capsys: pytest.CaptureFixture[str]) -> None:
+    model = model_of()
+    teller = Said(model, capsys)
     after(model, 1, loads={6: 1e9, 7: 4e9})
-    assert teller.lines(model) == [
+    assert teller.lines() == [
         "2025-02-28 06:00  aground at 54.99 S, 36.93 W: 2 of 8 elements, keel lifted by up to 0.4 m"
     ]
     after(model, 24, loads={7: 4e9})
-    assert teller.lines(model) == []
+    assert teller.lines() == []
     after(model, 1, loads={})
-    assert teller.lines(model) == []  # a tide may set it down again
+    assert teller.lines() == []  # a tide may set it down again
     after(model, 6, loads={})
-    assert teller.lines(model) == ["2025-03-01 07:00  afloat again after 1 day"]
+    assert teller.lines() == ["2025-03-01 07:00  afloat again after 1 day"]
     after(model, 6, loads={})
-    assert teller.lines(model) == []
-    again = GroundTeller()
-    again.start(model)  # as after a restart
-    assert again.lines(model) == []
+    assert teller.lines() == []
+    assert Said(model, capsys).lines() == []  # as after a restart
 
 
-def test_what_the_sea_level_of_files_adds_to_a_chart_is_told_once() -> None:
+def test_what_the_sea_level_of_files_adds_to_a_chart_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
     """A level above the geoid, and a depth that may count from another zero; below 5 cm nothing is said."""
     for level, said in ((-0.63, True), (0.02, False)):
-        model, teller = model_of(), GroundTeller()
+        model = model_of()
         model.forcing = LeveledForcing(level)
-        teller.start(model)
+        teller = Said(model, capsys)
         after(model, 1, loads={6: 1e9})
-        lines = teller.lines(model)
+        lines = teller.lines()
         assert len(lines) == 1 + said
         if said:
             assert "the sea level of the files stands at -0.63 m there and counts in the depth" in lines[1]
         after(model, 30, loads={})
         after(model, 1, loads={6: 1e9})
-        assert all("sea level" not in line for line in teller.lines(model))
-        ground = summarize_ground(model)
-        assert [stay["sea_level"] for stay in ground["stays"]] == [level, level]
-        assert any("the sea stood -0.63 m from the zero of the depth" in line for line in ground_lines(ground)) == said
+        assert all("sea level" not in line for line in teller.lines())
+        assert [stay["sea_level"] for stay in ground_of(model)["stays"]] == [level, level]
+        assert any("the sea stood -0.63 m from the zero of the depth" in line for line in ground_lines(model)) == said
 
 
 class LeveledForcing(FakeForcing):
@@ -194,7 +216,9 @@ class LeveledForcing(FakeForcing):
 
 
 @pytest.mark.parametrize("scheme", ["mts", "runge_kutta"])
-def test_a_keel_deep_inside_the_floor_is_told_once_where_a_drag_holds_nothing(scheme: str) -> None:
+def test_a_keel_deep_inside_the_floor_is_told_once_where_a_drag_holds_nothing(
+    scheme: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     bonds = {"law": "spring", "spring": 1e-7} if scheme == "runge_kutta" else {}
     berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, radius=1500.0, placement=(-37.0, -55.0))
     fracture = {"enabled": False}
@@ -202,43 +226,38 @@ def test_a_keel_deep_inside_the_floor_is_told_once_where_a_drag_holds_nothing(sc
         parameters = Parameters(bonds=bonds, fracture=fracture, stepping={"scheme": scheme, "time_step": 600.0})
         model = Model(berg, Forcing.uniform((0.1, 0.0), depth=depth), parameters)
         model._long_step.begin(model)
-        teller = GroundTeller()
-        teller.start(model)
+        teller = Said(model, capsys)
         words = "the keel is up to 26 m below the floor: the law linear does not hold it (grounding.law)"
-        assert teller.lines(model) == ([words] if said else [])
-        assert teller.lines(model) == []
+        assert teller.lines() == ([words] if said else [])
+        assert teller.lines() == []
 
 
 def test_the_summary_says_what_holds_and_what_other_beds_would() -> None:
     model = model_of()
     after(model, 1, loads={7: 4e11}, east=300.0, speed=0.0)
-    ground = summarize_ground(model)
+    ground = ground_of(model)
     assert (ground["law"], ground["sediment"], ground["first"]) == ("seabed", "sand", "2025-02-28T06:00:00")
     assert (ground["load"], ground["capacity"], ground["hours"], ground["times"]) == (4e11, 2e11, 1.0, 1)
     assert ground["way_aground"] == pytest.approx(300.0, rel=3e-3)
     # On clay a keel is as wide as 6 s_u asks for: a sixth of the load, where sand and rock hold half of it.
     assert ground["capacity_on"] == {"clay": pytest.approx(4e11 / 6.0), "rock": pytest.approx(2e11)}
     weight = float(model.elements.mass.sum()) * GRAVITY
-    assert stay_words(ground["stays"][0], weight) == (
+    assert berg_line(model) == (
         f"aground since 28 Feb 06:00 (1 element, load 4e+11 N, {100 * 4e11 / weight:.2g} % of its weight; "
         "the bed can hold 2e+11 N, the sea presses with 1.6e+07 N; it has stood still since 28 Feb 07:00)"
     )
-    assert ground_lines(ground) == [
+    assert ground_lines(model) == [
         "  the bed is taken to be sand; the same load could hold 6.7e+10 N on clay, 2e+11 N on rock (grounding.sediment)",
         "  the ice would bend by 40 MPa, more than it bears: a berg that has lain there for weeks bears less "
         "(grounding.ice_modulus, fracture.flexural_strength)",
     ]
     after(model, 8, loads={})
-    assert (
-        stay_words(summarize_ground(model)["stays"][0], weight)
-        == "aground for 60 min from 28 Feb 06:00 on, afloat since 28 Feb 07:00"
-    )
+    assert berg_line(model) == "aground for 60 min from 28 Feb 06:00 on, afloat since 28 Feb 07:00"
 
 
 def test_since_when_it_is_held_or_slides_is_told() -> None:
     """Sliding, held, held on, sliding again; and a piece without a stay of its own is not passed over."""
     model = model_of()
-    weight = float(model.elements.mass.sum()) * GRAVITY
     for speed, hours, since, said in (
         (0.1, 1, None, "it slides, 300 m so far)"),
         (0.0, 1, "2025-02-28T08:00:00", "it has stood still since 28 Feb 08:00)"),
@@ -246,18 +265,17 @@ def test_since_when_it_is_held_or_slides_is_told() -> None:
         (0.1, 1, None, "it slides, 599 m so far)"),
     ):
         after(model, hours, loads={7: 4e11}, east=300.0 if speed else 0.0, speed=speed)
-        ground = summarize_ground(model)
+        ground = ground_of(model)
         (stay,), (read,) = ground["stays"], list_stays(model)
         assert stay["held_since"] == since
-        assert stay_words(stay, weight).endswith(said)
+        assert berg_line(model).endswith(said)
         assert ground["elements_of_small_pieces"] == 0
         still = f"held since {since and '28 Feb 08:00'}" if since else f"slid {stay['way_aground']:.0f} m"
         assert title_lines([read]) == [f"Aground 28 Feb 06:00 to the end: 1 element, {still}"]
     model.elements.berg[7] = 2  # a piece of an eighth that broke off and stands, while the rest has gone
     model.groundings.rows = []
-    ground = summarize_ground(model)
-    assert ground["elements_of_small_pieces"] == 1
-    assert ground_lines(ground)[0] == "  1 element of small pieces stands aground"
+    assert ground_of(model)["elements_of_small_pieces"] == 1
+    assert ground_lines(model)[0] == "  1 element of small pieces stands aground"
 
 
 def test_a_run_that_passes_near_the_floor_says_how_near() -> None:
@@ -267,16 +285,29 @@ def test_a_run_that_passes_near_the_floor_says_how_near() -> None:
     ):
         model = model_of(depth)
         after(model, 1, loads={})
-        assert ground_lines(summarize_ground(model)) == said
+        assert ground_lines(model) == said
 
 
-def test_keel_and_floor_at_the_start_are_named() -> None:
-    assert keel_line(model_of(200.0)) == (
-        "the keel is 166 m deep; the sea floor has at least 200 m under the berg (34 m of water below the keel); within 20 km of "
-        "it at least 200 m"
+@pytest.mark.parametrize(
+    ("depth", "scheme", "law", "said"),
+    [
+        (200.0, "quasi_static", "seabed", "the keel is 166 m deep; the sea floor has at least 200 m under the berg (34 m of "
+         "water below the keel); within 20 km of it at least 200 m"),
+        (150.0, "quasi_static", "seabed", "the keel stands 16 m deeper: it starts aground"),
+        (1e4, "quasi_static", "seabed", ""),
+        (150.0, "mts", "none", ""),
+    ],
+)  # fmt: skip
+def test_keel_and_floor_at_the_start_are_named(depth: float, scheme: str, law: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "e.yaml").write_text(
+        "start: 2025-02-28 06:00\ndays: 0.25\nberg: {rectangle: {length: 12 km, width: 6 km}, placement: [-37, -55]}\n"
+        f"forcing: {{uniform: {{current: [0.1, 0.0], depth: {depth}}}}}\n"
+        f"parameters: {{grounding: {{law: {law}}}, stepping: {{scheme: {scheme}}}}}\n"
     )
-    assert "the keel stands 16 m deeper: it starts aground" in keel_line(model_of(150.0))
-    assert keel_line(model_of(1e4)) == keel_line(model_of(150.0, law="none")) == ""
+    told = CliRunner().invoke(app, ["doctor", "--for", str(tmp_path / "e.yaml")])
+    assert told.exit_code == 0, told.output
+    words = " ".join(told.output.split())
+    assert said in words if said else "keel" not in words
 
 
 ROW = GroundingEvent(
@@ -301,7 +332,7 @@ def run_with(rows: list[GroundingEvent], path: Path, *, latlon: bool = True) -> 
 def test_run_file_and_why_know_the_stays(tmp_path: Path, latlon: bool) -> None:
     model = run_with([ROW], tmp_path / "run.nc", latlon=latlon)
     with open_run(tmp_path / "run.nc") as run:
-        (stay,) = read_stays(run, Scene(run).name)
+        (stay,) = Scene(run).stays
         assert stay.event == ROW
         assert stay.as_dict() == {**list_stays(model)[0].as_dict(), "name": stay.name}  # type: ignore[arg-type]
         told = reason_lines(explain(run))[2]

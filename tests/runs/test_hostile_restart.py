@@ -12,9 +12,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters
-from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.fields import OceanForcing
+from riftberg import Exchange, Iceberg, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.errors import InputError, RiftbergError
 from riftberg.runs.restart import load_state, seal
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES

@@ -13,16 +13,20 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import Model, open_run, read_opendrift, write_opendrift
+from riftberg import Model, Options, build, open_run, read_opendrift, write_opendrift
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.score import score_run
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import Options, build
-from riftberg.runs.opendrift import read_trajectory
 
 HOURS = 13
 TIMES = np.datetime64("2025-09-24T00:00:31", "ns") + np.arange(HOURS) * np.timedelta64(1, "h")
+
+
+def trajectory(file: Path, number: int) -> Any:
+    """Return one trajectory of a file."""
+    (one,) = read_opendrift(f"{file}#{number}")
+    return one
 
 
 def openberg(**changes: Any) -> xr.Dataset:
@@ -111,14 +115,14 @@ def test_a_fallback_is_no_value(file: Path) -> None:
     assert forcing.cover == (0.0, 8 * 3600.0)
     ice = openberg(reader_sea_ice_area_fraction="['topaz']", reader_sea_ice_x_velocity="['topaz']")
     ice.to_netcdf(file.with_name("ice.nc"))
-    assert {"ice_fraction", "ui", "vi"} <= set(read_trajectory(file.with_name("ice.nc"), 4).series)
+    assert {"ice_fraction", "ui", "vi"} <= set(trajectory(file.with_name("ice.nc"), 4).series)
 
 
 def test_an_ocean_that_covers_nothing_is_refused(tmp_path: Path) -> None:
     still = openberg(x_sea_water_velocity=0.0, y_sea_water_velocity=0.0, reader_x_sea_water_velocity="0")
     still.to_netcdf(tmp_path / "still.nc")
     with pytest.raises(ForcingError, match="the current is 0 at all 9 times of trajectory 4: no ocean covered it"):
-        read_trajectory(tmp_path / "still.nc", 4).forcing()
+        trajectory(tmp_path / "still.nc", 4).forcing()
 
 
 @pytest.mark.parametrize("layout", ["ragged", "index", "one"])
@@ -160,8 +164,9 @@ def test_what_is_no_file_of_openberg_is_refused(file: Path, tmp_path: Path) -> N
         read_opendrift(tmp_path / "ocean.nc")
     with pytest.raises(InputError, match=r"no trajectory 5\. It has 4, 7"):
         read_opendrift(f"{file}#5")
+    file.with_name("e.yaml").write_text("forcing: {opendrift: ob.nc}\n")
     with pytest.raises(InputError, match=r"2 trajectories.*Name one of 4, 7"):
-        read_trajectory(file)
+        build(str(file.with_name("e.yaml")))
     lost = openberg(lon=np.nan)
     lost.to_netcdf(tmp_path / "lost.nc")
     with pytest.raises(InputError, match="no trajectory with a position"):
@@ -178,7 +183,7 @@ def test_values_that_cannot_be_are_refused_by_file_and_trajectory(
     changes: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
     openberg(**changes).to_netcdf(tmp_path / "ob.nc")
-    one = read_trajectory(tmp_path / "ob.nc", 7)
+    one = trajectory(tmp_path / "ob.nc", 7)
     with pytest.raises(InputError, match=f"ob.nc, {said}"):
         Model(one.berg(), one.forcing())
 
@@ -186,7 +191,7 @@ def test_values_that_cannot_be_are_refused_by_file_and_trajectory(
 def test_a_file_without_a_component_of_the_current_is_refused(tmp_path: Path) -> None:
     openberg().drop_vars("y_sea_water_velocity").to_netcdf(tmp_path / "ob.nc")
     with pytest.raises(ForcingError, match="no current along the trajectory"):
-        read_trajectory(tmp_path / "ob.nc", 7).forcing()
+        trajectory(tmp_path / "ob.nc", 7).forcing()
 
 
 def test_an_experiment_takes_start_size_length_and_forcing_of_a_trajectory(file: Path) -> None:
@@ -257,14 +262,14 @@ def test_compare_and_score_take_a_trajectory_as_the_other_run(
 
 
 def test_a_run_along_a_trajectory_goes_with_its_water(file: Path) -> None:
-    one = read_trajectory(file, 7)
+    one = trajectory(file, 7)
     model = Model(one.berg(), one.forcing())
     model.advance("9 h")
     assert model.elements.lon[0] > one.lon[0] + 0.1
 
 
 def test_a_run_written_for_opendrift_is_read_back(file: Path, tmp_path: Path) -> None:
-    one = read_trajectory(file, 7)
+    one = trajectory(file, 7)
     run = Model(one.berg(), one.forcing()).run("6 h", every_hours=2)
     (again,) = read_opendrift(write_opendrift(run, tmp_path / "ours.nc"))
     tracks = run.riftberg.tracks
@@ -281,7 +286,7 @@ def test_a_run_written_for_opendrift_is_read_back(file: Path, tmp_path: Path) ->
 @pytest.mark.filterwarnings("ignore")  # of OpenDrift's own
 def test_opendrift_reads_a_run(file: Path, tmp_path: Path) -> None:
     opendrift = pytest.importorskip("opendrift")
-    one = read_trajectory(file, 7)
+    one = trajectory(file, 7)
     run = Model(one.berg(), one.forcing()).run("6 h", every_hours=2)
     theirs = opendrift.open(str(write_opendrift(run, tmp_path / "ours.nc")))
     assert type(theirs).__name__ == "OpenBerg"

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters
-from riftberg.parameters import A68A_2022_MTS
+from riftberg import A68A_2022, A68A_2022_KID, A68A_2022_MTS, Forcing, Iceberg, Model, Parameters
 
 RADIUS = A68A_2022.earth.radius
 

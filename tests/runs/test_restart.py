@@ -11,7 +11,7 @@ import pytest
 from fakes import FakeModel
 from riftberg import A68A_2022
 from riftberg.errors import InputError
-from riftberg.runs import restart
+from riftberg.runs.restart import load_state, save, seal
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
 FORMAT = 7
@@ -34,7 +34,7 @@ def random_model() -> FakeModel:
 
 def test_state_comes_back_bit_for_bit(tmp_path: Path) -> None:
     model = random_model()
-    back = restart.load_state(restart.save(model, tmp_path / "a.restart.nc"), check=False)
+    back = load_state(save(model, tmp_path / "a.restart.nc"), check=False)
     for variables, old, new in (
         (ELEMENT_VARIABLES, model.elements, back.elements),
         (BOND_VARIABLES, model.bonds, back.bonds),
@@ -52,7 +52,7 @@ def test_family_tree_and_extras_come_back(tmp_path: Path) -> None:
     for _ in range(50):
         model.step()
     extra = {"flags": np.array([[True, False], [True, True]]), "sum": 1.0 / 3.0, "ids": np.arange(3)}
-    back = restart.load_state(restart.save(model, tmp_path / "a.nc", extra=extra), check=False)
+    back = load_state(save(model, tmp_path / "a.nc", extra=extra), check=False)
     assert back.fragments == model.fragments.rows
     np.testing.assert_array_equal(back.extra["flags"], extra["flags"])
     assert back.extra["sum"] == 1.0 / 3.0
@@ -61,54 +61,54 @@ def test_family_tree_and_extras_come_back(tmp_path: Path) -> None:
 
 def test_failed_save_leaves_the_earlier_file(tmp_path: Path) -> None:
     model, path = FakeModel(), tmp_path / "a.nc"
-    restart.save(model, path)
+    save(model, path)
     before = path.read_bytes()
     with pytest.raises(TypeError):
-        restart.save(model, path, extra={"bad": object()})
+        save(model, path, extra={"bad": object()})
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_wrong_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
-        restart.load_state(tmp_path / "none.nc")
+        load_state(tmp_path / "none.nc")
     (tmp_path / "text.nc").write_text("hello")
     with pytest.raises(InputError, match="not readable as NetCDF-4"):
-        restart.load_state(tmp_path / "text.nc")
+        load_state(tmp_path / "text.nc")
     netCDF4.Dataset(tmp_path / "empty.nc", "w").close()
     with pytest.raises(InputError, match="not a restart file of Riftberg"):
-        restart.load_state(tmp_path / "empty.nc")
+        load_state(tmp_path / "empty.nc")
 
 
 def test_a_variable_that_was_added_later_takes_its_default(tmp_path: Path) -> None:
     """As of a file from before it was in the registry; one that the file lists, but has lost, is refused (below)."""
-    path = restart.save(FakeModel(), tmp_path / "a.nc")
+    path = save(FakeModel(), tmp_path / "a.nc")
     with netCDF4.Dataset(path, "a") as file:
         for table, name in (("element", "wave_height"), ("bond", "damage")):
             file.renameVariable(f"{table}_{name}", f"{table}_nothing")
             names = str(file.getncattr(f"{table}_variables")).split()
             file.setncattr(f"{table}_variables", " ".join(n for n in names if n != name))
-        restart.seal(file)
-    state = restart.load_state(path)
+        seal(file)
+    state = load_state(path)
     assert set(state.elements.wave_height) == {-1.0}
     assert set(state.bonds.damage) == {0.0}
 
 
 def test_other_layouts_and_missing_variables_are_refused(tmp_path: Path) -> None:
-    path = restart.save(FakeModel(), tmp_path / "a.nc")
+    path = save(FakeModel(), tmp_path / "a.nc")
     with netCDF4.Dataset(path, "a") as file:
         file.renameVariable("element_spin", "element_twist")
-        restart.seal(file)
+        seal(file)
     with pytest.raises(InputError, match="element_spin"):
-        restart.load_state(path)
+        load_state(path)
     with netCDF4.Dataset(path, "a") as file:
         file.riftberg_restart_format = FORMAT + 1
     with pytest.raises(InputError, match="newer than this Riftberg"):
-        restart.load_state(path)
+        load_state(path)
     with netCDF4.Dataset(path, "a") as file:
         file.riftberg_restart_format = FORMAT - 1
     with pytest.raises(
         InputError,
         match=r"layout 6 is older than this Riftberg .*Use the Riftberg that wrote it .*, or make the run again",
     ):
-        restart.load_state(path)
+        load_state(path)

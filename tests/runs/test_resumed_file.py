@@ -8,8 +8,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters
-from riftberg.parameters import A68A_2022_MTS
+from riftberg import A68A_2022, A68A_2022_MTS, Forcing, Iceberg, Model, Parameters
 from riftberg.runs.run_file import RunWriter
 
 STEPS = 16

@@ -11,15 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fakes import FakeModel
+from riftberg.diagnostics.summary import summarize
 from riftberg.plane import EqualAreaPlane
-from riftberg.runs.tracks import (
-    DailyTrack,
-    berg_position,
-    long_axis,
-    main_berg,
-    main_position,
-    track_table,
-)
+from riftberg.runs.tracks import DailyTrack, berg_position
 
 RADIUS = 6_363_827.0
 
@@ -34,14 +28,14 @@ def rectangle(azimuth: float) -> tuple[np.ndarray, np.ndarray]:
 @given(azimuth=st.floats(0.0, 179.9))
 def test_long_axis_of_a_rectangle(azimuth: float) -> None:
     x, y = rectangle(azimuth)
-    found = long_axis(x, y, np.ones_like(x))
+    found = berg_position(x, y, np.ones_like(x), latlon=False).azimuth
     assert abs((found - azimuth + 90.0) % 180.0 - 90.0) < 1e-6
     assert 0.0 <= found < 180.0
 
 
 def test_a_square_has_no_long_axis() -> None:
     x, y = np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0, 1.0])
-    assert math.isnan(long_axis(x, y, np.ones(4)))
+    assert math.isnan(berg_position(x, y, np.ones(4), latlon=False).azimuth)
 
 
 @pytest.mark.parametrize(("lon", "lat"), [(-39.2, -55.0), (179.9, -70.0), (0.0, 60.0)])
@@ -61,17 +55,15 @@ def test_the_main_berg_of_a_model_has_the_largest_area_not_the_most_elements() -
     model = FakeModel(4, 1, latlon=False)
     e = model.elements
     e.length[:], e.width[:], e.berg[:] = [1e3, 1e3, 1e3, 3e3], [1e3, 1e3, 1e3, 2e3], [1, 1, 1, 2]
-    found = main_position(model)
+    track = DailyTrack()
+    track.start(model)
+    ((_, found),) = track.rows
     assert (found.lon, found.lat, found.area) == (e.lon[3], e.lat[3], 6e6)
 
 
 def test_area_weighs() -> None:
     found = berg_position(np.array([0.0, 10.0]), np.array([0.0, 0.0]), np.array([3.0, 1.0]), latlon=False)
     assert (found.lon, found.lat, found.azimuth) == (2.5, 0.0, 90.0)
-
-
-def test_main_berg_is_the_largest_in_area_not_in_number() -> None:
-    assert main_berg(np.array([1, 1, 2]), np.array([1.0, 1.0, 5.0])) == 2
 
 
 def test_daily_track_follows_drift_and_turn() -> None:
@@ -81,7 +73,7 @@ def test_daily_track_follows_drift_and_turn() -> None:
     assert [p.azimuth for _, p in track.rows] == pytest.approx([90.0, 102.0, 114.0, 126.0], abs=0.5)
     east = math.radians(track.rows[3][1].lon - track.rows[0][1].lon) * RADIUS * math.cos(math.radians(55.0))
     assert east == pytest.approx(0.2 * 3 * 86400, rel=1e-3)
-    assert track_table(track.rows)[1]["time"] == "2020-12-10T13:00:00"
+    assert summarize(model, track=track.rows)["track"][1]["time"] == "2020-12-10T13:00:00"
 
 
 def test_a_berg_on_the_seam_of_a_channel_is_put_together() -> None:

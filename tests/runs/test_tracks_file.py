@@ -15,7 +15,7 @@ from riftberg import Parameters, open_run
 from riftberg.engines.common.fragments.tree import equivalent_rectangles
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
-from riftberg.runs.tracks import Shapes, berg_position, build_tracks
+from riftberg.runs.tracks import Shapes, berg_position
 
 RADIUS = 6_363_827.0
 
@@ -64,7 +64,7 @@ def test_trajan_and_clouddrift_open_it(path: Path) -> None:
 
 def test_a_reader_finds_the_same_from_the_elements(path: Path) -> None:
     with open_run(path) as run, xr.open_dataset(path, group="tracks") as tracks:
-        xr.testing.assert_identical(build_tracks(run), tracks.load())
+        xr.testing.assert_identical(run.riftberg.tracks.dataset, tracks.load())
 
 
 def test_a_file_without_the_group_has_tracks_too(path: Path) -> None:
@@ -183,13 +183,13 @@ def test_a_berg_that_a_bed_of_sediment_carries_is_aground(tmp_path: Path) -> Non
     FakeModel().advance(0.25, recorders=[RunWriter(tmp_path / "drag.nc", every_hours=3)])
     with open_run(tmp_path / "run.nc") as run, xr.open_dataset(tmp_path / "run.nc", group="tracks") as written:
         assert written["aground"].values.all()
-        assert build_tracks(run)["aground"].values.all()
+        assert run.riftberg.tracks["aground"].values.all()
         assert Scene(run).aground().sum(axis=1).tolist() == [1] * run.sizes["time"]
         assert Scene(run).aground([1])[0].nonzero()[0].tolist() == [3]
         assert Scene(run).has_floor
     with open_run(tmp_path / "drag.nc") as run:
         assert "floor_load" not in run
-        assert not build_tracks(run)["aground"].values.any()
+        assert not run.riftberg.tracks["aground"].values.any()
 
 
 def test_tables_follow_a_run_whose_variables_are_replaced(path: Path) -> None:

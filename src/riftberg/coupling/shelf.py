@@ -139,7 +139,7 @@ class IceShelf:
     Examples
     --------
     >>> import numpy as np
-    >>> from riftberg.coupling.exchange import ocean_grid
+    >>> from riftberg import ocean_grid
     >>> lon, lat = np.meshgrid(np.linspace(-62.0, -58.0, 41), np.linspace(-69.0, -67.0, 41))
     >>> mask = np.zeros((40, 40))
     >>> mask[10:30, 12:28] = 1.0

@@ -19,7 +19,33 @@ __all__ = ["EXPERIMENTS", "BuiltIn", "Info", "Numerics", "Options", "build", "fi
 
 
 def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
-    """Build an experiment by name or from a YAML file."""
+    """Build an experiment by name or from a YAML file.
+
+    Parameters
+    ----------
+    name : str
+        Name of a built-in experiment (``riftberg experiments`` lists them), or path of a file that ends in ``.yaml`` or ``.yml``.
+    options : Options, optional
+        What is changed in it.
+
+    Returns
+    -------
+    model : Model
+        The model at its start.
+    info : Info
+        What the experiment says of its runs: days, output, title, notices.
+
+    Raises
+    ------
+    InputError
+        If there is no such experiment or file, or an option does not go with it.
+
+    Examples
+    --------
+    >>> model, info = build("a68a")
+    >>> info.days
+    17.0
+    """
     options = options or Options()
     if name.endswith((".yaml", ".yml")):
         from riftberg.experiments.yaml_file import build_file

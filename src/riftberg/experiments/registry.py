@@ -24,21 +24,38 @@ Numerics = Literal["own", "reference"]
 
 @dataclass(frozen=True)
 class Options:
-    """Options of the person who starts a run."""
+    """Options of the person who starts a run.
 
-    # Values by group and name, as `riftberg.parameters.Parameters.changed` takes them, and of the berg; already checked
+    Parameters
+    ----------
+    changes : mapping
+        Values by group and name, as `riftberg.Parameters.changed` takes them, and of the berg; already checked.
+    days : float, optional
+        Length of the run; else that of the experiment.
+    data : Path, optional
+        Folder of data files.
+    without : frozenset of str
+        Parts of the experiment to leave out.
+    numerics : {"own", "reference"}, optional
+        Numerics of Riftberg, or of the reference with its quirks; else those of the experiment.
+    fetch : bool
+        Fetch missing data files first.
+    grid : float, optional
+        Cells (degrees) of a model grid that data files are put on; else those of the experiment.
+    files : tuple
+        Files or patterns in place of the ones in the experiment, as ``forcing.files`` takes them.
+    ocean : callable, optional
+        Makes the forcing of an ocean model out of the one in an experiment file, whose sea floor stays.
+    """
+
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    days: float | None = None  # Length of the run; None leaves it to the experiment
-    data: Path | None = None  # Folder of data files
-    without: frozenset[str] = frozenset()  # Parts of the experiment to leave out
-    # Numerics of Riftberg, or of the reference with its quirks; None leaves it to the experiment
+    days: float | None = None
+    data: Path | None = None
+    without: frozenset[str] = frozenset()
     numerics: Numerics | None = None
-    fetch: bool = False  # Fetch missing data files first
-    # Cells (degrees) of a model grid that data files are put on; None leaves it to the experiment
+    fetch: bool = False
     grid: float | None = None
-    # Files or patterns in place of the ones in the experiment, as ``forcing.files`` takes them
     files: tuple[Any, ...] = ()
-    # Makes the forcing of an ocean model out of the one in an experiment file, whose sea floor stays
     ocean: Callable[[Forcing, Parameters], Forcing] | None = field(default=None, compare=False)
     notices: list[str] = field(default_factory=list, compare=False)  # Keys that `apply` left out
 

@@ -435,10 +435,12 @@ def locate_points(
     south, north = domain.min(), domain.max()
     columns = grid.lon[h - 1 : h + grid.nj, h - 1 : h + grid.ni]
     west, east = columns.min(), columns.max()
+    # Around the pole cells lie at longitudes between those of their corners.
+    all_longitudes = grid.cyclic or (grid.latlon and north > POLAR_LATITUDE)
     for n in range(lon.size):
         x, y = wrap_around(lon[n], 0.5 * (west + east), grid.period), lat[n]
         cell_i[n], cell_j[n], xi[n], eta[n] = -1, -1, np.nan, np.nan
-        if not (south <= y <= north) or (not grid.cyclic and not (west <= x <= east)):
+        if not (south <= y <= north) or not (all_longitudes or west <= x <= east):
             continue
         i, j = find_cell(x, y, grid) if thorough else search_nearby(x, y, grid)
         if i >= 0:

@@ -507,7 +507,8 @@ class ProductRecords:
         if k < 0 or k >= len(self.times) - 1:
             k = max(k, 0)
             return Between(k, k, 0.0)
-        self._check_gap(k, time)
+        if time > self.times[k]:
+            self._check_gap(k, time)
         weight = (time - self.times[k]) / (self.times[k + 1] - self.times[k])
         return Between(k, k + 1 if weight > 0.0 else k, weight)
 
@@ -522,7 +523,8 @@ class ProductRecords:
         )
 
     def _check_gap(self, record: int, time: float) -> None:
-        if record in self._wide and self.times[record] < time < self.times[record + 1]:
+        """Refuse a time from a record to the next where these are too far apart."""
+        if record in self._wide:
             gap = Gap(self.dates[record], self.dates[record + 1])
             raise gap_error(self.ds, gap, gap_limit(self.ds), self._date(time))
 

@@ -161,7 +161,27 @@ def expand(paths: Paths) -> list[str]:
 
 @closing_files(only_if_refused=True)
 def open_product(paths: Paths, product: str | Product | None = None, *, levels: bool = False) -> xr.Dataset:
-    """Open the files of one product as one canonical dataset, lazily."""
+    """Open the files of one product as one canonical dataset, lazily.
+
+    Parameters
+    ----------
+    paths : path, pattern or sequence of them
+        Files, patterns such as ``"oscar_*.nc"``, Zarr stores or addresses.
+    product : str, optional
+        Name of the product, where the files do not tell it.
+    levels : bool
+        Keep temperature and salinity on levels, not the uppermost alone.
+
+    Returns
+    -------
+    xarray.Dataset
+        Canonical names, units and axes (see `riftberg.products`).
+
+    Raises
+    ------
+    ForcingError
+        If a file cannot be read, is of no known product, or the files make several datasets.
+    """
     datasets = open_all(paths, product, levels=levels)
     if len(datasets) > 1:
         served = "; ".join(
