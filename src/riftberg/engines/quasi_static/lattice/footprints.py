@@ -159,7 +159,7 @@ def _without_short_edges(ring: Floats, radius: float) -> Floats:
     other.
     """
     edge = np.hypot(*(ring - np.roll(ring, 1, axis=0)).T)
-    return ring[edge > SHORTEST_EDGE * radius]
+    return np.asarray(ring[edge > SHORTEST_EDGE * radius])
 
 
 def _nearest_regions(xy: Floats, ice: Any, spacing: float) -> list[Any]:
