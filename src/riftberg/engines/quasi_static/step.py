@@ -46,7 +46,7 @@ EVENT_TOLERANCE = 1.0 / 64.0
 the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
 
 CLOSE = 0.01
-"""Part of the strength by which the stress may exceed it where a crack by contact begins."""
+"""Part of the strength by which the stress may exceed it where a crack by an impact begins."""
 
 IMPACT_SUBSTEPS = 75
 """Sub-steps of an impact, from touching to parting."""
@@ -181,7 +181,10 @@ class TimeStep:
         if trial.contact is not None and self.lattice.overload(self._peak_equilibrium(trial)) > 0.0:
             # Cracks by contact may follow each other as quickly as its sub-steps.
             shortest = max(trial.contact.shortest_substep, SHORTEST_BLOW)
-            trial = self._locate_event(trial, self._find_overload, shortest * EVENT_TOLERANCE, min(least, shortest))
+            # The load of an impact grows within seconds, all others over minutes.
+            close = CLOSE if shortest < LONGEST_PUSHED_STEP else 0.0
+            tolerance = shortest * EVENT_TOLERANCE
+            trial = self._locate_event(trial, self._find_overload, tolerance, min(least, shortest), close)
             if self._peak_equilibrium(trial) is not None and self._overload_at_end(trial) <= 0.0:
                 # Contact presses harder within the step than at its end: the crack runs under the peak loads.
                 assert trial.contact is not None
@@ -226,12 +229,13 @@ class TimeStep:
         return math.inf
 
     def _locate_event(
-        self, trial: Trial, event: Callable[[Trial], float], tolerance: float, least: float = 0.0
+        self, trial: Trial, event: Callable[[Trial], float], tolerance: float, least: float = 0.0, close: float = 0.0
     ) -> Trial:  # fmt: skip
         """Return a trial that ends at most ``tolerance`` s after the first event in ``trial``.
 
-        ``event`` is above 0 where a trial holds one. In the first ``least`` s none is located. Trials without an event become
-        the state, and the returned trial starts from there: an impact need not be gone through from its start each time.
+        ``event`` is above 0 where a trial holds one, and at most ``close`` is near enough. In the first ``least`` s none is located.
+        Trials without an event become the state, and the returned trial starts from there: an impact need not be gone through
+        from its start each time.
         """
         elapsed, latest = 0.0, (trial.h, trial)
 
@@ -252,7 +256,7 @@ class TimeStep:
             lower, upper = (early, upper) if early[1] <= 0.0 else (lower, early)
         if upper[0] > least:
             lower, upper = self._bracket_impact(trial, until, lower, upper)
-        end = upper[0] if upper[0] <= least else first_moment(until, lower, upper, tolerance, CLOSE)
+        end = upper[0] if upper[0] <= least else first_moment(until, lower, upper, tolerance, close)
         if latest[0] == end > elapsed:
             return latest[1]
         self._rollback()
