@@ -233,9 +233,9 @@ class TimeStep:
     ) -> Trial:  # fmt: skip
         """Return a trial that ends at most ``tolerance`` s after the first event in ``trial``.
 
-        ``event`` is above 0 where a trial holds one, and at most ``close`` is near enough. In the first ``least`` s none is located.
-        Trials without an event become the state, and the returned trial starts from there: an impact need not be gone through
-        from its start each time.
+        ``event`` is above 0 where a trial holds one, and at most ``close`` is near enough. In the first ``least`` s none is
+        located. Trials without an event become the state, and the returned trial starts from there: an impact need not be gone
+        through from its start each time.
         """
         elapsed, latest = 0.0, (trial.h, trial)
 
