@@ -25,7 +25,9 @@ def truth_and_ensemble(scale: float, shift: float = 0.0, members: int = 20, seed
 
 def scores(members: Any, observed: Any, error: float = 0.0) -> dict[str, Any]:
     """Return the scores of positions of one berg: members of shape (members, cases, 2), observed (cases, 2)."""
-    return position_scores([Point("one", x, y) for x, y in zip(np.swapaxes(members, 0, 1), observed, strict=True)], error)
+    return position_scores(
+        [Point("one", x, y) for x, y in zip(np.swapaxes(members, 0, 1), observed, strict=True)], error
+    )
 
 
 def test_the_fair_crps_is_the_plain_sum() -> None:
@@ -153,7 +155,9 @@ def test_intervals_from_groups_are_wider_than_from_values_that_repeat_each_other
 
     berg_by_berg = interval((f"{k:02d}", error) for k, error in enumerate(errors) for _ in range(100))
     assert berg_by_berg == pytest.approx(2 * 1.645 * errors.std() / 20**0.5, rel=0.1)
-    assert interval((f"{k:02d}-{n:02d}", error) for k, error in enumerate(errors) for n in range(100)) < 0.2 * berg_by_berg
+    assert (
+        interval((f"{k:02d}-{n:02d}", error) for k, error in enumerate(errors) for n in range(100)) < 0.2 * berg_by_berg
+    )
     few = [Point(name, np.zeros((2, 2)), np.ones(2)) for name in "abcd"]
     assert "error_of_mean_km_interval" not in position_scores(few, 0.0)
 
@@ -165,7 +169,9 @@ def test_one_member_has_an_error_and_no_score_of_an_ensemble() -> None:
 
 
 @pytest.mark.parametrize(("factor", "low", "high"), [(1.0, 0.75, 1.25), (2.0, 0.35, 0.7), (0.5, 1.4, 2.6)])
-def test_the_interval_of_spread_over_error_tells_reliable_from_over_and_underconfident(factor: float, low: float, high: float) -> None:
+def test_the_interval_of_spread_over_error_tells_reliable_from_over_and_underconfident(
+    factor: float, low: float, high: float
+) -> None:
     """Truth from the ensemble's own errors, from errors twice and half as large."""
     random = np.random.default_rng(7)
     points = [
