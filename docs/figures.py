@@ -234,11 +234,10 @@ def own_files(path: Path) -> dict[str, Any]:
 
 def story(on_a_map: Path, stress: Path, timeline: Path, why: Path) -> dict[str, Any]:
     """Run the built-in experiment; draw its map, the stress in its bonds, the life of its fragments, and why it broke."""
-    from riftberg.diagnostics.why import explain
+    from riftberg import draw_reasons, explain
     from riftberg.experiments import build
     from riftberg.viz.map import draw_map
     from riftberg.viz.plots import draw_fragments, draw_stress
-    from riftberg.viz.score import draw_reasons
 
     model, info = build("a68a")
     with tempfile.TemporaryDirectory() as scratch:
@@ -256,10 +255,9 @@ def score(path: Path) -> dict[str, int] | None:
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
     from scores import daily_outlines, run_experiment, shared_folder
 
-    from riftberg.diagnostics.score import score_run
+    from riftberg import draw_score, score_run
     from riftberg.runs.scene import stored_water
     from riftberg.viz.plots import figure_title
-    from riftberg.viz.score import draw_score
 
     data = shared_folder()
     if data is None:

@@ -5,9 +5,8 @@ A68a in December 2020
 The built-in experiment: the berg loses its northern tip aground and its southern finger afloat. The currents are fitted to the observed drift.
 """
 
-from riftberg import draw_map
+from riftberg import draw_fragments, draw_map
 from riftberg.experiments import build
-from riftberg.viz.plots import draw_fragments
 
 model, info = build("a68a")
 run = model.run(info.days, every_hours=3)

@@ -21,6 +21,10 @@ from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
+    from riftberg.diagnostics.observed import Fix, Observations, read_observed
+    from riftberg.diagnostics.outlines import Outline
+    from riftberg.diagnostics.score import score_run
+    from riftberg.diagnostics.why import explain
     from riftberg.engines.common.laws import Laws
     from riftberg.ensembles.forecast import forecast
     from riftberg.ensembles.result import open_cells, open_sweep
@@ -33,10 +37,11 @@ if TYPE_CHECKING:
     from riftberg.runs.opendrift import read_opendrift, write_opendrift
     from riftberg.runs.run_file import open_run
     from riftberg.system.input_files import allow_large
-    from riftberg.verification.calibrate import calibrate
+    from riftberg.verification.calibrate import Errors, calibrate
     from riftberg.viz.ensemble import draw_sweep
     from riftberg.viz.map import draw_map, draw_tracks
-    from riftberg.viz.plots import draw_fragments, draw_stress
+    from riftberg.viz.plots import draw_damage, draw_dates, draw_fragments, draw_melt, draw_stress
+    from riftberg.viz.score import draw_reasons, draw_score
 
 _HOMES = {
     "Iceberg": "riftberg.bergs.iceberg",
@@ -49,6 +54,13 @@ _HOMES = {
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
     "Forcing": "riftberg.ocean.datasets",
+    "Errors": "riftberg.verification.calibrate",
+    "Fix": "riftberg.diagnostics.observed",
+    "Observations": "riftberg.diagnostics.observed",
+    "read_observed": "riftberg.diagnostics.observed",
+    "Outline": "riftberg.diagnostics.outlines",
+    "score_run": "riftberg.diagnostics.score",
+    "explain": "riftberg.diagnostics.why",
     "calibrate": "riftberg.verification.calibrate",
     "forecast": "riftberg.ensembles.forecast",
     "open_run": "riftberg.runs.run_file",
@@ -59,8 +71,13 @@ _HOMES = {
     "sensitivity": "riftberg.ensembles.sensitivity",
     "sweep": "riftberg.ensembles.sweep",
     "allow_large": "riftberg.system.input_files",
+    "draw_damage": "riftberg.viz.plots",
+    "draw_dates": "riftberg.viz.plots",
     "draw_fragments": "riftberg.viz.plots",
     "draw_map": "riftberg.viz.map",
+    "draw_melt": "riftberg.viz.plots",
+    "draw_reasons": "riftberg.viz.score",
+    "draw_score": "riftberg.viz.score",
     "draw_stress": "riftberg.viz.plots",
     "draw_sweep": "riftberg.viz.ensemble",
     "draw_tracks": "riftberg.viz.map",
@@ -70,26 +87,38 @@ __all__ = [
     "A68A_2022",
     "A68A_2022_KID",
     "DatasetForcing",
+    "Errors",
     "FieldRules",
+    "Fix",
     "Forcing",
     "GriddedForcing",
     "Iceberg",
     "Laws",
     "Model",
+    "Observations",
+    "Outline",
     "Parameters",
     "__version__",
     "allow_large",
     "calibrate",
+    "draw_damage",
+    "draw_dates",
     "draw_fragments",
     "draw_map",
+    "draw_melt",
+    "draw_reasons",
+    "draw_score",
     "draw_stress",
     "draw_sweep",
     "draw_tracks",
+    "explain",
     "forecast",
     "open_cells",
     "open_run",
     "open_sweep",
+    "read_observed",
     "read_opendrift",
+    "score_run",
     "sensitivity",
     "sweep",
     "write_opendrift",

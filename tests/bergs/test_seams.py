@@ -14,11 +14,10 @@ import xarray as xr
 from shapely.affinity import rotate, translate
 from shapely.geometry import mapping
 
-from riftberg import Iceberg
+from riftberg import Iceberg, read_observed
 from riftberg.bergs.outline import read_features
 from riftberg.bergs.seams import join_polygons, ring_fault, shrink, whole_shapes
 from riftberg.coupling.shelf import IceShelf
-from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import BergError, InputError
 
 METRE = 360.0 / 4.003e7

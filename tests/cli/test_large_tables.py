@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from fakes import FakeModel
-from riftberg import open_run
+from riftberg import open_run, read_observed
 from riftberg.diagnostics import score
-from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from riftberg import read_observed
 from riftberg.bergs.outline import read_features
-from riftberg.diagnostics.observed import parse_date, read_observed
+from riftberg.diagnostics.observed import parse_date
 from riftberg.errors import InputError
 
 RING = [[-39.0, -55.0], [-38.0, -55.0], [-38.0, -54.5], [-39.0, -55.0]]

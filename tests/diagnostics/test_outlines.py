@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from riftberg import read_observed
 from riftberg.config.values import parse_date
-from riftberg.diagnostics.observed import KINDS, read_observed
+from riftberg.diagnostics.observed import KINDS
 from riftberg.diagnostics.outlines import checked_ring, date_in_text
 from riftberg.errors import InputError
 

@@ -17,13 +17,12 @@ from matplotlib.image import imread
 
 from contract import FORCES_IN_TABLES
 from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters, open_run
+from riftberg import Forcing, Iceberg, Model, Parameters, draw_reasons, open_run
 from riftberg.diagnostics import why
 from riftberg.diagnostics.cut import Breakup
 from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
-from riftberg.viz.score import draw_reasons
 
 PIECE = slice(18, 24)
 """Rows of the last two columns of the fake berg of 8 by 3 elements, which break off after a day."""

@@ -11,10 +11,10 @@ import pytest
 
 from contract import FORCES
 from fakes import FakeForcing, FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters, open_run
+from riftberg import Forcing, Iceberg, Model, Parameters, explain, open_run
 from riftberg.constants import GRAVITY
 from riftberg.diagnostics.summary import summarize
-from riftberg.diagnostics.why import explain, reason_lines
+from riftberg.diagnostics.why import reason_lines
 from riftberg.engines.common.forces.media import on_the_floor
 from riftberg.engines.common.fragments.grounding_log import GroundingEvent, GroundingLog, mass_on_floor
 from riftberg.runs.groundings import (

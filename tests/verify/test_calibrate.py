@@ -13,16 +13,13 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import riftberg
-from riftberg import Forcing, Iceberg, Model, Parameters, sweep
+from riftberg import Errors, Fix, Forcing, Iceberg, Model, Observations, Outline, Parameters, sweep
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import Fix, Observations
-from riftberg.diagnostics.outlines import Outline
 from riftberg.ensembles.sweep import run_sweep
 from riftberg.errors import InputError
 from riftberg.parameters import PUBLISHED_DRAG
 from riftberg.verification import calibrate as module
 from riftberg.verification.calibrate import (
-    Errors,
     collect_observations,
     compute_results,
     is_known,

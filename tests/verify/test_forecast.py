@@ -17,10 +17,9 @@ from typer.testing import CliRunner
 
 from ensembles.made import forecast_of, outcome
 from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters, sweep
+from riftberg import Fix, Forcing, Iceberg, Model, Observations, Outline, Parameters, read_observed, sweep
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import Fix, Observations, read_observed
-from riftberg.diagnostics.outlines import Outline, intersection_over_union
+from riftberg.diagnostics.outlines import intersection_over_union
 from riftberg.ensembles.result import write_sweep
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter

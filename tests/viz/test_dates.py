@@ -15,12 +15,9 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from fakes import FakeModel
-from riftberg import open_run
+from riftberg import Observations, Outline, open_run, score_run
 from riftberg.cli.main import app
 from riftberg.cli.pictures import moments
-from riftberg.diagnostics.observed import Observations
-from riftberg.diagnostics.outlines import Outline
-from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene

@@ -19,13 +19,11 @@ from matplotlib.text import Text
 from PIL import Image
 
 from fakes import FakeModel
-from riftberg import draw_fragments, draw_map, draw_stress, open_run
+from riftberg import draw_fragments, draw_map, draw_reasons, draw_score, draw_stress, explain, open_run
 from riftberg.diagnostics.score import Match, Score, ScoredDay
-from riftberg.diagnostics.why import explain
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.viz import animate, colours, plots, style
-from riftberg.viz.score import draw_reasons, draw_score
 
 GOOD = Path(__file__).parent / "pictures"
 WIDTH = 160
