@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, open_run
-from riftberg.diagnostics import why
+from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, explain, open_run
 from riftberg.diagnostics.summary import summarize
+from riftberg.diagnostics.why import reason_lines
 from riftberg.engines.common.reserves import CAVEAT
 from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import BergError, InputError
@@ -113,14 +113,14 @@ def test_all_that_is_said_after_a_run_has_the_strength_of_the_place(tmp_path: Pa
         assert scene.strength == pytest.approx(low)
         ratio = float(run.riftberg.tracks["stress_over_strength"].max())
         assert 0.3 < ratio <= 1.0
-        reasons = why.explain(run)
+        reasons = explain(run)
         for bond in (b for breakup in reasons.breakups for b in breakup.first_bonds):
             own = float(run["strength"].values[bond.bond])
             assert bond.strength == pytest.approx(own * scene.strengths[0, bond.bond])
             ends = [int(run[name].values[bond.bond]) for name in ("bond_first", "bond_second")]
             assert bond.prestress == pytest.approx(np.mean([prestress(thick[e], 850.0) for e in ends]))
         assert reasons.breakups
-        text = " ".join(why.reason_lines(reasons))
+        text = " ".join(reason_lines(reasons))
         assert CAVEAT in text
         assert f"{TIP / 1e3:.0f} kPa at the tips of its crevasses" in text
         assert "beside a pre-stress of" in text
