@@ -116,6 +116,7 @@ DEM = {
     "sticky": {"compatibility": {"sticky_collision_flags": True}},
     "interactions-only": {"stepping": {"only_interactions": True}},
     "cartesian": {"earth": {"latlon": False, "period": 0.0, "reference_latitude": -55.0}},
+    "contact-as-stiff-as-ice": {"contact": {"spring": None}},
     "search": {"fracture": {"broken_as_contact": False}},
     "search-explicit-contact": {
         "fracture": {"broken_as_contact": False},
@@ -128,7 +129,7 @@ DEM = {
 }
 
 
-@pytest.mark.quick(9)
+@pytest.mark.quick(10)
 @pytest.mark.parametrize("substeps", [1, 3])
 @pytest.mark.parametrize("options", DEM.values(), ids=DEM.keys())
 def test_long_step_with_dem_bonds_equals_twin(options, substeps):
