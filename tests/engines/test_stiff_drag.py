@@ -83,7 +83,8 @@ def test_in_the_first_half_step_drag_acts_implicitly_beyond_a_quarter(push: floa
     """
 
     def first_way(time_step: float, load: float) -> float:
-        model = made(60.0, 50.0, time_step, water=(0.8, 0.0), air=(0.0, 0.0), latitude=0.0)
+        still_air = {"air_side": 0.0, "air_top": 0.0}
+        model = made(60.0, 50.0, time_step, air=(0.0, 0.0), latitude=0.0, drag=still_air)
         model.elements.load_x[:] = load
         return float(way(model, time_step / 3600.0)[0, 0])
 
