@@ -419,6 +419,13 @@ def test_land_of_no_known_depth_is_dry_for_the_bed() -> None:
     assert (el.keel.floor_load[(el.lon < -1e3) | (el.lon > 5e3)] == 0.0).all()
 
 
+@pytest.mark.parametrize("thickness", [100.0, 250.0])
+def test_ice_bends_over_the_length_of_a_floating_plate(thickness: float) -> None:
+    """``(E H^3 / (12 (1 - nu^2) rho g))^(1/4)``."""
+    rigidity = 2e9 * thickness**3 / (12.0 * (1.0 - 0.3**2))
+    assert bending_length(2e9, 0.3, thickness) == pytest.approx((rigidity / WATER) ** 0.25, rel=1e-12)
+
+
 def bent(*knolls: tuple[float, float], turn: float = 0.0, reach: float = 600.0) -> set[tuple[int, int]]:
     """Return the bonds that bend over knolls (m from the corner) under a berg of 6 by 5 elements of 500 m, 200 m thick.
 
