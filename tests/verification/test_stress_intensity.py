@@ -226,16 +226,12 @@ def test_a_rigid_motion_has_no_intensity_and_leaves_that_of_the_ice(cracked) -> 
 
 
 def test_a_berg_that_has_drifted_and_turned_has_the_same_intensities(cracked) -> None:
-    plate, was = cracked.plate, cracked.tips
-    x, y, (c, s) = plate.el.lon.copy(), plate.el.lat.copy(), (np.cos(0.7), np.sin(0.7))
-    try:
-        plate.el.lon[:], plate.el.lat[:] = 1e5 + c * x - s * y, 3e4 + s * x + c * y
-        plate.refresh()
-        turned = ends_of(plate.under(c * cracked.force, s * cracked.force))
-    finally:
-        plate.el.lon[:], plate.el.lat[:] = x, y
-        plate.refresh()
-    for before, after in zip(was, turned, strict=True):
+    side = 20.0 * SPACING
+    plate = plate_with(np.array([[-3e3, -4e3], [3e3, 4e3]]), "hexagonal", 11.0, side, side)
+    c, s = np.cos(0.7), np.sin(0.7)
+    plate.el.lon[:], plate.el.lat[:] = 1e5 + c * plate.x - s * plate.y, 3e4 + s * plate.x + c * plate.y
+    turned = ends_of(plate.under(c * cracked.force, s * cracked.force))
+    for before, after in zip(cracked.tips, turned, strict=True):
         assert (after.opening, after.shearing) == pytest.approx((before.opening, before.shearing), rel=1e-7)
 
 
