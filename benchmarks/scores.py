@@ -23,11 +23,11 @@ import numpy as np
 import shapely
 import xarray as xr
 
+from riftberg import Observations, Outline, read_observed, score_run
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.constants import EARTH_RADIUS_A68
-from riftberg.diagnostics.observed import Observations, read_observed
-from riftberg.diagnostics.outlines import Outline, aligned_overlap, intersection_over_union
-from riftberg.diagnostics.score import Match, Score, ScoredDay, score_run
+from riftberg.diagnostics.outlines import aligned_overlap, intersection_over_union
+from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL

@@ -68,7 +68,8 @@ def extra(field: Any, name: str) -> str:
 def parameters_page() -> str:
     """Return the page of all parameters, with the values of the presets where they differ from the default."""
     from riftberg.config.values import field_extra, words_for_nothing
-    from riftberg.parameters import A68A_2022, A68A_2022_KID, GROUPS, Parameters, group_classes
+    from riftberg import A68A_2022, A68A_2022_KID, Parameters
+    from riftberg.parameters import GROUPS, group_classes
 
     engines = {
         "`quasi_static`": Parameters(), "`mts`, `verlet` and `runge_kutta`": Parameters(stepping={"scheme": "mts"}),

@@ -216,8 +216,7 @@ def own_files(path: Path) -> dict[str, Any]:
     import contextlib
     import re
 
-    from riftberg import build
-    from riftberg.viz.map import draw_map
+    from riftberg import build, draw_map
 
     tutorial = (ROOT / "docs" / "tutorials" / "from-outline-to-break-up.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", tutorial, flags=re.MULTILINE | re.DOTALL)
@@ -234,11 +233,7 @@ def own_files(path: Path) -> dict[str, Any]:
 
 def story(on_a_map: Path, stress: Path, timeline: Path, why: Path) -> dict[str, Any]:
     """Run the built-in experiment; draw its map, the stress in its bonds, the life of its fragments, and why it broke."""
-    from riftberg.diagnostics.why import explain
-    from riftberg import build
-    from riftberg.viz.map import draw_map
-    from riftberg.viz.plots import draw_fragments, draw_stress
-    from riftberg.viz.score import draw_reasons
+    from riftberg import build, draw_fragments, draw_map, draw_reasons, draw_stress, explain
 
     model, info = build("a68a")
     with tempfile.TemporaryDirectory() as scratch:
@@ -256,10 +251,9 @@ def score(path: Path) -> dict[str, int] | None:
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
     from scores import daily_outlines, run_experiment, shared_folder
 
-    from riftberg.diagnostics.score import score_run
+    from riftberg import draw_score, score_run
     from riftberg.runs.background import stored_water
     from riftberg.viz.plots import figure_title
-    from riftberg.viz.score import draw_score
 
     data = shared_folder()
     if data is None:

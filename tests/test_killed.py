@@ -135,8 +135,7 @@ for _ in range(steps):
 """,
     "score": SHOWN
     + """
-from riftberg.diagnostics.observed import read_observed
-from riftberg.diagnostics.score import score_run
+from riftberg import read_observed, score_run
 (out / "seen.csv").write_text("date,lat,lon\\n2020-12-10,-55.0,-39.0\\n")
 score = score_run(run, read_observed(out / "seen.csv"))
 score.write(out / "score.json")

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022_MTS, Forcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022_MTS, Forcing, Iceberg, Model, Parameters, explain
 from riftberg.cli.run import short_summary
 from riftberg.diagnostics.summary import summarize
-from riftberg.diagnostics.why import explain, reason_lines
+from riftberg.diagnostics.why import reason_lines
 from riftberg.errors import BergError
 from riftberg.runs.scene import Scene
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import shapely
 
+from riftberg import read_observed
 from riftberg.constants import EARTH_RADIUS_A68
-from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.outlines import polygon_moments, project_polygon
 from riftberg.experiments.a68a import A68A_OBSERVED
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean

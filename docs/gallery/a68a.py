@@ -5,8 +5,7 @@ A68a in December 2020
 The built-in experiment: the berg loses its northern tip aground and its southern finger afloat. The currents are fitted to the observed drift.
 """
 
-from riftberg import build, draw_map
-from riftberg.viz.plots import draw_fragments
+from riftberg import build, draw_fragments, draw_map
 
 model, info = build("a68a")
 run = model.run(info.days, every_hours=3)

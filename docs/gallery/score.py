@@ -8,11 +8,8 @@ score is no skill.
 
 from pathlib import Path
 
-from riftberg.diagnostics.observed import read_observed
-from riftberg.diagnostics.score import score_run
-from riftberg import build
+from riftberg import build, draw_score, read_observed, score_run
 from riftberg.experiments.a68a import A68A_OBSERVED
-from riftberg.viz.score import draw_score
 
 lines = ["date,lat,lon,area_km2,azimuth"]
 lines += [f"2020-12-{day.day:02d} 13:00,{day.lat},{day.lon},{day.area},{day.azimuth}" for day in A68A_OBSERVED]

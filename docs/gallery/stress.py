@@ -5,8 +5,7 @@ Stress in the bonds
 Where a berg is stretched, its bonds carry tension, in equilibrium with the loads.
 """
 
-from riftberg import A68A_2022, build
-from riftberg.viz.plots import draw_stress
+from riftberg import A68A_2022, build, draw_stress
 
 model, info = build("a68a")
 run = model.run(days=3, every_hours=6)

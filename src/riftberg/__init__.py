@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from riftberg.coupling.shelf import IceShelf
     from riftberg.coupling.veros import VerosBergs, veros_forcing
     from riftberg.coupling.yac import YacComponent, read_coupling
+    from riftberg.diagnostics.observed import Fix, Observations, read_observed
+    from riftberg.diagnostics.outlines import Outline
+    from riftberg.diagnostics.score import score_run
+    from riftberg.diagnostics.why import explain
     from riftberg.engines.common.laws import Laws
     from riftberg.ensembles.forecast import forecast
     from riftberg.ensembles.result import open_cells, open_sweep
@@ -43,10 +47,11 @@ if TYPE_CHECKING:
     from riftberg.runs.opendrift import read_opendrift, write_opendrift
     from riftberg.runs.run_file import open_run
     from riftberg.system.input_files import allow_large
-    from riftberg.verification.calibrate import calibrate
+    from riftberg.verification.calibrate import Errors, calibrate
     from riftberg.viz.ensemble import draw_sweep
     from riftberg.viz.map import draw_map, draw_tracks
-    from riftberg.viz.plots import draw_fragments, draw_stress
+    from riftberg.viz.plots import draw_damage, draw_dates, draw_fragments, draw_melt, draw_stress
+    from riftberg.viz.score import draw_reasons, draw_score
 
 _HOMES = {
     "Iceberg": "riftberg.bergs.iceberg",
@@ -74,6 +79,13 @@ _HOMES = {
     "veros_forcing": "riftberg.coupling.veros",
     "YacComponent": "riftberg.coupling.yac",
     "read_coupling": "riftberg.coupling.yac",
+    "Errors": "riftberg.verification.calibrate",
+    "Fix": "riftberg.diagnostics.observed",
+    "Observations": "riftberg.diagnostics.observed",
+    "read_observed": "riftberg.diagnostics.observed",
+    "Outline": "riftberg.diagnostics.outlines",
+    "score_run": "riftberg.diagnostics.score",
+    "explain": "riftberg.diagnostics.why",
     "calibrate": "riftberg.verification.calibrate",
     "forecast": "riftberg.ensembles.forecast",
     "open_run": "riftberg.runs.run_file",
@@ -84,8 +96,13 @@ _HOMES = {
     "sensitivity": "riftberg.ensembles.sensitivity",
     "sweep": "riftberg.ensembles.sweep",
     "allow_large": "riftberg.system.input_files",
+    "draw_damage": "riftberg.viz.plots",
+    "draw_dates": "riftberg.viz.plots",
     "draw_fragments": "riftberg.viz.plots",
     "draw_map": "riftberg.viz.map",
+    "draw_melt": "riftberg.viz.plots",
+    "draw_reasons": "riftberg.viz.score",
+    "draw_score": "riftberg.viz.score",
     "draw_stress": "riftberg.viz.plots",
     "draw_sweep": "riftberg.viz.ensemble",
     "draw_tracks": "riftberg.viz.map",
@@ -97,8 +114,10 @@ __all__ = [
     "A68A_2022_MTS",
     "BmiRiftberg",
     "DatasetForcing",
+    "Errors",
     "Exchange",
     "FieldRules",
+    "Fix",
     "Forcing",
     "Grid",
     "GridRecorder",
@@ -107,8 +126,10 @@ __all__ = [
     "Iceberg",
     "Laws",
     "Model",
+    "Observations",
     "OceanForcing",
     "Options",
+    "Outline",
     "Parameters",
     "VerosBergs",
     "YacComponent",
@@ -116,11 +137,17 @@ __all__ = [
     "allow_large",
     "build",
     "calibrate",
+    "draw_damage",
+    "draw_dates",
     "draw_fragments",
     "draw_map",
+    "draw_melt",
+    "draw_reasons",
+    "draw_score",
     "draw_stress",
     "draw_sweep",
     "draw_tracks",
+    "explain",
     "forecast",
     "ocean_grid",
     "open_cells",
@@ -128,7 +155,9 @@ __all__ = [
     "open_run",
     "open_sweep",
     "read_coupling",
+    "read_observed",
     "read_opendrift",
+    "score_run",
     "sensitivity",
     "sweep",
     "veros_forcing",

@@ -15,10 +15,9 @@ from shapely.affinity import rotate, translate
 from shapely.geometry import mapping
 from shapely.ops import split
 
-from riftberg import Iceberg, IceShelf
+from riftberg import Iceberg, IceShelf, read_observed
 from riftberg.bergs.outline import read_features
 from riftberg.bergs.seams import join_polygons, shrink
-from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import BergError, InputError
 
 METRE = 360.0 / 4.003e7

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from fakes import FakeModel
-from riftberg import open_run
-from riftberg.diagnostics import score
-from riftberg.diagnostics.observed import read_observed
+from riftberg import open_run, read_observed, score_run
+from riftberg.diagnostics.score import MOST_COMPARED
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 
@@ -41,9 +40,9 @@ def test_a_table_of_decades_gives_the_score_of_the_days_of_the_run(run: Any, tmp
     dates = np.datetime64("1990-01-01") + np.arange(100_000) * np.timedelta64(2, "h")
     far = [f"{day},-70,{k % 300 - 150},B{k % 50}" for k, day in enumerate(dates) if not str(day).startswith("2020-12")]
     begin = time.perf_counter()
-    many = score.score_run(run, read_observed(table(tmp_path / "many.csv", [*far, *FEW])))
+    many = score_run(run, read_observed(table(tmp_path / "many.csv", [*far, *FEW])))
     assert time.perf_counter() - begin < 60.0
-    few = score.score_run(run, read_observed(table(tmp_path / "few.csv", FEW)))
+    few = score_run(run, read_observed(table(tmp_path / "few.csv", FEW)))
     assert many.days == few.days
     assert len(few.days) == 2
 
@@ -53,7 +52,7 @@ def test_positions_by_the_second_are_compared_each_place_once(run: Any, tmp_path
     dates = np.datetime64("2020-12-09T13:00") + np.arange(20_000) * np.timedelta64(4, "s")
     rows = [f"{day},-55.01,-37.2,B7" for day in dates]
     begin = time.perf_counter()
-    dense = score.score_run(run, read_observed(table(tmp_path / "dense.csv", rows)))
+    dense = score_run(run, read_observed(table(tmp_path / "dense.csv", rows)))
     assert time.perf_counter() - begin < 60.0
     assert len(dense.days) == 20_000
     assert dense.days[0].matches[0].distance_km == dense.days[1].matches[0].distance_km
@@ -62,14 +61,14 @@ def test_positions_by_the_second_are_compared_each_place_once(run: Any, tmp_path
 def test_more_positions_than_anybody_sees_are_refused_with_the_reason(
     run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert score.MOST_COMPARED["positions"] == 100_000
-    monkeypatch.setitem(score.MOST_COMPARED, "positions", 1000)
+    assert MOST_COMPARED["positions"] == 100_000
+    monkeypatch.setitem(MOST_COMPARED, "positions", 1000)
     dates = np.datetime64("2020-12-09T13:00") + np.arange(1001) * np.timedelta64(80, "s")
     observed = read_observed(table(tmp_path / "dense.csv", [f"{day},-55.01,-37.2,B7" for day in dates]))
     with pytest.raises(
         InputError, match=r"dense.csv: 1001 positions during the run; the most that are compared is 1000"
     ):
-        score.score_run(run, observed)
+        score_run(run, observed)
 
 
 @pytest.mark.slow
@@ -93,7 +92,7 @@ def test_dates_at_the_end_of_all_years_are_no_traceback(run: Any, date: str, tmp
         InputError,
         match=r"(nothing was observed during the run|is not a date|outside the years (1678 to 2261|1 to 9999 in UTC))",
     ):
-        score.score_run(run, read_observed(table(tmp_path / "late.csv", [f"{date},-55,-37,B7"])), hour=24.0)
+        score_run(run, read_observed(table(tmp_path / "late.csv", [f"{date},-55,-37,B7"])), hour=24.0)
 
 
 @pytest.mark.quick(1)

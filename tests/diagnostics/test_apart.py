@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from diagnostics.test_compare import METRES, make_run
 from fakes import EXPLICIT, FakeModel
 from riftberg import open_run, open_sweep
 from riftberg.cli.main import app
-from riftberg.diagnostics.compare import shown_records
+from riftberg.diagnostics.compare import compare, read_compared
 from riftberg.errors import InputError
 from riftberg.runs.accessor import Course, align_breakups, compare_courses, find_course
 from riftberg.runs.run_file import memory_run
@@ -82,12 +83,18 @@ def test_runs_without_a_common_date_are_refused() -> None:
         compare_courses(course([0, 1]), course([24, 25]))
 
 
-def test_a_table_shows_whole_days_and_the_last_record() -> None:
-    hourly = course(list(range(0, 24 * 30 + 5))).times
-    days = [(hourly[k] - hourly[0]) / np.timedelta64(1, "D") for k in shown_records(hourly)]
-    assert days == [*range(0, 31, 3), 30 + 4 / 24]
-    assert len(shown_records(course([0, 1, 2]).times)) == 3
-    assert shown_records(course([0]).times) == [0]
+def test_a_table_shows_whole_days_and_the_last_record(tmp_path: Path) -> None:
+    run = read_compared(make_run(tmp_path / "one"), "one", [])
+
+    def shown(hours: list[float]) -> list[float]:
+        """Return the days of the rows of two runs with such records."""
+        same = replace(run, course=course(hours))
+        dates = [np.datetime64(label.replace(" ", "T")) for label, _ in compare([same, same]).apart_rows()]
+        return [(date - np.datetime64("2020-12-09T00:00")) / np.timedelta64(1, "D") for date in dates]
+
+    assert shown(list(range(0, 24 * 30 + 5))) == [*range(0, 31, 3), 30 + 4 / 24]
+    assert len(shown([0, 1, 2])) == 3
+    assert shown([0]) == [0.0]
 
 
 def test_the_same_break_up_of_two_runs_stands_in_one_column(tmp_path: Path) -> None:

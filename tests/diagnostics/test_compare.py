@@ -16,7 +16,7 @@ import netCDF4
 import pytest
 
 from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters, open_run, sweep
+from riftberg import Fix, Forcing, Iceberg, Model, Parameters, open_run, sweep
 from riftberg.diagnostics.compare import (
     RealEvent,
     compare,
@@ -25,7 +25,6 @@ from riftberg.diagnostics.compare import (
     read_compared,
     set_hours,
 )
-from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.summary import summarize
 from riftberg.errors import InputError
 from riftberg.runs.accessor import align_breakups, own_dates

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters, open_run
-from riftberg.diagnostics import why
+from riftberg import Forcing, Iceberg, Model, Parameters, explain, open_run
 from riftberg.diagnostics.summary import summarize
+from riftberg.diagnostics.why import reason_lines
 from riftberg.life.edges import EdgeIce, edge_bending
 from riftberg.physics.edge_bending import flexural_length, foot_moment, front_moment, surface_stress
 from riftberg.plane import ConformalPlane
@@ -112,7 +112,7 @@ def test_the_reasons_of_a_run_say_how_much_its_fronts_bend(tmp_path: Path) -> No
     described = model.describe()
     model.run(steps=1, output=tmp_path / "run.nc")
     with open_run(tmp_path / "run.nc") as run:
-        text = " ".join(why.reason_lines(why.explain(run)))
+        text = " ".join(reason_lines(explain(run)))
     for said in (described, text, model.describe()):
         assert "fronts by up to 98 kPa of tension at the top" in said
         assert "pre-stress of 142 kPa" in said

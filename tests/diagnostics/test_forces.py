@@ -9,9 +9,8 @@ import pytest
 import xarray as xr
 
 from contract import FORCES_IN_TABLES
-from riftberg import Forcing, Iceberg, Model, open_run
+from riftberg import A68A_2022_MTS, Forcing, Iceberg, Model, open_run
 from riftberg.diagnostics.cut import accelerations, external_forces
-from riftberg.parameters import A68A_2022_MTS
 from riftberg.runs.derived import force_variables
 from riftberg.runs.run_file import RunWriter
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from riftberg import read_observed
 from riftberg.bergs.outline import read_features
-from riftberg.diagnostics.observed import parse_date, read_observed
 from riftberg.errors import InputError
 
 RING = [[-39.0, -55.0], [-38.0, -55.0], [-38.0, -54.5], [-39.0, -55.0]]
@@ -144,8 +144,9 @@ def test_a_table_of_states_gives_azimuth_and_area(tmp_path: Path) -> None:
         ("2020-12-18T13:00+02:00", datetime(2020, 12, 18, 11), False),
     ],
 )
-def test_dates(text: str, when: datetime, day_only: bool) -> None:
-    assert parse_date(text) == (when, day_only)
+def test_dates(tmp_path: Path, text: str, when: datetime, day_only: bool) -> None:
+    (tmp_path / "seen.csv").write_text(f"date,lon,lat\n{text},-39,-55\n")
+    assert [(fix.when, fix.day_only) for fix in read_observed(tmp_path / "seen.csv").fixes] == [(when, day_only)]
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import zipfile
 from datetime import datetime
 from pathlib import Path
@@ -11,9 +12,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from riftberg import read_observed
 from riftberg.config.values import parse_date
-from riftberg.diagnostics.observed import KINDS, read_observed
-from riftberg.diagnostics.outlines import checked_ring, date_in_text
+from riftberg.diagnostics.observed import KINDS
 from riftberg.errors import InputError
 
 shapely = pytest.importorskip("shapely")
@@ -59,6 +60,13 @@ def area(ring: np.ndarray) -> float:
     return float(shapely.Polygon(ring).area)
 
 
+def undated(path: Path, ring: Any = RING) -> Path:
+    """Write an outline whose date stands in the name of its file alone."""
+    feature = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    return path
+
+
 # --- dates -------------------------------------------------------------------------------------------------------------
 
 
@@ -74,15 +82,16 @@ def area(ring: np.ndarray) -> float:
         ("seen 20201217, drawn from 2020-12-17", datetime(2020, 12, 17), True),
     ],
 )
-def test_a_date_is_found_in_a_name(text: str, when: datetime, day_only: bool) -> None:
-    assert date_in_text(text) == (when, day_only)
+def test_a_date_is_found_in_a_name(tmp_path: Path, text: str, when: datetime, day_only: bool) -> None:
+    assert [(when, day_only)] == [row[1:] for row in told(undated(tmp_path / f"{text}.geojson"))]
 
 
 @pytest.mark.parametrize(
     "text", ["a68a", "20201209_20201217", "p0625_1217", "2020-13-01", "20200230", "120201217", "2020-12_17"]
 )
-def test_no_date_or_more_than_one_is_none(text: str) -> None:
-    assert date_in_text(text) is None
+def test_no_date_or_more_than_one_is_none(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputError, match="date"):
+        told(undated(tmp_path / f"{text}.geojson"))
 
 
 def test_slashes_with_the_year_first_are_read_and_others_are_refused() -> None:
@@ -356,11 +365,12 @@ def test_published_mask_and_tables(shared: Path) -> None:
     [(539.5, -75.0, ""), (541.0, -75.0, "longitude beyond 540"), (-541.0, -75.0, "longitude beyond 540"),
      (0.0, 90.5, "latitude beyond 90"), (0.0, -90.5, "latitude beyond 90")],
 )  # fmt: skip
-def test_positions_that_no_convention_has_are_refused(lon: float, lat: float, words: str) -> None:
+def test_positions_that_no_convention_has_are_refused(tmp_path: Path, lon: float, lat: float, words: str) -> None:
     """Longitudes run to one and a half turns: products begin at -180, at 0, or at 180."""
     ring = [[lon, lat], [lon - 0.3, lat], [lon - 0.3, lat - 0.1], [lon, lat - 0.1], [lon, lat]]
+    path = undated(tmp_path / "berg_2020-12-17.geojson", ring)
     if words:
         with pytest.raises(InputError, match=words):
-            checked_ring(ring, "berg")
+            read_observed(path)
     else:
-        assert checked_ring(ring, "berg").shape == (4, 2)
+        assert read_observed(path).outlines[0].ring.shape == (4, 2)

@@ -15,10 +15,8 @@ import xarray as xr
 from matplotlib.image import imread
 
 from fakes import FakeModel
-from riftberg import open_run
-from riftberg.diagnostics.observed import Fix, Observations
+from riftberg import Fix, Observations, Outline, draw_score, open_run, score_run
 from riftberg.diagnostics.outlines import (
-    Outline,
     aligned_overlap,
     group_fragments,
     intersection_over_union,
@@ -26,13 +24,11 @@ from riftberg.diagnostics.outlines import (
     polygon_moments,
     same_pieces,
 )
-from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
 from riftberg.ocean.grid import haversine
 from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.tracks import axis_difference
-from riftberg.viz.score import draw_score
 
 WORST = 3.0
 

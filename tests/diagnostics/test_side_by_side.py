@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-from riftberg.diagnostics.compare import differences, differing_lines
+import pytest
+
+from diagnostics.test_compare import make_run
+from riftberg.diagnostics.compare import compare, read_compared
 from riftberg.runs.accessor import align_breakups
 
 EARTH = {"latlon": True, "radius": 6.371e6}
@@ -54,32 +59,53 @@ def test_runs_without_break_ups_have_no_rows() -> None:
     assert align_breakups([[], [TIP]], EARTH) == [[None], [TIP]]
 
 
-def test_only_differences_are_told() -> None:
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Return a run beside which others are put."""
+    return read_compared(make_run(tmp_path_factory.mktemp("side") / "one"), "one", [])
+
+
+def differences(plain: Any, *changes: dict[str, Any], files: Sequence[str] = ()) -> dict[str, list[str]]:
+    """Return the rows of runs with other summaries, and experiment files, that differ."""
+    names = ("experiment", "forcing", "parameters that differ", "experiment file")
+    runs = [
+        replace(plain, summary=plain.summary | changed, file=file)
+        for changed, file in zip(changes, files or [""] * len(changes), strict=True)
+    ]
+    return {label: cells for label, cells in compare(runs).rows if label in names}
+
+
+def test_only_differences_are_told(plain: Any) -> None:
+    earth = {"earth": plain.summary["numerics"]["earth"]}
     one: dict[str, Any] = {
         "experiment": "a68a",
         "forcing": "x",
-        "numerics": {"fracture": {"normal_strength": 18e3, "a": 1}},
+        "numerics": {**earth, "fracture": {"normal_strength": 18e3, "a": 1}},
     }
     two: dict[str, Any] = {
         "experiment": "a68a",
         "forcing": "y",
-        "numerics": {"fracture": {"normal_strength": 16e3, "a": 1}},
+        "numerics": {**earth, "fracture": {"normal_strength": 16e3, "a": 1}},
     }
-    assert differences([one, one]) == {}
-    assert differences([one]) == {}
-    assert differences([one, two]) == {
+    assert differences(plain, one, one) == {}
+    assert differences(plain, one) == {}
+    assert differences(plain, one, two) == {
         "forcing": ["x", "y"],
         "parameters that differ": ["fracture.normal_strength 18000", "fracture.normal_strength 16000"],
     }
-    many = {**one, "numerics": {"fracture": dict.fromkeys("abcde", 2)}}
-    few = {**one, "numerics": {"fracture": dict.fromkeys("abcde", 3)}}
+    many = {**one, "numerics": {**earth, "fracture": dict.fromkeys("abcde", 2)}}
+    few = {**one, "numerics": {**earth, "fracture": dict.fromkeys("abcde", 3)}}
     assert (
-        differences([many, few])["parameters that differ"][0] == "fracture.a 2, fracture.b 2, fracture.c 2 and 2 more"
+        differences(plain, many, few)["parameters that differ"][0]
+        == "fracture.a 2, fracture.b 2, fracture.c 2 and 2 more"
     )
 
 
-def test_of_two_files_the_lines_that_differ_are_named() -> None:
+def test_of_two_files_the_lines_that_differ_are_named(plain: Any) -> None:
+    def lines(*files: str) -> list[str] | None:
+        return differences(plain, {}, {}, files=files).get("experiment file")
+
     one = "days: 1\nberg:\n  thickness: 200 m\n"
-    assert differing_lines([one, one.replace("200", "250")]) == ["thickness: 200 m", "thickness: 250 m"]
-    assert differing_lines([one, "a: 1\nb: 1\nc: 1\nd: 1\n"])[1] == "a: 1; b: 1; c: 1 and 1 lines more"
-    assert differing_lines([one, one]) == ["", ""]
+    assert lines(one, one.replace("200", "250")) == ["thickness: 200 m", "thickness: 250 m"]
+    assert (lines(one, "a: 1\nb: 1\nc: 1\nd: 1\n") or [])[1] == "a: 1; b: 1; c: 1 and 1 lines more"
+    assert lines(one, one) is None

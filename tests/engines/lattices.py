@@ -8,24 +8,16 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
 from riftberg import Parameters
-from riftberg.engines.common.broad_phase import excluding
 from riftberg.engines.common.forces.media import MEDIA, Medium, Surroundings, allocate_surroundings, find_surroundings
-from riftberg.engines.common.forces.pair_law import NeighbourLists
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.fragments.tree import FragmentTree
 from riftberg.engines.common.run_state import RunState
-from riftberg.engines.explicit.contact import allocate_pairs, pairs_from_list
-from riftberg.engines.explicit.mts import StepReport, take_long_step
-from riftberg.engines.explicit.substeps import StepPlan, Workspace, allocate_fields
-from riftberg.engines.explicit.tiles import AT_ONCE, allocate_tiles
 from riftberg.engines.schemes import make_stepper
 from riftberg.ocean.forcing import Forcing
 from riftberg.state import new_bonds, new_elements
-from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
 from riftberg.state.population import Population
 
 RADIUS = 1500.0
-FAR = 3 * RADIUS
 
 
 def parameters(**groups):
@@ -38,7 +30,7 @@ def settings(**groups):
     base = {
         "drag": {"ocean_scale": 17.8, "rotational": False},
         "grounding": {"coefficient": 1e4, "ramp_height": 20.0},
-        "contact": {"spring": 1e-7, "distance": 4000.0, "tolerance": 1e-6},
+        "contact": {"spring": 1e-7, "distance": 4000.0, "tolerance": 1e-6, "on_substeps": False},
         "stepping": {"scheme": "mts"},  # whose sea floor is a drag
         "fracture": {"enabled": False},
         "earth": {"latlon": True},
@@ -57,11 +49,39 @@ class AsItIs(Forcing):
         """Leave it."""
 
 
+def run_of(el, bonds, p, constants, step_number=0):
+    """Return a run of the state, whose steps have begun before unless ``step_number`` is 0."""
+    start = datetime(2020, 12, 9)
+    return RunState(Population(el, bonds), AsItIs(), p, constants, FragmentTree(), start, step_number=step_number)
+
+
 def step(el, bonds, p):
     """Take one time step by the scheme that the parameters name; changes the state in place."""
-    c, start = p.kernel_values(), datetime(2020, 12, 9)
-    run = RunState(Population(el, bonds), AsItIs(), p, c, FragmentTree(), start)
+    run = run_of(el, bonds, p, p.kernel_values())
     make_stepper(run).step(run)
+
+
+def long_step(el, bonds, p, dt, substeps, *, starting=False, skip_outer=False, may_break=False, at_once=None):
+    """Take one long step of the explicit scheme; changes the state in place, and returns how many bonds broke.
+
+    Parameters
+    ----------
+    starting, skip_outer : bool
+        Whether it is the first of the run; without its outer kick.
+    at_once : int, optional
+        Sub-steps that tiles of bonds take at once.
+    """
+    stepping = {"time_step": dt, "substeps": substeps, "skip_first_long_force": skip_outer}
+    quirks = {"zero_start": not starting}
+    asked = p.changed(stepping=stepping, fracture={"enabled": may_break}, compatibility=quirks)
+    el.body.substeps[:] = substeps
+    run = run_of(el, bonds, asked, p.kernel_values(), 0 if starting or skip_outer else 1)
+    stepper, unbroken = make_stepper(run), int((bonds.status == 0).sum())
+    if at_once is not None:
+        plan = stepper._plan
+        stepper._plan = lambda run: plan(run)._replace(at_once=at_once)
+    stepper.step(run)
+    return unbroken - int((bonds.status == 0).sum())
 
 
 def lattice(
@@ -153,91 +173,6 @@ def surroundings_of(el, p) -> tuple[dict[str, Medium], Surroundings]:
     around = allocate_surroundings(el.size)
     find_surroundings(el, interaction_sizes(el, p), around, p)
     return {name: Medium(*around.media[:, k].T) for k, name in enumerate(MEDIA)}, around
-
-
-def partners_of(el, bonds, p, *, multiple):
-    """Partners by the rules of equations 5.1, as the steppers gather them; all within far more than reach."""
-    none = no_pairs(el.mass.size)
-
-    def partners(*lists):
-        return NeighbourLists(*lists, np.zeros(0), np.zeros(0, np.int64))
-
-    def near(rule):
-        return find_pairs(el.lon_pair, el.lat_pair, el.berg, FAR, rule, p.latlon, p.earth_radius, p.period)
-
-    if not p.interactions:
-        return partners(none, none, none)
-    bonded = adjacency(bonds.first, bonds.second, bonds.status, el.mass.size)[0]
-    if not multiple and p.plain_kid_branch:
-        return partners(bonded if p.bonds_on else none, none, near(ANY))
-    if not p.bonds_on or (multiple and p.dem):
-        return partners(none, none, near(OTHER_BERG))
-    return partners(bonded, excluding(near(SAME_BERG), bonded), near(OTHER_BERG))
-
-
-def touching_pairs(el, bonds, p):
-    """Pairs of one berg that may touch: ends of broken bonds, or candidates of a search."""
-    waiting = np.flatnonzero(bonds.status == 1)
-    pairs = allocate_pairs(max(200, bonds.first.size))
-    if p.broken_as_contact:
-        pairs.first[: waiting.size] = bonds.first[waiting]
-        pairs.second[: waiting.size] = bonds.second[waiting]
-        pairs.bond[: waiting.size] = -1
-        pairs.used[0] = waiting.size
-        return pairs
-    found = find_pairs(el.lon_pair, el.lat_pair, el.berg, FAR, SAME_BERG, p.latlon, p.earth_radius, p.period)
-    bonded, bond = adjacency(bonds.first, bonds.second, bonds.status, el.mass.size)
-    pairs_from_list(pairs, found, bonded, bond)
-    return pairs
-
-
-def long_step(
-    el,
-    bonds,
-    p,
-    dt,
-    substeps,
-    *,
-    starting=False,
-    skip_outer=False,
-    may_break=False,
-    rank=None,
-    around=None,
-    at_once=AT_ONCE,
-):
-    """Take one long step by the kernels of `riftberg.engines.explicit.mts`; changes the state in place."""
-    n = el.mass.size
-    plan = StepPlan(
-        dt=dt,
-        substeps=substeps,
-        time=0.0,
-        starting=starting,
-        skip_outer=skip_outer,
-        by_search=not p.broken_as_contact,
-        break_inline=may_break,
-        break_after=False,
-        at_once=at_once,
-    )
-    none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)
-    pairs = touching_pairs(el, bonds, p)
-    around = allocate_surroundings(n) if around is None else around
-    work = Workspace(allocate_tiles(el, bonds), pairs, allocate_fields(n))
-    colliding, inside = partners._replace(bonded=none, same_berg=none), partners._replace(collision=none)
-    rank = np.arange(n) if rank is None else rank
-
-    def part(**which):
-        return take_long_step(
-            el, bonds, work, colliding, inside, sizes, around, rank, plan._replace(**which), p
-        )  # fmt: skip
-
-    outer = part(apply_inner=False)
-    if outer.iterations < 0:
-        return outer
-    inner = part(apply_outer=False)
-    explicit = p.explicit_substeps or p.dem
-    return StepReport(
-        outer.broken + inner.broken, outer.iterations if explicit and inner.iterations > 0 else inner.iterations
-    )
 
 
 def stiffness_matrix(at, stiffness, nodes: int) -> csr_matrix:

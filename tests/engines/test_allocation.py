@@ -7,9 +7,8 @@ import pytest
 from numba.core.errors import NumbaError
 from numba.core.runtime import _nrt_python, rtsys
 
-from riftberg import Forcing, Iceberg, Model
+from riftberg import A68A_2022_MTS, Forcing, Iceberg, Model
 from riftberg.compiled.kernels import borrower, kernel
-from riftberg.parameters import A68A_2022_MTS
 
 pytestmark = pytest.mark.compiled
 

@@ -1,40 +1,18 @@
-"""Elements that move with their fragment: levers, paths, means and impulses, each against the plain formula."""
+"""Elements that move with their fragment: impulses, displacements and moments, and the derivative of the forces."""
 
 from __future__ import annotations
 
-import math
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from contract import CORIOLIS, FORCES, SEA_FLOOR
-from riftberg import Parameters
-from riftberg.compiled.kernels import plain
+from contract import FORCES
+from riftberg import Forcing, Grid, Iceberg, Model, Parameters
 from riftberg.engines.common.broad_phase import contact_cells
-from riftberg.engines.common.forces.media import LIMIT, Medium
+from riftberg.engines.common.forces.media import Medium
 from riftberg.engines.common.fragments.connectivity import bridge_moments, find_bridges
 from riftberg.engines.quasi_static.bodies.dynamics import ElementForcing, assemble_force_and_jacobian
-from riftberg.engines.quasi_static.bodies.pose import mean_displacement, subtract_mean
-from riftberg.engines.quasi_static.contact import anchors
-from riftberg.engines.quasi_static.contact.islands import accumulate_floor_impulse, accumulate_impulse, element_path
-from riftberg.ocean.grid import Grid
-
-
-def levers(places: Any) -> np.ndarray:
-    """Levers of elements of one body on a plane, at places about its centre (m)."""
-    found = np.zeros((len(places), 11))
-    found[:, [0, 4, 8, 9]] = 1.0
-    found[:, 2], found[:, 5] = -places[:, 1], places[:, 0]
-    return found
-
-
-def test_elements_go_round_with_their_body() -> None:
-    place, path, turn = np.array([3e3, -2e3]), np.array([40.0, -70.0, 0.3]), 0.3
-    c, s = math.cos(turn), math.sin(turn)
-    gone = np.array([c * place[0] - s * place[1], s * place[0] + c * place[1]]) - place + path[:2]
-    np.testing.assert_allclose(element_path(levers(place[None])[0], path, c, s), gone, rtol=1e-12)
 
 
 def forcing(count: int, **changes: Any) -> ElementForcing:
@@ -46,47 +24,61 @@ def forcing(count: int, **changes: Any) -> ElementForcing:
     return made._replace(**changes)
 
 
-def test_coriolis_takes_the_momentum_of_the_way() -> None:
-    """Its parameter times the displacement, turned to the right; the way is not that of the first velocity."""
-    place = np.array([[3e3, -2e3], [-1e3, 4e3]])
-    twist, way, f, time = (
-        np.array([[0.3, 0.1, 1e-5]]),
-        np.array([[500.0, -120.0, 0.01]]),
-        np.array([1e-4, -1.2e-4]),
-        600.0,
-    )
-    applied = np.zeros((2, len(FORCES), 2))
-    island: Any = SimpleNamespace(body_of=np.zeros(2, int), levers=levers(place), forcing=forcing(2, coriolis=f))
-    plain(accumulate_impulse)(island, SimpleNamespace(twist=twist, twist_integral=way), time, applied)
-    east, north = way[0, 0] - way[0, 2] * place[:, 1], way[0, 1] + way[0, 2] * place[:, 0]
-    np.testing.assert_allclose(applied[:, CORIOLIS], np.stack([f * north, -f * east], axis=1), rtol=1e-9)
+class Shoal(Forcing.uniform):
+    """Everything that pushes, over a bank from 4 km east on."""
+
+    def depth(self, lon: Any, lat: Any) -> Any:
+        """Return the depth (m)."""
+        return np.where(np.asarray(lon) > 4e3, 165.0, 1000.0) - 1e-4 * np.asarray(lat)
 
 
-def test_impulses_of_the_media_on_elements_add_up_to_that_on_their_body() -> None:
-    """Both are linear about the same twist: time * G - S (way - time * twist)."""
-    random = np.random.default_rng(6)
-    where, body, count = levers(random.uniform(-1.0, 1.0, (3, 2))), np.zeros(3, np.int64), 3
-    how = forcing(
-        count, coriolis=random.normal(size=count), mass=random.uniform(1.0, 2.0, count),
-        sides=random.uniform(0.2, 1.0, (count, 2, 4)), side_drag=random.uniform(0.5, 1.0, count),
-    )  # fmt: skip
-    how.media[:] = random.uniform(0.1, 0.5, how.media.shape)
-    how.media[..., LIMIT] = 0.0
-    twist, way, time = random.normal(size=(1, 3)), random.normal(size=(1, 3)), 3.0
-    force, jacobian, applied = np.zeros((1, 3)), np.zeros((1, 3, 3)), np.zeros((count, len(FORCES), 2))
-    assemble_force_and_jacobian(body, where, twist, how, np.ones(1, bool), force, jacobian)
-    island: Any = SimpleNamespace(body_of=body, levers=where, forcing=how)
-    plain(accumulate_impulse)(island, SimpleNamespace(twist=twist, twist_integral=way), time, applied)
-    wanted = time * force[0] - jacobian[0] @ (way[0] - time * twist[0])
-    np.testing.assert_allclose(np.einsum("e,efi->i", how.mass, applied), wanted[:2], rtol=1e-10)
+def test_impulses_on_elements_in_contact_and_aground_add_up_to_the_motion_of_their_bergs() -> None:
+    """To round-off: media and Coriolis force by the way of each element, sides by the turn, the floor by friction and slope.
+
+    In the sub-steps forces are linear about a twist of each body; elements have their parts of the same.
+    """
+    plane = {"latlon": False, "period": 0.0, "f_plane": True, "reference_latitude": -60.0}
+    shape = {"thickness": 200.0, "radius": 750.0, "latlon": False}
+    bergs = [
+        Iceberg.rectangle(6e3, 3e3, velocity=(0.3, 0.05), rotation=10.0, **shape),
+        Iceberg.rectangle(3e3, 6e3, placement=(6e3, 400.0), rotation=25.0, **shape),
+    ]
+    sea = Shoal(current=(0.4, 0.1), wind=(12.0, -5.0), slope=(1e-6, -2e-6), sea_ice=(0.2, 0.1, 1.0), ice_fraction=0.6)
+    p = Parameters(earth=plane, stepping={"time_step": 600.0}, fracture={"enabled": False})
+    model = Model(Iceberg.join(bergs), sea, p)
+    for _ in range(10):
+        model.step()
+        assert model.motion.balance(model, model.remembered).momentum_error < 1e-13, model.time
+    assert model.contacts.rows
+    assert model.elements.keel.floor_load.sum() > 0.0
+    impulse = model.motion.balance(model, model.remembered).impulse
+    assert all(np.hypot(*impulse[name]) > 1e8 for name in FORCES if name != "own")
 
 
-def test_the_floor_takes_the_momentum_that_its_friction_and_slope_give() -> None:
-    anchor, applied = anchors.allocate_anchors(2), np.zeros((2, len(FORCES), 2))
-    anchor[0, [anchors.ANCHOR_X, anchors.ANCHOR_Y, anchors.STIFFNESS, anchors.SLOPE_X]] = 3e6, -2e6, 1.0, 1e6
-    island: Any = SimpleNamespace(body_of=np.zeros(2, int), forcing=forcing(2))
-    plain(accumulate_floor_impulse)(island, anchor, 60.0, applied)
-    np.testing.assert_allclose(applied[:, SEA_FLOOR], [[60.0 * 4e6 / 1e9, -60.0 * 2e6 / 1e9], [0.0, 0.0]], rtol=1e-12)
+def test_loads_bend_a_berg_and_neither_shift_nor_turn_it() -> None:
+    """Soft and stiff bergs go the same way: displacements have no mean momentum, and no mean moment of it."""
+    moved = []
+    for modulus in (1e7, 1e11):
+        berg = Iceberg.rectangle(12e3, 4.5e3, thickness=200.0, radius=750.0, latlon=False, rotation=30.0)
+        p = Parameters(
+            earth={"latlon": False, "period": 0.0}, bonds={"youngs_modulus": modulus}, fracture={"enabled": False},
+            stepping={"only_interactions": True},
+        )  # fmt: skip
+        model = Model(berg, Forcing.uniform(), p)
+        model.elements.load_x[:], model.elements.load_y[:] = 1e8 * np.random.default_rng(2).normal(
+            size=(2, model.elements.size)
+        )
+        model.advance(steps=3)
+        moved.append(model.elements)
+    soft, stiff = moved
+    (x, y), mass = np.array([soft.lon - stiff.lon, soft.lat - stiff.lat]), stiff.mass
+    bent = np.abs(soft.rotation - stiff.rotation).max()
+    assert bent > 3e-5
+    assert abs(np.average(x, weights=mass)) < 1e-8
+    assert abs(np.average(y, weights=mass)) < 1e-8
+    arm_x, arm_y = (a - np.average(a, weights=mass) for a in (stiff.lon, stiff.lat))
+    turned = mass @ (arm_x * y - arm_y * x) + mass @ (1500.0**2 / 6.0 * (soft.rotation - stiff.rotation))
+    assert abs(turned) < 1e-3 * bent * (mass @ (arm_x**2 + arm_y**2))
 
 
 def test_the_jacobian_is_the_derivative_of_the_force() -> None:
@@ -111,25 +103,6 @@ def test_the_jacobian_is_the_derivative_of_the_force() -> None:
     twist, h = np.array([0.7, -0.4, 0.9]), 1e-6
     slope = np.stack([(at(twist + h * e)[0] - at(twist - h * e)[0]) / (2.0 * h) for e in np.eye(3)], axis=1)
     np.testing.assert_allclose(-at(twist)[1], slope, rtol=1e-5, atol=1e-7)
-
-
-def test_a_rigid_motion_has_itself_as_mean_and_leaves_no_deformation() -> None:
-    random = np.random.default_rng(2)
-    body, xy = np.repeat([0, 1], 6), 1e3 * random.normal(size=(12, 2))
-    mass, inertia = random.uniform(1e9, 2e9, 12), random.uniform(1e14, 2e14, 12)
-    given = np.array([[0.3, -0.1, 2e-4], [-0.2, 0.5, -1e-4]])
-    centre = np.stack([np.average(xy[body == b], axis=0, weights=mass[body == b]) for b in (0, 1)])
-    away = xy - centre[body]
-    moved = np.stack(
-        [given[body, 0] - given[body, 2] * away[:, 1], given[body, 1] + given[body, 2] * away[:, 0], given[body, 2]],
-        axis=1,
-    )
-    mean, moments = np.empty((2, 3)), np.empty((2, 4))
-    mean_displacement(body, xy, moved, mass, inertia, mean, moments)
-    np.testing.assert_allclose(mean, given, rtol=1e-12)
-    np.testing.assert_allclose(moments[:, :2], centre, rtol=1e-12)
-    subtract_mean(body, xy, moved, mean, moments)
-    np.testing.assert_allclose(moved, 0.0, atol=1e-12)
 
 
 def test_the_only_bond_between_two_parts_bears_their_moment() -> None:

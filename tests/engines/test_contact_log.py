@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riftberg import Parameters
-from riftberg.engines.common.fragments.contact_log import ContactEvent, ContactLog
+from riftberg.engines.common.fragments.contact_log import ContactLog
 from riftberg.engines.common.fragments.tree import Fragment, FragmentTree
 from riftberg.state import Elements, new_elements
 
@@ -79,7 +79,8 @@ def test_elements_of_one_berg_do_not_meet() -> None:
 
 def test_a_contact_that_goes_on_has_a_new_end_when_somebody_asks() -> None:
     """Hundreds of pieces of a shattered berg touch in each step: one object each took longer than their motion."""
-    log, tree = ContactLog([ContactEvent(1, 2, 0.0, 1800.0, 0.0, 0.0, 0.1)]), FragmentTree([fragment(1), fragment(2)])
+    log, tree = ContactLog(), FragmentTree([fragment(1), fragment(2)])
+    log.update(elements(), pair(0, 1), 0.0, 1800.0, tree, P)
     saved = log.saved()
     log.update(elements(), pair(0, 1), 1800.0, 3600.0, tree, P)
     assert [row.end for row in log.rows] == [3600.0]

@@ -146,7 +146,7 @@ def test_a_fillet_of_three_elements_bears_what_the_continuum_does(packing: str, 
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_fillets_bear_the_mean_stress_over_an_element_on_all_lattices(packing: str) -> None:
     """Every 9 degrees, the cross of 1-km elements and A68a of 3-km ones, pulled and bent (the page on numerics has ranges)."""
-    from riftberg.experiments import Options, build
+    from riftberg import Options, build
 
     outline = build("a68a", Options())[0].outlines[0]
     lon, lat = shapely.get_coordinates(shapely.centroid(outline))[0]

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import FieldRules, Forcing, GriddedForcing, Iceberg, Model, Parameters
+from riftberg import FieldRules, Forcing, Grid, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.compiled.kernels import plain
 from riftberg.engines.quasi_static.contact.islands import approach_bound, find_islands
 from riftberg.engines.quasi_static.step import TimeStep
-from riftberg.ocean.grid import Grid
 
 NEWBORN_CHILD = -1.0
 

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import FieldRules, GriddedForcing, Iceberg, Model, Parameters
+from riftberg import FieldRules, Grid, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.engines.common.land import rotate_along
-from riftberg.ocean.grid import Grid
 from riftberg.parameters import Compatibility
 
 SIZE = 3000.0

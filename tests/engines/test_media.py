@@ -7,10 +7,9 @@ import pytest
 
 from contract import FORCES, SEA_FLOOR
 from engines.lattices import lattice, parameters, surroundings_of
-from riftberg import Forcing, Iceberg, Laws, Model
+from riftberg import A68A_2022_MTS, Forcing, Iceberg, Laws, Model
 from riftberg.engines.common.forces import media
 from riftberg.engines.common.forces.media import Medium
-from riftberg.parameters import A68A_2022_MTS
 from twins import velocity as twin
 from twins.elements import unpack
 

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.coupling.exchange import ocean_grid
-from riftberg.coupling.fields import OceanForcing
+from riftberg import Forcing, Iceberg, Model, OceanForcing, Parameters, ocean_grid
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.quasi_static import lone_bergs
 from riftberg.engines.quasi_static import stepper as general

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022_KID, Forcing, Iceberg, Model, Parameters
+from riftberg import A68A_2022_KID, A68A_2022_MTS, Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.explicit.stability import (
     SubstepMatrix,
@@ -18,7 +18,6 @@ from riftberg.engines.explicit.stability import (
     size_bins,
 )
 from riftberg.errors import InputError, RunError
-from riftberg.parameters import A68A_2022_MTS
 
 RADIUS = 1500.0
 

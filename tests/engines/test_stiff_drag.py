@@ -7,11 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contract import FORCES
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.compiled.kernels import plain
-from riftberg.engines.common.forces.media import Medium
-from riftberg.engines.quasi_static.bodies.dynamics import EXPLICIT_PART, accumulate_excess, add_excess_drag, excess_rate
 
 WATER, AIR = (0.8, 0.0), (15.0, 0.0)
 
@@ -24,12 +20,14 @@ def made(
     turned: float = 0.0,
     depth: float = 1e4,
     water: tuple[float, float] = WATER,
+    air: tuple[float, float] = AIR,
+    latitude: float = -60.0,
     **changes: Any,
 ) -> Model:
     """Return a berg of one element in current and wind, at rest."""
     c, s = np.cos(turned), np.sin(turned)
     ocean = Forcing.uniform(
-        current=(c * water[0], s * water[0]), wind=(c * AIR[0], s * AIR[0]), depth=depth, slope=(0.0, 0.0)
+        current=(c * water[0], s * water[0]), wind=(c * air[0], s * air[0]), depth=depth, slope=(0.0, 0.0)
     )
     berg = Iceberg.rectangle(
         length,
@@ -40,7 +38,7 @@ def made(
         latlon=False,
         **changes.pop("berg", {}),
     )
-    plane = {"latlon": False, "period": 0.0, "reference_latitude": -60.0}
+    plane = {"latlon": False, "period": 0.0, "reference_latitude": latitude}
     return Model(berg, ocean, Parameters(earth=plane, stepping={"time_step": time_step}, **changes))
 
 
@@ -77,32 +75,29 @@ def test_the_ledger_of_momentum_closes() -> None:
     assert model.motion.balance(model, model.remembered).momentum_error < 1e-10
 
 
-def test_excess_drag_is_the_plain_sum_over_the_media() -> None:
-    """And what the ledger takes from it is what it takes from the berg."""
-    model = made(60.0, 50.0, 1800.0)
-    model.step()
-    state = model._stepper.memory.state
-    op, terms, half_dt, before, media = (
-        state.operators,
-        state.terms,
-        900.0,
-        state.bodies.twist,
-        Medium(*state.operators.forcing.media[0].T),
-    )
-    slow, acceleration = np.zeros((1, 3, 3)), np.empty((1, 3))
-    plain(add_excess_drag)(op, before, terms, half_dt, acceleration, slow)
-    pushed = np.hypot(*terms.net_force[0, :2]) / model.elements.mass[0]
-    np.testing.assert_allclose(np.hypot(*acceleration[0, :2]), pushed, rtol=1e-12)
-    least = np.sqrt(pushed / media.quadratic.sum())
-    speed = np.hypot(before[0, 0] - media.u, before[0, 1] - media.v)
-    rate = (media.linear + media.quadratic * np.maximum(speed, least)).sum()
-    excess = rate - EXPLICIT_PART / half_dt
-    assert excess > 0.0
-    np.testing.assert_allclose(slow[0, :2, :2], excess * model.elements.mass[0] * np.eye(2), rtol=1e-12)
-    applied = np.zeros((1, len(FORCES), 2))
-    plain(accumulate_excess)(op.forcing, 0, tuple(before[0, :2]), (0.3, -0.5), (rate, least), half_dt, 1.0, applied)
-    np.testing.assert_allclose(applied.sum(axis=1)[0], [-0.3 * excess, 0.5 * excess], rtol=1e-9)
-    assert plain(excess_rate)(EXPLICIT_PART / half_dt, half_dt) == 0.0
+@pytest.mark.parametrize("push", [0.0, 3.0])
+def test_in_the_first_half_step_drag_acts_implicitly_beyond_a_quarter(push: float) -> None:
+    """Of a berg at rest, by hand: ``w = h a / (1 + h D)``, D the drag at the speed ``(a / c)^(1/2)`` less ``1 / (4 h)``.
+
+    It goes with w through the whole step. ``push``: a force beside that of the water, in parts of it.
+    """
+
+    def first_way(time_step: float, load: float) -> float:
+        still_air = {"air_side": 0.0, "air_top": 0.0}
+        model = made(60.0, 50.0, time_step, air=(0.0, 0.0), latitude=0.0, drag=still_air)
+        model.elements.load_x[:] = load
+        return float(way(model, time_step / 3600.0)[0, 0])
+
+    mass = float(made(60.0, 50.0, 1.0).elements.mass[0])
+    a = 2.0 * first_way(1e-3, 0.0) / 1e-6  # c U^2
+    c = a / 0.8**2
+    a *= 1.0 + push
+    for time_step in (20.0, 1800.0, 7200.0):
+        h = 0.5 * time_step
+        excess = max(c * max(0.8, np.sqrt(a / c)) - 0.25 / h, 0.0)
+        assert (excess > 0.0) == (time_step > 20.0)
+        found = first_way(time_step, push * c * 0.8**2 * mass)
+        assert found == pytest.approx(time_step * h * a / (1.0 + h * excess), rel=1e-5)
 
 
 def test_a_berg_at_rest_in_still_water_is_not_blown_past_its_speed() -> None:

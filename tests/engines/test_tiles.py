@@ -10,15 +10,16 @@ import numba
 import numpy as np
 import pytest
 
-from engines.lattices import lattice, long_step, parameters
+from engines.lattices import lattice, long_step, settings
 from engines.test_twins import BOND, DEM_FLOOR, FAST, compare
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.explicit import tile_kernels
-from riftberg.engines.explicit.tiles import AT_ONCE, LANES, allocate_tiles, pack_bonds
+from riftberg.engines.explicit.tiles import LANES, allocate_tiles, pack_bonds
 from twins import stepping as twin
 from twins.elements import unpack
 
-P = parameters()
+SETTINGS = settings()
+P = SETTINGS.kernel_values()
 
 
 def broken(el: Any, bonds: Any, rows: Any) -> None:
@@ -28,9 +29,9 @@ def broken(el: Any, bonds: Any, rows: Any) -> None:
         np.subtract.at(el.bond_count, end[rows], 1)
 
 
-def assert_twin(el: Any, bonds: Any, p: Any = P) -> None:
+def assert_twin(el: Any, bonds: Any, p: Any = SETTINGS) -> None:
     """Take a long step of two sub-steps beside the twin."""
-    want, want_bonds, _, _ = twin.multiple_step(unpack(el), unpack(bonds), p, 40.0, 2)
+    want, want_bonds, _, _ = twin.multiple_step(unpack(el), unpack(bonds), p.kernel_values(), 40.0, 2)
     before, gone = bonds.copy(), bonds.status != 0
     long_step(el, bonds, p, 40.0, 2)
     compare(el, want, FAST, rtol=1e-11, floor=DEM_FLOOR)
@@ -76,8 +77,8 @@ def test_ice_of_one_thickness_but_for_one_element_equals_the_twin() -> None:
 
 def test_an_element_that_turned_far_equals_the_twin() -> None:
     """Large angles have the sine of all angles, in one tile with others that are small."""
-    p = parameters(bonds={"linear_bending": False})
-    el, bonds = lattice(3, p, columns=5, rows=4)
+    p = settings(bonds={"linear_bending": False})
+    el, bonds = lattice(3, p.kernel_values(), columns=5, rows=4)
     el.rotation[bonds.second[0]] += 2.5
     assert_twin(el, bonds, p)
 
@@ -90,7 +91,7 @@ def test_the_order_of_the_bonds_does_not_matter(seed: int) -> None:
     ends = []
     for each in (bonds, shuffled):
         moved = el.copy()
-        long_step(moved, each, P, 40.0, 2)
+        long_step(moved, each, SETTINGS, 40.0, 2)
         ends.append(moved)
     for name in FAST:
         one, other = getattr(ends[0], name), getattr(ends[1], name)
@@ -113,8 +114,8 @@ def test_a_berg_across_a_seam_is_stepped_as_elsewhere(west: float) -> None:
     there, bonds_there = el.copy(), bonds.copy()
     for lon in (there.lon, there.lon_pair):
         lon[:] = (lon - el.lon.min() + west + 180.0) % 360.0 - 180.0
-    long_step(el, bonds, P, 40.0, 2)
-    long_step(there, bonds_there, P, 40.0, 2)
+    long_step(el, bonds, SETTINGS, 40.0, 2)
+    long_step(there, bonds_there, SETTINGS, 40.0, 2)
     for name in ("u", "v", "spin", "ax_fast", "ay_fast"):
         size = np.abs(getattr(el, name)).max()
         np.testing.assert_allclose(getattr(there, name), getattr(el, name), rtol=0, atol=1e-7 * size, err_msg=name)
@@ -124,15 +125,15 @@ def test_a_berg_across_a_seam_is_stepped_as_elsewhere(west: float) -> None:
 def test_sub_steps_at_once_are_those_one_after_the_other() -> None:
     """To the last bit, with bonds that break in several of them, and contact from then on."""
     weak = {"enabled": True, "broken_as_contact": True, "normal_strength": 120e3, "shear_strength": 60e3}
-    p = parameters(stepping={"scheme": "mts"}, fracture=weak)
-    begin, whole = lattice(3, p, columns=40, rows=5, touching=False, speed=0.02, strain=1e-4)
+    p = settings(fracture=weak)
+    begin, whole = lattice(3, p.kernel_values(), columns=40, rows=5, touching=False, speed=0.02, strain=1e-4)
     early, late = whole.first < 2 * LANES, whole.first >= 4 * LANES
 
     def stepped(strength: np.ndarray, at_once: int, starting: bool = False) -> tuple[Any, Any]:
         el, bonds = begin.copy(), whole.copy()
         bonds.strength[:] = strength
-        report = long_step(el, bonds, p, 300.0, 15, starting=starting, may_break=True, at_once=at_once)
-        assert report.broken == np.isfinite(bonds.break_time).sum() == (bonds.status != 0).sum()
+        broken = long_step(el, bonds, p, 300.0, 15, starting=starting, may_break=True, at_once=at_once)
+        assert broken == np.isfinite(bonds.break_time).sum() == (bonds.status != 0).sum()
         return el, bonds
 
     # Bonds that alone, and this strong, break from the second sub-step to the sixth: at the end of a tile, next to which
@@ -155,7 +156,7 @@ def test_sub_steps_at_once_are_those_one_after_the_other() -> None:
             b, strength_of_one = soon[r.integers(len(soon))]
             strength[b], strength[r.choice(np.flatnonzero(late), 2)] = strength_of_one, 1e-3
         el, bonds = stepped(strength, 1, draw % 2 == 0)
-        for at_once in (3, AT_ONCE):
+        for at_once in (3, None):
             for one_by_one, together in zip((el, bonds), stepped(strength, at_once, draw % 2 == 0), strict=True):
                 for name, values in one_by_one.arrays().items():
                     np.testing.assert_array_equal(together.arrays()[name], values, err_msg=name)

@@ -13,10 +13,9 @@ from scipy.stats import qmc, sobol_indices
 from typer.testing import CliRunner
 
 import riftberg
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Fix, Forcing, Iceberg, Model, Observations, Parameters
 from riftberg.cli.inputs import summary_lines
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.sensitivity import Result, indices, select_results
 from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import InputError

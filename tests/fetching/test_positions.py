@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from riftberg import read_observed
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import find_sighting, read_berg, read_observed
+from riftberg.diagnostics.observed import find_sighting, read_berg
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments.yaml_file import build_berg, read_file
 from riftberg.fetching import fetch

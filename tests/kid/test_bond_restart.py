@@ -9,10 +9,10 @@ import netCDF4
 import numpy as np
 import pytest
 
+from riftberg import Grid
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.errors import BergError, InputError
 from riftberg.kid.restart import read_bonds, read_restart, split_id, write_bonds
-from riftberg.ocean.grid import Grid
 from riftberg.state import Bonds, Elements
 
 from .conftest import restart_variables, write_nc

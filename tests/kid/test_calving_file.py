@@ -8,10 +8,10 @@ import netCDF4
 import numpy as np
 import pytest
 
+from riftberg import Grid
 from riftberg.errors import InputError
 from riftberg.kid.restart import read_stores, write_stores
 from riftberg.life.calving import Stores
-from riftberg.ocean.grid import Grid
 
 
 def stores(means: bool) -> Stores:

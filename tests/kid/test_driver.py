@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from experiments.paper_files import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, WIND_FILE
+from riftberg import Grid
 from riftberg.errors import ForcingError, InputError, NamelistError
 from riftberg.kid import a68
 from riftberg.kid.driver import build_clock, build_grid, driver_forcing, uniform_fields
 from riftberg.kid.parameters import KidNamelist, read_namelist
 from riftberg.kid.run import apply_beam_test
-from riftberg.ocean.grid import Grid
 from riftberg.state import new_elements
 
 from .conftest import namelist_text

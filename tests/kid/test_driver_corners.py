@@ -10,12 +10,12 @@ import netCDF4
 import numpy as np
 import pytest
 
+from riftberg import Grid
 from riftberg.engines.common.stepper import update_fragments
 from riftberg.errors import BergError, InputError, NamelistError
 from riftberg.kid.a68 import HourlyFile
 from riftberg.kid.restart import write_stores
 from riftberg.life.calving import Stores
-from riftberg.ocean.grid import Grid
 
 from . import scenes
 from .test_mixed_options import DEM, DRIFT, PAIR, SINGLE, read, records, run

@@ -8,9 +8,13 @@ from pathlib import Path
 import pytest
 
 from riftberg.config.parameter_groups import NORTHERN_CLASSES, SOUTHERN_CLASSES, ClassTable
-from riftberg.kid.entries import DRIVER, GROUPS, ICEBERGS, Entry, convert, find_entry
+from riftberg.kid.entries import GROUPS, ICEBERGS, Entry, convert
+from riftberg.kid.parameters import read_namelist
 from scripts import ROOT
 
+from .conftest import namelist_text
+
+DRIVER = GROUPS["icebergs_driver_nml"]
 KID = ROOT / "src" / "riftberg" / "kid"
 HONOURED = "honoured"
 REFUSED = "refused"
@@ -79,12 +83,14 @@ def test_honoured_entries_are_read_somewhere() -> None:
             assert f'"{entry.name}"' in source, entry.name
 
 
-def test_lookup_ignores_case() -> None:
-    assert find_entry("icebergs_nml", "lOw_RATIO").name == "LoW_ratio"
+def test_lookup_ignores_case(tmp_path: Path) -> None:
+    (tmp_path / "input.nml").write_text(namelist_text({}, {"lOw_RATIO": 1.25}))
+    assert read_namelist(tmp_path / "input.nml").icebergs.number("LoW_ratio") == 1.25
 
 
 @pytest.mark.parametrize(("end", "classes"), [("", SOUTHERN_CLASSES), ("_n", NORTHERN_CLASSES)])
 def test_size_classes_of_own_runs_are_those_of_the_namelist(end: str, classes: ClassTable) -> None:
     names = ("initial_mass", "distribution", "mass_scaling", "initial_thickness")
-    table = [find_entry("icebergs_nml", f"{name}{end}").default for name in names]
+    default = {entry.name: entry.default for entry in ICEBERGS}
+    table = [default[f"{name}{end}"] for name in names]
     assert table == [classes.mass, classes.fraction, classes.scaling, classes.thickness]

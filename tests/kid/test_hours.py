@@ -9,11 +9,11 @@ import netCDF4
 import numpy as np
 import pytest
 
+from riftberg import Grid
 from riftberg.errors import ForcingError, InputError
 from riftberg.kid import a68
 from riftberg.kid.a68 import HourlyFile
 from riftberg.kid.ncfile import opened_dataset, unpacked
-from riftberg.ocean.grid import Grid
 
 NJ, NI, RECORDS = 6, 8, 60
 

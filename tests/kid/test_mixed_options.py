@@ -9,11 +9,10 @@ import netCDF4
 import numpy as np
 import pytest
 
-from riftberg import GriddedForcing, Iceberg, Model, Parameters
+from riftberg import Grid, GriddedForcing, Iceberg, Model, Parameters
 from riftberg.bergs.bonded import join
 from riftberg.errors import NamelistError
 from riftberg.kid.run import KidReport, run_kid
-from riftberg.ocean.grid import Grid
 
 from .conftest import fortran, namelist_text, restart_variables, write_nc
 

@@ -9,11 +9,10 @@ import netCDF4
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022_KID, Parameters
+from riftberg import A68A_2022_KID, Grid, Parameters
 from riftberg.errors import BergError, InputError
 from riftberg.kid.ncfile import checksum, opened_dataset
 from riftberg.kid.restart import join_id, new_identifiers, read_restart, split_id, write_restart
-from riftberg.ocean.grid import Grid
 
 from .conftest import restart_variables, write_nc
 

@@ -13,10 +13,9 @@ import pytest
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.errors import InputError, NamelistError
 from riftberg.kid import ncfile
-from riftberg.kid.ncfile import BlockWriter, Column
 from riftberg.kid.parameters import Clock, KidNamelist, read_namelist, to_parameters
 from riftberg.kid.restart import join_id
-from riftberg.kid.trajectories import FIELDS, BondRecorder, TrajectoryRecorder, recorded, trajectory_columns
+from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
 from riftberg.state import new_elements
 
 from .conftest import namelist_text
@@ -80,9 +79,13 @@ def test_values_and_stamps(tmp_path: Path) -> None:
     assert found["year"].tolist() == [1] * 9
     assert found["id_cnt"].tolist() == [1, 2, 3] * 3
     assert found["id_ij"].tolist() == [10, 20, 30] * 3
-    for name, field in FIELDS.items():
-        if name not in found:  # of footloose calving only
-            continue
+    renamed = {"uvel": "u", "vvel": "v", "uvel_prev": "u_sync", "vvel_prev": "v_sync", "ssh_x": "slope_x", "ssh_y": "slope_y",
+               "cn": "ice_fraction", "hi": "ice_thickness", "od": "depth", "ang_vel": "spin", "ang_accel": "spin_rate",
+               "rot": "rotation"}  # fmt: skip
+    renamed |= {f"{a}{x}n{fast}": f"{a}{x}{fast}" for a in "ab" for x in "xy" for fast in ("", "_fast")}
+    known = {name: renamed.get(name, name) for name in found if renamed.get(name, name) in model.elements.arrays()}
+    assert set(found) - set(known) == {"year", "day", "id_cnt", "id_ij", "halo_berg", "n_bonds"}
+    for name, field in known.items():
         np.testing.assert_array_equal(found[name][:3], getattr(model.elements, field), err_msg=name)
     assert not found["halo_berg"].any()
 
@@ -105,22 +108,22 @@ def test_every_step(tmp_path: Path) -> None:
     ],
 )
 def test_layouts(tmp_path: Path, icebergs: dict[str, Any], size: int, absent: str) -> None:
-    nml = namelist(tmp_path, **icebergs)
-    names = [c.name for c in trajectory_columns(nml.icebergs, to_parameters(nml))]
-    assert len(names) == len(set(names)) == size
+    names = list(run(TrajectoryRecorder, fake_model(tmp_path, **icebergs), tmp_path / "t.nc", steps=1))
+    assert len(names) == size
     assert absent not in names
 
 
 @pytest.mark.parametrize("name", ["collision_KID", "collision_iKID", "a68_story"])
-def test_names_and_attributes_are_those_of_the_reference(shared: Path, name: str) -> None:
+def test_names_and_attributes_are_those_of_the_reference(shared: Path, tmp_path: Path, name: str) -> None:
     case = shared / "reference" / name
     nml = read_namelist(case / "input.nml")
-    columns = {c.name: c for c in trajectory_columns(nml.icebergs, to_parameters(nml))}
-    with netCDF4.Dataset(case / "expected" / "trajectories.nc") as dataset:
-        for variable in dataset.variables.values():
-            column = columns[variable.name]
-            assert (column.long_name, column.units) == (variable.long_name, variable.units)
-            assert np.dtype(column.dtype) == variable.dtype
+    model = fake_model(tmp_path)
+    model.namelist, model.parameters = nml, to_parameters(nml)
+    run(TrajectoryRecorder, model, tmp_path / "t.nc", steps=1)
+    with netCDF4.Dataset(tmp_path / "t.nc") as ours, netCDF4.Dataset(case / "expected" / "trajectories.nc") as theirs:
+        for name, variable in theirs.variables.items():
+            assert (ours[name].long_name, ours[name].units) == (variable.long_name, variable.units)
+            assert ours[name].dtype == variable.dtype
 
 
 def test_bond_columns_are_those_of_the_reference(tmp_path: Path, shared: Path) -> None:
@@ -176,19 +179,46 @@ def test_single_step_schemes_look_around_after_the_move(tmp_path: Path) -> None:
 
 
 def test_selection_by_area_bonds_year_and_class(tmp_path: Path) -> None:
-    model = fake_model(tmp_path, traj_area_thres=0.2)
-    e, group = model.elements, model.namelist.icebergs
-    e.bond_count[:] = 1, 0, 0
-    e.mass[2] *= 2.0
-    assert recorded(model, group, 1).tolist() == [True, False, True]
-    late = namelist(tmp_path, traj_area_thres=0.2, save_all_traj_year=1.0).icebergs
-    assert recorded(model, late, 2).all()
-    assert not recorded(model, late, 1).all()
-    by_class = {"traj_area_thres": 0.2, "save_nonfl_traj_by_class": True}
-    light = namelist(tmp_path, save_traj_by_class_start_mass_thres_n=6.0, **by_class).icebergs
-    assert not recorded(model, light, 1).all()
-    heavy = namelist(tmp_path, save_traj_by_class_start_mass_thres_n=5.0, **by_class).icebergs
-    assert recorded(model, heavy, 1).all()
+    def chosen(year: int = 1, **icebergs: Any) -> list[int]:
+        """Return the elements that a step in a year records: the first is bonded, the third the largest."""
+        model = fake_model(tmp_path, traj_area_thres=0.2, traj_sample_hrs=-1.0, **icebergs)
+        model.elements.bond_count[:] = 1, 0, 0
+        model.elements.mass[2] *= 2.0
+        model.step_number = round((year - 1) * 360 * 48)
+        return (run(TrajectoryRecorder, model, tmp_path / "t.nc", steps=1)["id_cnt"] - 1).tolist()
+
+    assert chosen() == [0, 2]
+    assert chosen(2, save_all_traj_year=1.0) == [0, 1, 2]
+    assert chosen(1, save_all_traj_year=1.0) == [0, 2]
+    by_class = {"save_nonfl_traj_by_class": True}
+    assert chosen(save_traj_by_class_start_mass_thres_n=6.0, **by_class) == [0, 2]
+    assert chosen(save_traj_by_class_start_mass_thres_n=5.0, **by_class) == [0, 1, 2]
+
+
+def test_sampling_counts_from_the_month(tmp_path: Path) -> None:
+    """Quirk T23: 7 hours do not divide a month, so the rhythm starts anew."""
+    model = fake_model(tmp_path, size=1, traj_sample_hrs=7.0)
+    model.step_number = 29 * 24
+    found = run(TrajectoryRecorder, model, tmp_path / "t.nc", steps=72, dt=3600.0)["day"]
+    hours = np.round(24.0 * found).astype(int)
+    assert (np.diff(hours) != 7).any()
+    # Hours of the day of the month, which counts from 1; the year's day counts 31 days for every month.
+    assert ((24 * (hours // 24 % 31 + 1) + hours % 24) % 7 == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("dt", "hours", "first"),
+    [
+        (60.0, 1.0, [0, 3600, 7200]),
+        (100.0, 0.05, [0, 900, 1800]),
+        (1800.0, 1.0, [0, 3600, 7200]),
+        (7.0, -1.0, [0, 7, 14]),
+    ],
+)
+def test_sampling(tmp_path: Path, dt: float, hours: float, first: list[float]) -> None:
+    model = fake_model(tmp_path, size=1, traj_sample_hrs=hours)
+    starts = 86_400.0 * run(TrajectoryRecorder, model, tmp_path / "t.nc", steps=150, dt=dt)["day"]
+    assert starts[:3] == pytest.approx(first, abs=1e-6)
 
 
 @pytest.mark.parametrize("hours", [0.0, -2.0])
@@ -202,18 +232,26 @@ def test_debug_write_samples_at_the_writing_interval(tmp_path: Path) -> None:
     assert len(run(TrajectoryRecorder, model, tmp_path / "t.nc", steps=8)["day"]) == 6
 
 
+def lengths(writer: Any, model: Any, path: Path, steps: int) -> list[int]:
+    """Return how many records a copy of the file has after each step, then the file itself."""
+    found = []
+    writer.start(model)
+    for _ in range(steps):
+        model.step_number += 1
+        writer.record(model)
+        (path.parent / "copy.nc").write_bytes(path.read_bytes())
+        with netCDF4.Dataset(path.parent / "copy.nc") as dataset:
+            found.append(len(dataset["lon"]))
+    writer.finish(model)
+    with netCDF4.Dataset(path) as dataset:
+        return [*found, len(dataset["lon"])]
+
+
 def test_an_interrupted_run_keeps_its_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ncfile, "BLOCK_RECORDS", 4)
-    writer = BlockWriter(tmp_path / "b.nc", [Column("lon", "f8", "longitude", "degrees_E")])
-    for k in range(3):
-        writer.append({"lon": np.full(2, float(k))})
-    copy = tmp_path / "copy.nc"
-    copy.write_bytes((tmp_path / "b.nc").read_bytes())
-    with netCDF4.Dataset(copy) as dataset:
-        assert dataset["lon"][:].tolist() == [0.0, 0.0, 1.0, 1.0]
-    writer.close()
-    with netCDF4.Dataset(tmp_path / "b.nc") as dataset:
-        assert len(dataset["lon"]) == 6
+    model = fake_model(tmp_path, size=2, traj_sample_hrs=-1.0)
+    writer = recorder(TrajectoryRecorder, model, tmp_path / "b.nc")
+    assert lengths(writer, model, tmp_path / "b.nc", 3) == [0, 4, 4, 6]
 
 
 def test_writing_interval_brings_records_to_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -232,8 +270,9 @@ def test_writing_interval_brings_records_to_the_disk(tmp_path: Path, monkeypatch
 
 
 def test_unwritable_output(tmp_path: Path) -> None:
+    model = fake_model(tmp_path)
     with pytest.raises(InputError, match="cannot be written"):
-        BlockWriter(tmp_path / "no" / "folder.nc", [Column("lon", "f8", "longitude", "degrees_E")])
+        recorder(TrajectoryRecorder, model, tmp_path / "no" / "folder.nc").start(model)
 
 
 def test_values_are_copied_when_recorded(tmp_path: Path) -> None:
@@ -252,14 +291,6 @@ def test_values_are_copied_when_recorded(tmp_path: Path) -> None:
 def test_a_file_is_not_copied_for_each_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each write begins with a copy of the file: 18 days of A68a copied seven gigabytes."""
     monkeypatch.setattr(ncfile, "PATIENCE", 1e9)
-    writer = BlockWriter(tmp_path / "b.nc", [Column("lon", "f8", "longitude", "degrees_E")])
-    lengths = []
-    for _ in range(3):
-        writer.append({"lon": np.zeros(2)})
-        writer.flush()
-        with netCDF4.Dataset(tmp_path / "b.nc") as dataset:
-            lengths.append(len(dataset["lon"]))
-    writer.close()
-    assert lengths == [2, 2, 2]
-    with netCDF4.Dataset(tmp_path / "b.nc") as dataset:
-        assert len(dataset["lon"]) == 6
+    model = fake_model(tmp_path, size=2, traj_sample_hrs=-1.0, traj_write_hrs=0.5)
+    writer = recorder(TrajectoryRecorder, model, tmp_path / "b.nc")
+    assert lengths(writer, model, tmp_path / "b.nc", 3) == [2, 2, 2, 6]

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters, draw_map, open_run
+from riftberg import Forcing, Iceberg, Model, Parameters, draw_map, draw_reasons, explain, open_run
 from riftberg.diagnostics.summary import melt_by_fragment, melt_lines, summarize
-from riftberg.diagnostics.why import explain, reason_lines
+from riftberg.diagnostics.why import reason_lines
 from riftberg.life.ledger import read_melt
 from riftberg.viz.replay import write_replay
-from riftberg.viz.score import draw_reasons
 
 PROCESSES = ("base", "sides", "waves", "bergy_bits", "footloose_bits", "footloose_bergy_bits")
 

@@ -20,8 +20,7 @@ from products.probe import at_points
 from products.test_models import CENTRE, roms
 from products.test_odd_files import AIR, plain, refused, truth, written
 from products.test_odd_files import elements as around
-from riftberg import DatasetForcing, open_product
-from riftberg.diagnostics.observed import read_observed
+from riftberg import DatasetForcing, open_product, read_observed
 from riftberg.errors import ForcingError, InputError
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files

@@ -109,7 +109,7 @@ def test_the_command_line_writes_it_out_where_no_shell_did(home: Path) -> None:
 
 
 def test_where_a_shell_is_needed_the_error_says_so(home: Path) -> None:
-    from riftberg.diagnostics.observed import read_observed
+    from riftberg import read_observed
 
     with pytest.raises(RiftbergError, match="home folder"):
         read_observed("~/seen.csv")

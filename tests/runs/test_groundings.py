@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 
 from contract import FORCES
 from fakes import FakeForcing, FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters, open_run
+from riftberg import Forcing, Iceberg, Model, Parameters, explain, open_run
 from riftberg.cli.main import app
 from riftberg.cli.run import short_summary
 from riftberg.constants import GRAVITY
 from riftberg.diagnostics.summary import summarize
-from riftberg.diagnostics.why import explain, reason_lines
+from riftberg.diagnostics.why import reason_lines
 from riftberg.engines.common.forces.media import on_the_floor
 from riftberg.engines.common.fragments.grounding_log import GroundingEvent, GroundingLog, mass_on_floor
 from riftberg.runs.groundings import list_stays, title_lines

@@ -13,10 +13,8 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import Model, Options, build, open_run, read_opendrift, write_opendrift
+from riftberg import Model, Options, build, open_run, read_observed, read_opendrift, score_run, write_opendrift
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import read_observed
-from riftberg.diagnostics.score import score_run
 from riftberg.errors import ForcingError, InputError
 
 HOURS = 13

@@ -12,15 +12,14 @@ from hypothesis import strategies as st
 
 from engines.test_elastic_cells import dense_matrix
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.engines.common.crack_tips import TIP_NAMES
-from riftberg.engines.quasi_static.lattice.equilibrium import elastic_energy
 from riftberg.engines.quasi_static.lattice.triangles import (
     ClosingFaces,
     find_gap_shares,
     find_open_edges,
     find_triangles,
 )
-from verification.test_crack_lines import QUICK, RADIUS, SPACING, THICKNESS, Plate
+from verification.plates import RADIUS, SPACING, THICKNESS, Plate
+from verification.test_crack_lines import QUICK
 
 LENGTH, WIDTH = 36e3, 12e3
 
@@ -45,11 +44,17 @@ def bent(plate: Plate, sign: float) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros(plate.el.size), sign * plate.el.mass * np.cos(2.0 * np.pi * plate.x / LENGTH)
 
 
+def stored_energy(plate: Plate) -> float:
+    """Energy (J) under the same loads by the factors as they are corrected."""
+    load = plate.memory.state.load
+    return 0.5 * float((plate.now.displacements(load) * load).sum())
+
+
 def energy(plate: Plate, load) -> tuple[float, np.ndarray]:
     """Stored energy (J), and which faces are closed."""
     moment = plate.under(*load)
     faces = plate.now.cells.faces.closed(plate.now.cells.displacements(moment.displacement))
-    return elastic_energy(moment.displacement, moment.load), faces
+    return 0.5 * float((moment.displacement * moment.load).sum()), faces
 
 
 @pytest.mark.parametrize(("packing", "angle"), QUICK)
@@ -93,7 +98,7 @@ def test_closing_is_nearer_to_whole_with_smaller_rims(packing, angle) -> None:
     across = (cracked.x[b.first] - 0.21 * SPACING) * (cracked.x[b.second] - 0.21 * SPACING) < 0.0
     inside = abs(0.5 * (cracked.y[b.first] + cracked.y[b.second])) < 3.0 * SPACING
     b.status[across & inside] = 1
-    cracked.now = cracked._factored()
+    cracked.refresh()
     assert energy(cracked, pulled(cracked, -1.0))[0] / energy(whole, pulled(whole, -1.0))[0] == pytest.approx(
         1.0, abs=0.005
     )
@@ -104,7 +109,7 @@ def broken_at_random(seed: int, packing: str) -> Plate:
     plate = bar(packing, 15.0, depth=0.0)
     rng = np.random.default_rng(seed)
     plate.bonds.status[rng.random(plate.bonds.first.size) < 0.15] = 1
-    plate.now = plate._factored()
+    plate.refresh()
     return plate
 
 
@@ -116,7 +121,7 @@ def test_open_faces_gape_and_closed_ones_press(seed, packing) -> None:
     plate, rng = broken_at_random(seed, packing), np.random.default_rng(50 + seed)
     load = plate.el.mass * rng.normal(size=plate.el.size), plate.el.mass * rng.normal(size=plate.el.size)
     moment = plate.under(*load)
-    cells, solver = plate.now.cells, plate.now.solver
+    cells = plate.now.cells
     faces, moved = cells.faces, cells.displacements(moment.displacement)
     closed = faces.closed(moved)
     assert 0 < closed.sum() < closed.size
@@ -132,7 +137,7 @@ def test_open_faces_gape_and_closed_ones_press(seed, packing) -> None:
     # Loads twice as large move all twice as far.
     twice = plate.under(2.0 * load[0], 2.0 * load[1])
     np.testing.assert_allclose(twice.displacement, 2.0 * moment.displacement, rtol=1e-7, atol=1e-9 * size)
-    assert solver.update_rank == 0
+    assert plate.now.update_rank == 0
 
 
 @pytest.mark.quick(1)
@@ -144,9 +149,8 @@ def test_a_break_never_stores_energy(packing) -> None:
     before, _ = energy(plate, load)
     assert before > 0.0
     for bond in rng.permutation(plate.now.intact)[:12]:
-        plate.now.solver.downdate(int(bond))
-        plate.now = plate.now._replace(intact=plate.now.intact[plate.now.intact != bond])
-        corrected, _ = energy(plate, load)
+        plate.now.remove(int(bond))
+        corrected = stored_energy(plate)
         plate.without(int(bond))
         fresh, _ = energy(plate, load)
         assert corrected == pytest.approx(fresh, rel=1e-9)
@@ -254,7 +258,7 @@ def uneven(packing: str, angle: float, *, depth: float) -> Plate:
     """The bar with ice of 200 m in its western half and of 300 m in its eastern one."""
     plate = bar(packing, angle, depth=depth)
     plate.el.thickness[plate.x > 0.21 * SPACING] = 300.0
-    plate.now = plate._factored()
+    plate.refresh()
     return plate
 
 
@@ -297,7 +301,7 @@ def stored(model: Model) -> tuple[float, np.ndarray]:
     """Elastic energy (J) at the end of the last step, and which faces are closed."""
     state, cells = model._stepper.memory.state, model._stepper.memory.lattice.cells
     moved = state.bodies.displacement
-    return elastic_energy(moved, state.load), cells.faces.closed(cells.displacements(moved))
+    return 0.5 * float((moved * state.load).sum()), cells.faces.closed(cells.displacements(moved))
 
 
 @pytest.mark.slow
@@ -355,5 +359,5 @@ def assert_same_state(run: Model, again: Model) -> None:
     for name in ("normal_stress", "shear_stress", "bond_length", "status", "crack", "crack_order", "crack_part"):
         np.testing.assert_array_equal(getattr(run.bonds, name), getattr(again.bonds, name))
     before, after = run._stepper.state_dict(), again._stepper.state_dict()
-    for name in TIP_NAMES:
+    for name in (name for name in {*before, *after} if name.startswith("crack_tip")):
         np.testing.assert_array_equal(before.get(name), after.get(name))

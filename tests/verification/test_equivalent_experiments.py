@@ -19,8 +19,7 @@ import xarray as xr
 import yaml
 from scipy.spatial import cKDTree
 
-from riftberg import Model
-from riftberg.experiments import build
+from riftberg import Model, build
 
 DEGREE = 111e3
 """Metres of a degree, near enough to lay bergs out."""

@@ -384,6 +384,32 @@ def test_a_berg_that_another_pushes_harder_than_the_floor_can_hold_goes_on_with_
     assert ledger.rubbed == pytest.approx(hold * 0.5 * speed * 7200.0, rel=0.03)
 
 
+@pytest.mark.parametrize("dt", [600.0, 1800.0])
+def test_a_berg_that_another_pushes_up_a_slope_has_the_friction_of_its_load_at_the_end_of_each_step(dt: float) -> None:
+    """Bug: friction was that of the hold at the start of a step, and loads that jumped at its end broke ice there.
+
+    It stops where friction holds both, whatever the step.
+    """
+    shape: dict[str, Any] = {"radius": 1000.0, "density": 850.0, "latlon": False}
+    both = [Iceberg.rectangle(8e3, 6e3, thickness=248.0 + 2.0 * n, placement=(8e3 * n, 0.0), **shape) for n in range(2)]
+    parameters = Parameters(
+        ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
+        grounding={"law": "seabed", "bending": False, "sediment": "rock"}, fracture={"enabled": False},
+        stepping={"time_step": dt, "only_interactions": True},
+    )  # fmt: skip
+    floor = Forcing.slope((8e3, 0.0), 90.0, -1e-4, DRAFT - 0.3, (1.0, 5000.0), latlon=False, latitude=0.0)
+    model = Model(Iceberg.join(both), floor, parameters)
+    el = model.elements
+    el.load_x[:12] = 2.0 * 0.5 * WATER_STIFFNESS * 48e6 * 0.3 / 12.0
+    slid = 0
+    while np.abs(el.u).max() > 0.1 or not slid:
+        model.step()
+        keel, slides = el.keel, (el.u > 0.1) & (el.keel.floor_load > 0.0)
+        np.testing.assert_allclose(np.hypot(keel.anchor_x, keel.anchor_y)[slides], keel.floor_hold[slides], rtol=1e-6)
+        slid += int(slides.sum())
+    assert el.lon[12:].mean() - 8e3 == pytest.approx(6.48e3, rel=0.015)
+
+
 @pytest.mark.slow
 def test_tide_floats_it_off_when_the_level_says() -> None:
     level = Forcing.tide(0.0, level=0.5, **PLANE) + Forcing.tide(

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Options, Parameters
 from riftberg.errors import InputError, RunError
-from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
 from scripts import loaded
 from verification.setups import RADIUS, lattice, parameters, turn

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from riftberg import A68A_2022, Forcing, Iceberg, Model
-from riftberg.parameters import A68A_2022_MTS
+from riftberg import A68A_2022, A68A_2022_MTS, Forcing, Iceberg, Model
 
 RADIUS = A68A_2022.earth.radius
 TURN = -math.radians(12.0) / 86400.0

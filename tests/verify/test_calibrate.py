@@ -13,22 +13,17 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import riftberg
-from riftberg import Forcing, Iceberg, Model, Parameters, sweep
+from riftberg import Errors, Fix, Forcing, Iceberg, Model, Observations, Outline, Parameters, sweep
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import Fix, Observations
-from riftberg.diagnostics.outlines import Outline
 from riftberg.ensembles.sweep import run_sweep
 from riftberg.errors import InputError
 from riftberg.parameters import PUBLISHED_DRAG
 from riftberg.verification import calibrate as module
 from riftberg.verification.calibrate import (
-    Errors,
     collect_observations,
     compute_results,
     is_known,
     make_targets,
-    margin_until,
-    second_margin,
 )
 
 START = datetime(2020, 12, 9)
@@ -76,15 +71,13 @@ def test_the_margin_to_the_second_break_up_goes_on_beyond_it_by_the_days_since()
     twice = np.array(["NaT", "NaT", "2020-12-10T00:00", "2020-12-10T23:00"], "datetime64[ns]")
     ds["second_breakup"] = "member", twice
     day = START + timedelta(days=2)
-    margin = second_margin(ds, day)
-    assert margin == pytest.approx([0.05 * 0.5, 0.5, 2.0, 1.0 + 1 / 24])
     seen = collect_observations(None, START, 2.0, second_break=day, broken=START + timedelta(days=1))
     assert [name[:20] for name in make_targets(seen, Errors()).names] == [
         "broken by 2020-12-10",
         "second break by 2020",
     ]
     found = compute_results(ds, seen)
-    assert found[:, 1] == pytest.approx(np.log(margin))
+    assert np.exp(found[:, 1]) == pytest.approx([0.05 * 0.5, 0.5, 2.0, 1.0 + 1 / 24])
     assert make_targets(seen, Errors()).misfit(found)[:, 1].tolist()[2:] == [0.0, 0.0]
     once = collect_observations(None, START, 2.0, one_break_until=day)
     assert make_targets(once, Errors()).misfit(compute_results(ds, once))[:, 0].argmax() == 2
@@ -117,9 +110,13 @@ def test_the_margin_of_a_berg_that_broke_is_that_of_ice_that_holds() -> None:
     firm = members([[0, 9, 9], [0, 0.05, 0.08], [0, 0.1, 0.1]], [np.nan] * 3, np.zeros(3))  # 20 times as strong
     factor = np.array([1.0, 20.0, 20.0])
     day = START + timedelta(days=1)
-    assert margin_until(ds, day, firm, factor) == pytest.approx([0.4, 0.9, 2.0])
-    assert margin_until(ds, day + timedelta(days=1), firm, factor) == pytest.approx([0.7, 1.6, 2.0])
-    assert margin_until(ds, day) == pytest.approx([0.4, 0.9, 1.0])
+
+    def margins(when: datetime, *ice: Any) -> Any:
+        return np.exp(compute_results(ds, collect_observations(None, START, 2.0, broken=when), *ice)[:, 0])
+
+    assert margins(day, firm, factor) == pytest.approx([0.4, 0.9, 2.0])
+    assert margins(day + timedelta(days=1), firm, factor) == pytest.approx([0.7, 1.6, 2.0])
+    assert margins(day) == pytest.approx([0.4, 0.9, 1.0])
 
 
 def test_few_members_make_nothing_known_by_chance() -> None:

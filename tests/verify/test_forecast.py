@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -12,23 +13,19 @@ import numpy as np
 import pytest
 import shapely
 import xarray as xr
+from scipy import stats
 from shapely.affinity import rotate
 from typer.testing import CliRunner
 
 from ensembles.made import forecast_of, outcome
-from fakes import FakeModel
-from riftberg import Forcing, Iceberg, Model, Parameters, sweep
+from riftberg import Fix, Forcing, Iceberg, Model, Observations, Outline, Parameters, read_observed, sweep
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import Fix, Observations, read_observed
-from riftberg.diagnostics.outlines import Outline, intersection_over_union
 from riftberg.ensembles.result import write_sweep
 from riftberg.errors import InputError
-from riftberg.runs.run_file import RunWriter
 from riftberg.verification.forecast import report, verified
-from riftberg.verification.scores import local, moved
-from riftberg.verification.sightings import Sighting, member_outlines, read_first_outline, read_pieces, select_sightings
-from riftberg.verification.tracks import Case, Start, dressed_without
+from riftberg.verification.sightings import read_pieces
 
+from .sphere import displace
 from .test_calibrate import eddied
 
 START = datetime(2020, 12, 9, 13)
@@ -40,7 +37,7 @@ def ensemble(seed: int, members: int = 30, days: int = 7, spread: float = 5.0) -
     random = np.random.default_rng(seed)
     time = np.arange(0, 24 * days + 1, 6) / 24.0
     velocity = np.array([SPEED, 0.0]) + random.normal(0.0, spread, (members, 2))
-    lon, lat = moved(-40.0, -56.0, velocity[:, :1] * time, velocity[:, 1:] * time)
+    lon, lat = displace(-40.0, -56.0, velocity[:, :1] * time, velocity[:, 1:] * time)
     dims = ("member", "fragment", "time")
     broken = np.where(
         np.arange(members) % 2 == 0, np.datetime64(START, "ns") + np.timedelta64(60, "h"), np.datetime64("NaT")
@@ -65,7 +62,7 @@ def observe(
         table.writerow(["berg", "date", "lon", "lat"])
         for day in range(-3, days + 1):
             east, north = (velocity if day > 0 else np.array([SPEED, 0.0])) * day + random.normal(0.0, 1.0, 2) * noise
-            lon, lat = moved(-40.0, -56.0, np.array(east), np.array(north))
+            lon, lat = displace(-40.0, -56.0, np.array(east), np.array(north))
             table.writerow([name, (START + timedelta(days=day)).isoformat(), float(lon), float(lat)])
     return path
 
@@ -156,12 +153,59 @@ def test_members_count_by_their_weights_and_failed_ones_not(tmp_path: Path) -> N
     assert (found.members, found.failed, len(found.points[4][0].members)) == (20, 10, 20)
 
 
-def test_the_skill_of_liu_and_weisberg_is_that_of_the_track(tmp_path: Path) -> None:
-    path = observe(tmp_path / "seen.csv", 1, 0.0)
-    found = verified(ensemble(1, spread=1e-6), read_observed(path))
-    assert found.liu_weisberg["mean of the members"] == pytest.approx(1.0, abs=1e-3)
-    still = verified(ensemble(1, spread=3.0), read_observed(path))
-    assert still.liu_weisberg["median of the members"] < found.liu_weisberg["median of the members"]
+def track(path: Path, ways: list[float]) -> Observations:
+    """Return daily positions of a berg that goes so many km eastward from one day to the next."""
+    rows = [displace(-40.0, -56.0, way, 0.0) for way in np.cumsum(ways)]
+    lines = [f"{(START + timedelta(days=k + 1)).isoformat()},{lon},{lat}" for k, (lon, lat) in enumerate(rows)]
+    path.write_text("\n".join(["date,lon,lat", *lines]))
+    return read_observed(path)
+
+
+@pytest.mark.parametrize(
+    ("ways", "skill"),
+    [
+        # Ways so far 10, 20, 30; members 12 km a day on are 2, 4 and 6 km off.
+        ([10.0, 10.0, 10.0], 1.0 - 12.0 / 60.0),
+        ([12.0, 12.0], 1.0),
+        ([-10.0, -10.0], 0.0),  # 22 and 44 km off, after 10 and 20 km
+        ([0.0, 0.0], 0.0),  # the berg stays, and the members do not
+    ],
+)
+def test_the_skill_of_liu_and_weisberg_by_hand(ways: list[float], skill: float, tmp_path: Path) -> None:
+    found = verified(ensemble(1, spread=1e-9), track(tmp_path / "seen.csv", ways)).liu_weisberg
+    assert found == pytest.approx({"mean of the members": skill, "median of the members": skill}, abs=1e-3)
+
+
+def test_the_score_of_a_break_up_is_brier_s_less_what_few_members_add(tmp_path: Path) -> None:
+    """Half of thirty members broke: 0.25, less 0.25 / 29."""
+    found = verified(ensemble(1), track(tmp_path / "seen.csv", [12.0] * 7), broken=START + timedelta(days=4))
+    days = report([found], 0.0)["forecasts"][0]["broken"]
+    assert [day["fair_brier"] for day in days[2:]] == pytest.approx([0.25 - 0.25 / 29.0] * 5)
+    late = verified(ensemble(1), track(tmp_path / "seen.csv", [12.0] * 7), broken=START + timedelta(days=1))
+    assert report([late], 0.0)["forecasts"][0]["broken"][0]["fair_brier"] == 1.0
+
+
+def test_reliability_shows_what_was_given_and_what_occurred(tmp_path: Path) -> None:
+    """Days on which some of a hundred members had broken, and the berg as often as that, or every other day."""
+    found, random = verified(ensemble(1), track(tmp_path / "seen.csv", [12.0])), np.random.default_rng(4)
+    broken = random.integers(0, 101, 8000)
+    chance = random.random(broken.size)
+    members = np.tril(np.ones((101, 100)), -1)  # so many of a hundred
+
+    def bins(occurred: Any) -> list[dict[str, Any]]:
+        days = {
+            day: (members[count], bool(over)) for day, (count, over) in enumerate(zip(broken, occurred, strict=True))
+        }
+        return report([replace(found, broken=days)], 0.0)["reliability"]
+
+    honest = bins(chance < broken / 100.0)
+    assert [b["cases"] > 1200 for b in honest] == [True] * 5
+    assert all(abs(b["forecast"] - b["observed"]) < 0.03 for b in honest)
+    bold = bins(chance < 0.5)
+    assert bold[0]["observed"] > 0.4 > 0.2 > bold[0]["forecast"]
+    assert bold[0]["interval"][0] < bold[0]["observed"] < bold[0]["interval"][1]
+    (one,) = report([replace(found, broken={1: (np.ones(2), True)})], 0.0)["reliability"]
+    assert one["interval"][0] == pytest.approx(1 / (1 + stats.norm.ppf(0.95) ** 2))
 
 
 def said(*words: object) -> str:
@@ -255,7 +299,7 @@ def with_cones(ds: xr.Dataset, sigma: float) -> xr.Dataset:
     """Return an ensemble with ellipses around the mean track: so many km a day long, half as wide, across the motion."""
     days = (ds["time"].values - ds["time"].values[0]) / np.timedelta64(1, "D")
     factor = np.sqrt(-2.0 * np.log(1.0 - np.array([0.5, 0.9])))[:, None]
-    lon, lat = moved(-40.0, -56.0, SPEED * days, 0.0 * days)
+    lon, lat = displace(-40.0, -56.0, SPEED * days, 0.0 * days)
     return ds.assign_coords(cone=[0.5, 0.9]).assign(
         cone_lon=("time", lon), cone_lat=("time", lat), cone_azimuth=("time", np.zeros(days.size)),
         cone_major=(("cone", "time"), factor * 1e3 * sigma * days), cone_minor=(("cone", "time"), factor * 500.0 * sigma * days),
@@ -266,7 +310,7 @@ def test_coverage_of_the_forecast_s_own_ellipses(tmp_path: Path) -> None:
     """What was seen 20 km north of the middle is 2 sigma away after two days where the ellipse points north."""
     path = tmp_path / "seen.csv"
     for axis, inside in (((0.0, 20.0), True), ((20.0, 0.0), False)):
-        lon, lat = moved(-40.0, -56.0, np.array(2 * SPEED + axis[0]), np.array(axis[1]))
+        lon, lat = displace(-40.0, -56.0, np.array(2 * SPEED + axis[0]), np.array(axis[1]))
         path.write_text(f"date,lon,lat\n2020-12-11T13:00,{float(lon)},{float(lat)}\n")
         found = verified(with_cones(ensemble(1), 5.0), read_observed(path))
         offset, covariance = found.own_areas[2][0]
@@ -291,17 +335,18 @@ def test_unequal_weights_count_by_their_effective_number(tmp_path: Path) -> None
     assert few > 1.5 * many
 
 
-def test_the_family_of_the_berg_trains_no_baseline() -> None:
-    def case(berg: str, east: float) -> Case:
-        before = {START - timedelta(days=3): (-40.0, -56.0)}
-        lon, lat = moved(-40.0, -56.0, np.array(east), np.array(0.0))
-        return Case(Start(berg, START, -40.5, -56.0, before), {1: (float(lon), float(lat))})
+@pytest.mark.parametrize(("berg", "error"), [("A68a", 2.0), ("A-68D", 2.0), ("A68", 2.0), ("B22A", 38.0)])
+def test_the_family_of_the_berg_trains_no_baseline(berg: str, error: float, tmp_path: Path) -> None:
+    """A68a and its pieces went 50 km a day, B22A 10, the berg 12; staying put has the errors of other families."""
+    from verify.test_tracks import write_track
 
-    cases = [case("A68A", 500.0), case("A68", 500.0), case("A68D", 500.0), case("B22A", 10.0)]
-    for name in ("A68a", "A-68D", "A68"):
-        errors = dressed_without(cases, name)["staying put"].errors[1]
-        assert len(errors) == 1
-    assert len(dressed_without(cases, "B22A")["staying put"].errors[1]) == 3
+    for name, speed in (("a68a", 50.0), ("a68", 50.0), ("a68d", 50.0), ("b22a", 10.0)):
+        write_track(tmp_path / "tracks", name, [displace(-40.0, -56.0, speed * day, 0.0) for day in range(5)])
+    write_sweep(ensemble(1), tmp_path / "sweep.nc")
+    seen = observe(tmp_path / "seen.csv", 1, 0.0, name=berg)
+    text = said(tmp_path / "sweep.nc", seen, "--tracks", tmp_path / "tracks", "--json", "--no-figure")
+    still = json.loads(text.partition("\nWritten")[0])["baselines"]["staying put, dressed"]
+    assert still[0]["error_of_mean_km"] == pytest.approx(error, abs=0.5)
 
 
 RECTANGLE = shapely.box(-40.0, -10.0, 40.0, 10.0)  # km; its long axis lies east and west
@@ -318,7 +363,7 @@ def turning(ds: xr.Dataset, degrees: float) -> xr.Dataset:
 def test_outlines_of_members_are_turned_and_moved_like_them(tmp_path: Path) -> None:
     """The truth is a rectangle that turned by 150 degrees in five days while it drifted 60 km east; the members do the same."""
     ring = np.array(rotate(RECTANGLE, -150.0).exterior.coords)
-    lon, lat = moved(*map(float, moved(-40.0, -56.0, np.array(60.0), np.array(0.0))), ring[:, 0], ring[:, 1])
+    lon, lat = displace(*displace(-40.0, -56.0, 60.0, 0.0), ring[:, 0], ring[:, 1])
     when = START + timedelta(days=5)
     seen = Observations("seen", outlines=[Outline("A01", when, False, np.column_stack([lon, lat])[:-1])])
     exact = turning(ensemble(1, spread=1e-9), 30.0)
@@ -341,22 +386,41 @@ def test_outlines_of_members_are_turned_and_moved_like_them(tmp_path: Path) -> N
     assert "overlap" not in report([verified(exact, seen)], 0.0)["with_error"][0]
 
 
-def test_the_outline_of_a_run_is_that_of_its_ice(tmp_path: Path) -> None:
-    FakeModel(8, 3, turn_per_day=0.0).advance(0.25, recorders=[RunWriter(tmp_path / "run.nc", every_hours=6)])
-    assert read_first_outline(tmp_path / "run.nc").symmetric_difference(shapely.box(-12.0, -4.5, 12.0, 4.5)).area < 1.5
+def test_the_outline_of_the_berg_at_the_start_is_that_of_the_ice_of_the_control(tmp_path: Path) -> None:
+    """An L of 24 by 9 km, which members carry eastward and an image shows after five days; its mirror image is another."""
+    corners = np.array([[-12.0, -4.5], [12.0, -4.5], [12.0, -1.5], [0.0, -1.5], [0.0, 4.5], [-12.0, 4.5]])
+    corners -= np.array(shapely.Polygon(corners).centroid.coords)
+    berg = Iceberg.from_outline(np.column_stack(displace(-40.0, -56.0, *corners.T)), thickness=200.0, radius=750.0)
+    Model(berg, Forcing.uniform(), start=START.isoformat()).run(steps=1, output=tmp_path / "control.nc")
+    azimuth = 101.4  # of the long axis of the L
+    ds = turning(ensemble(1, spread=1e-9), 0.0)
+    write_sweep(ds.assign(azimuth=0.0 * ds["area"] + azimuth, area=0.0 * ds["area"] + 144e6), tmp_path / "sweep.nc")
+    for sides, least, most in (((1.0, 1.0), 0.98, 1.0), ((1.0, -1.0), 0.3, 0.6)):
+        ring = np.column_stack(displace(*displace(-40.0, -56.0, 5 * SPEED, 0.0), *(corners * sides).T)).tolist()
+        image = {"type": "Feature", "properties": {"date": (START + timedelta(days=5)).isoformat()},
+                 "geometry": {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}}  # fmt: skip
+        (tmp_path / "seen.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [image]}))
+        text = said(tmp_path, tmp_path / "seen.geojson", "--error", 0, "--json", "--no-figure")
+        (row,) = json.loads(text.partition("\nWritten")[0])["with_error"]
+        assert least < row["overlap"] < most
 
 
-def test_of_several_pieces_the_largest_counts_with_its_axis() -> None:
-    def ring(east: float, north: float, long: float, wide: float) -> Outline:
-        x, y = np.array([-long, long, long, -long]) + east, np.array([-wide, -wide, wide, wide]) + north
-        return Outline("A01", START, True, np.column_stack(moved(-40.0, -56.0, x, y)))
+def outlined(*rings: tuple[float, float, float, float], at: datetime = START, day_only: bool = True) -> list[Outline]:
+    """Return boxes about places km east and north of the start, with half their length and half their width (km)."""
+    corners = [(np.array([-a, a, a, -a]) + east, np.array([-b, -b, b, b]) + north) for east, north, a, b in rings]
+    return [Outline("A01", at, day_only, np.column_stack(displace(-40.0, -56.0, x, y))) for x, y in corners]
 
-    observed = Observations("s", outlines=[ring(0, 0, 30, 3), ring(50, 0, 2, 9), ring(0, 40, 5, 20)],
-                            fixes=[Fix("A01", START, True, -41.0, -57.0, 33.0)])  # fmt: skip
-    name, (seen,) = select_sightings(observed, None, START, 6.0)
-    assert (name, seen.when) == ("A01", START + timedelta(hours=6))
-    assert local(-40.0, -56.0, seen.lon, seen.lat) == pytest.approx((0.0, 40.0), abs=0.05)  # 400, not 360 or 72 km2
-    assert abs((seen.azimuth + 90.0) % 180.0 - 90.0) < 0.5
+
+def test_of_several_pieces_the_largest_counts() -> None:
+    """400 km2, not 360 or 72, at six in the morning; a position of that moment counts no more."""
+    day = datetime(2020, 12, 11)
+    observed = Observations("s", outlines=outlined((0, 0, 30, 3), (50, 0, 2, 9), (0, 40, 5, 20), at=day),
+                            fixes=[Fix("A01", day, True, -41.0, -57.0, 33.0)])  # fmt: skip
+    found = verified(ensemble(1, spread=1e-9), observed, hour=6.0)
+    (point,) = found.points[2]
+    assert (found.name, len(found.points)) == ("A01", 1)
+    assert point.observed == pytest.approx((0.0, 40.0), abs=0.05)
+    assert point.members == pytest.approx(np.full((30, 2), (SPEED * 41.0 / 24.0, 0.0)), abs=0.05)
 
 
 def drifter(east: float = 0.2, eddy: float = 0.5, spacing: float = 3000.0, step: float = 1800.0) -> Model:
@@ -367,24 +431,31 @@ def drifter(east: float = 0.2, eddy: float = 0.5, spacing: float = 3000.0, step:
 
 
 def test_outlines_of_members_that_broke_up() -> None:
-    """A bar of 30 by 10 km loses its eastern third after a day and turns all the time, by 100 degrees in two days.
+    """Bars of 30 by 10 km lose their eastern third after a day and turn all the time, by 100 degrees in two days.
 
-    Of the last day its outline is that of two thirds, so its axis says; later pieces belong to it until they break off.
+    Of the last day their outline is that of two thirds, so their axis says; later pieces belong to it until they break off.
     """
     day = 86400.0
-    one = outcome(0, [-37.0] * 3, [-56.0] * 3, area=300e6, piece=100e6, broken=1)
-    for row in (row for row in one.track if row[1] == 1):
-        row[6] = (90.0 + 50.0 * row[0] / day) % 180.0  # azimuth: east and west at the start, clockwise
+    members = [outcome(k, [-40.0] * 3, [-56.0] * 3, area=300e6, piece=100e6, broken=1) for k in range(4)]
     thirds = [[[x, -5e3], [x + 10e3, -5e3], [x + 10e3, 5e3], [x, 5e3]] for x in (-15e3, -5e3, 5e3)]
-    one.shapes = [[1, [thirds[0][0], thirds[1][1], thirds[1][2], thirds[0][3]]], [2, thirds[2]]]
-    ds = forecast_of([one], 2)
+    for member in members:
+        for row in (row for row in member.track if row[1] == 1):
+            row[6] = (90.0 + 50.0 * row[0] / day) % 180.0  # azimuth: east and west at the start, clockwise
+        member.shapes = [[1, [thirds[0][0], thirds[1][1], thirds[1][2], thirds[0][3]]], [2, thirds[2]]]
+    ds = forecast_of(members, 2)
     start = shapely.box(-15.0, -5.0, 15.0, 5.0)
-    for k, length in ((0, 30.0), (1, 20.0), (2, 20.0)):
-        seen = Sighting(datetime(2020, 12, 9 + k), -37.0, -56.0, np.nan, None)
-        (found,) = member_outlines(ds, start, seen, lambda number: one.shapes)
-        expected = rotate(shapely.box(-0.5 * length, -5.0, 0.5 * length, 5.0), -50.0 * k, origin=(0.0, 0.0))
-        assert intersection_over_union(found, expected) > 0.98, k
-    assert not member_outlines(ds, start, seen)  # of an ensemble of an earlier version there are none
+
+    def score(days: float, length: float, **known: Any) -> dict[str, Any]:
+        expected = rotate(shapely.box(-0.5 * length, -5.0, 0.5 * length, 5.0), -50.0 * days, origin=(0.0, 0.0))
+        ring = np.column_stack(displace(-40.0, -56.0, *np.array(expected.exterior.coords)[:-1].T))
+        seen = Observations("s", outlines=[Outline("A01", datetime(2020, 12, 9) + timedelta(days=days), False, ring)])
+        (row,) = report([verified(ds, seen, outline=start, **known)], 0.0)["with_error"]
+        return row
+
+    for days, length in ((0.5, 30.0), (1.0, 20.0), (2.0, 20.0)):
+        assert score(days, length, pieces=lambda number: members[number].shapes)["overlap"] > 0.98, days
+    assert score(0.5, 30.0)["known"] == 1.0
+    assert "overlap" not in score(2.0, 20.0)  # of an ensemble of an earlier version there are no pieces
 
 
 def test_pieces_of_a_real_run_cover_the_berg_at_its_start(tmp_path: Path) -> None:

@@ -340,19 +340,23 @@ def test_giant_bergs_in_a_day_of_altimetry_are_as_far_off_as_measured(observed: 
         assert found == pytest.approx(errors, abs=0.3)
 
 
-def test_a_point_that_goes_with_the_water_takes_the_current_in_the_middle_of_its_steps() -> None:
-    """In a current that grows evenly the way is half of speed times time, to the digit."""
-    from riftberg.ocean.series import Series
-    from riftberg.verification.suite import make_advected
-    from riftberg.verification.tracks import Start
-
-    days = np.array([0.0, 1.0, 3.0])
-    dates = [FIRST + timedelta(days=day) for day in days]
-    sea = Series(dates, uo=0.0, vo=0.1 * days)
-    for factor in (1.0, 0.5):
-        found = make_advected(factor)(Start("A", FIRST, -40.0, -56.0, {}), dates[1:], sea)
-        way = factor * 0.5 * 0.1 * days[1:] ** 2 * 86400.0
-        assert found[:, 1] == pytest.approx(-56.0 + METRE * way, abs=1e-6)
+def test_a_point_that_goes_with_the_water_takes_the_current_in_the_middle_of_its_steps(tmp_path: Path) -> None:
+    """In a current that grows evenly, by 0.1 m/s a day, the way is half of speed times time, to the digit."""
+    folder = write_suite(tmp_path) / "made"
+    header, *starts = csv.reader((folder / "starts.csv").read_text().splitlines())
+    starts = [start for start in starts if start[1].startswith("2025-10-01")]
+    write_table(folder / "starts.csv", header, starts)
+    write_table(folder / "forcing.csv", ("berg", "start", "time", "uo", "vo"),
+                [(*start[:2], 3600 * hour, 0.0, 0.1 * hour / 24.0) for start in starts for hour in range(49)])  # fmt: skip
+    way = {days: 0.5 * 0.1 * days**2 * 86400.0 for days in (1, 2)}
+    write_table(folder / "observed.csv", ("berg", "date", "lon", "lat"),
+                [(start[0], FIRST + timedelta(days=days), start[2], -60.0 + METRE * way[days])
+                 for start in starts for days in way])  # fmt: skip
+    result = table(folder.parent, "current", "current x 0.5")
+    for days in way:
+        entrants = row(result, days)["entrants"]
+        assert entrants["current"]["mean_km"] == pytest.approx(0.0, abs=1e-4)
+        assert entrants["current x 0.5"]["mean_km"] == pytest.approx(0.5e-3 * way[days], abs=1e-4)
 
 
 def test_a_start_at_no_position_is_refused_and_an_earlier_one_there_is_unknown(tmp_path: Path) -> None:

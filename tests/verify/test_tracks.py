@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from riftberg.cli.main import app
-from riftberg.errors import InputError
-from riftberg.verification import tracks
-from riftberg.verification.scores import distance, extrapolate, local, moved
-
-DRESSED_MEMBERS = 50
-HELD_OUT = ("A38", "B17", "C19")
+from verify.sphere import displace, distance, unit_vector
 
 FIRST = datetime(2003, 1, 1)
 NORTHWARD = 10.0 / 111.19  # Degrees of 10 km
@@ -39,17 +36,43 @@ def straight(days: int, lon: float = -40.0, lat: float = -56.0, step: float = NO
     return [(lon, lat + step * k) for k in range(days)]
 
 
+def said(*words: object) -> str:
+    done = CliRunner().invoke(app, ["verify-tracks", *map(str, words)], env={"COLUMNS": "200"})
+    return done.output if done.exit_code == 0 else f"exit {done.exit_code}: {done.stderr}"
+
+
+def score(folder: Path, *words: object) -> dict[str, Any]:
+    """Score drift models on the tracks of a folder; errors of members are added nowhere."""
+    text = said(folder, "--error", 0, "--json", *words)
+    return json.loads(text.partition("Written:")[0])
+
+
+def read_cases(folder: Path) -> list[dict[str, str]]:
+    """Return the rows of ``cases.csv``: one for each start and lead time."""
+    score(folder, "-o", folder.parent / "cases")
+    return list(csv.DictReader((folder.parent / "cases" / "cases.csv").read_text().splitlines()))
+
+
+def read_starts(folder: Path) -> list[tuple[str, datetime]]:
+    """Return berg and date of each start, once."""
+    return list(dict.fromkeys((row["berg"], datetime.fromisoformat(row["start"])) for row in read_cases(folder)))
+
+
+def median(rows: list[dict[str, Any]]) -> list[float]:
+    return [row["median_km"] for row in rows]
+
+
 def test_a_straight_track_is_what_constant_velocity_forecasts(tmp_path: Path) -> None:
-    write_track(tmp_path, "x01", straight(12))
-    cases = tracks.read_cases(tmp_path)
-    assert [case.start.date for case in cases] == [FIRST + timedelta(days=k) for k in range(3, 11)]
-    assert sorted(cases[0].seen) == [1, 3, 5, 7]
-    assert sorted(cases[-1].seen) == [1]
-    straight_on = tracks.table(tracks.compute_errors(tracks.constant_velocity, cases))
-    still = tracks.table(tracks.compute_errors(tracks.staying_put, cases))
-    assert [row["median_km"] for row in straight_on] == pytest.approx([0.0] * 4, abs=1e-6)
-    assert [row["median_km"] for row in still] == pytest.approx([10.0, 30.0, 50.0, 70.0], rel=1e-3)
-    assert straight_on[0]["low_km"] is None  # one berg says nothing of others
+    write_track(tmp_path / "t", "x01", straight(12))
+    cases = read_cases(tmp_path / "t")
+    assert read_starts(tmp_path / "t") == [("X01", FIRST + timedelta(days=k)) for k in range(3, 11)]
+    leads = [[int(row["lead_days"]) for row in cases if row["start"] == day] for day in ("2003-01-04", "2003-01-11")]
+    assert leads == [[1, 3, 5, 7], [1]]
+    assert {(row["first"], row["last"]) for row in cases[:4]} == {("2003-01-04", "2003-01-11")}  # for its products
+    errors = score(tmp_path / "t")["errors"]
+    assert median(errors["constant velocity"]) == pytest.approx([0.0] * 4, abs=1e-6)
+    assert median(errors["staying put"]) == pytest.approx([10.0, 30.0, 50.0, 70.0], rel=1e-3)
+    assert errors["staying put"][0]["low_km"] is None  # one berg says nothing of others
 
 
 @pytest.mark.parametrize(
@@ -65,10 +88,10 @@ def test_a_straight_track_is_what_constant_velocity_forecasts(tmp_path: Path) ->
     ],
 )
 def test_which_starts_count(tmp_path: Path, places, flags, starts: int) -> None:
-    write_track(tmp_path, "x01", places, flags=flags)
-    write_track(tmp_path, "y01", straight(5))
-    write_track(tmp_path, "z01", straight(5), sensor="nic")  # weekly positions of charts are not taken
-    assert [case.start.berg for case in tracks.read_cases(tmp_path)] == ["X01"] * starts + ["Y01"]
+    write_track(tmp_path / "t", "x01", places, flags=flags)
+    write_track(tmp_path / "t", "y01", straight(5))
+    write_track(tmp_path / "t", "z01", straight(5), sensor="nic")  # weekly positions of charts are not taken
+    assert [berg for berg, _ in read_starts(tmp_path / "t")] == ["X01"] * starts + ["Y01"]
 
 
 FAR = (-20.0, -56.0)
@@ -84,67 +107,74 @@ FAR = (-20.0, -56.0)
 )
 def test_a_position_that_all_later_ones_contradict_is_the_wrong_one(tmp_path: Path, before, after) -> None:
     """A wrong first position stayed, and right ones were dropped until they could be reached from it."""
-    write_track(tmp_path, "x01", [*before, *after])
+    write_track(tmp_path / "t", "x01", [*before, *after])
     first = FIRST + timedelta(days=len(before))
-    starts = [case.start.date for case in tracks.read_cases(tmp_path) if case.start.date >= first]
+    starts = [date for _, date in read_starts(tmp_path / "t") if date >= first]
     assert starts == [first + timedelta(days=k) for k in range(3, 7)]
 
 
 def test_two_wrong_positions_in_a_row_do_not_undo_the_track_before(tmp_path: Path) -> None:
     track = straight(12)
-    write_track(tmp_path, "x01", [*track[:5], FAR, FAR, *track[7:]])
-    cases = tracks.read_cases(tmp_path)
-    assert FAR not in {place for case in cases for place in (*case.seen.values(), (case.start.lon, case.start.lat))}
-    assert cases[0].start.date == FIRST + timedelta(days=3)
+    write_track(tmp_path / "t", "x01", [*track[:5], FAR, FAR, *track[7:]])
+    cases = read_cases(tmp_path / "t")
+    assert cases[0]["start"] == "2003-01-04"
+    assert {float(row["start_lon"]) for row in cases} == {-40.0}
+    assert max(median(score(tmp_path / "t")["errors"]["staying put"])) < 71.0  # nor is it seen there
 
 
 def test_across_the_date_line_nothing_changes(tmp_path: Path) -> None:
-    write_track(tmp_path, "x01", [((179.6 + 0.16 * k + 180.0) % 360.0 - 180.0, -56.0) for k in range(11)])
-    (case, *_) = tracks.read_cases(tmp_path)
-    assert case.start.heading == pytest.approx((29.8, 0.0), abs=0.2)
-    (row,) = (row for row in tracks.compute_errors(tracks.constant_velocity, [case]) if row.lead == 7)
-    assert row.error < 1.0  # the berg keeps to its parallel, the forecast to the great circle
-    west, east, south, north = case.box
+    write_track(tmp_path / "t", "x01", [((179.6 + 0.16 * k + 180.0) % 360.0 - 180.0, -56.0) for k in range(11)])
+    (first, *_) = read_cases(tmp_path / "t")
+    west, east, south, north = (float(first[side]) for side in ("west", "east", "south", "north"))
     assert west < -187.0 < -173.0 < east
     assert south < -59.7 < -52.3 < north
+    errors = score(tmp_path / "t", "--between", "2003-01-04,2003-01-11")["errors"]
+    # The berg keeps to its parallel, the forecast to the great circle through the first and the fourth position.
+    a, b = unit_vector(179.6, -56.0), unit_vector(-179.92, -56.0)
+    turn = np.arccos(a @ b)
+    x, y, z = (b * np.sin(10 / 3 * turn) - a * np.sin(7 / 3 * turn)) / np.sin(turn)
+    off = distance(-178.8, -56.0, np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(z)))
+    assert 0.5 < off < 1.0
+    assert errors["constant velocity"][3]["median_km"] == pytest.approx(off, rel=1e-3)
 
 
-def test_places_and_displacements_are_inverse() -> None:
-    random = np.random.default_rng(1)
-    lon, lat = random.uniform(-180.0, 180.0, 50), random.uniform(-89.0, 89.0, 50)
-    east, north = random.uniform(-500.0, 500.0, (2, 50))
-    there = moved(lon, lat, east, north)
-    np.testing.assert_allclose(local(lon, lat, *there), [east, north], atol=1e-6)
-    np.testing.assert_allclose(distance(lon, lat, *there), np.hypot(east, north), rtol=1e-9)
-    on = extrapolate(10.0, 20.0, 11.0, 21.0, np.array([0.0, 1.0]))
-    assert (on[0][0], on[1][0]) == pytest.approx((11.0, 21.0))
-    assert distance(10.0, 20.0, on[0][1], on[1][1]) == pytest.approx(2 * distance(10.0, 20.0, 11.0, 21.0))
-
-
-def test_the_axes_of_errors_know_the_motion_before_alone(tmp_path: Path) -> None:
-    write_track(tmp_path, "x01", straight(8))
-    case = tracks.read_cases(tmp_path)[0]
-    assert np.allclose(case.start.heading, (0.0, 30.0), atol=0.1)
-    assert all(day < case.start.date for day in case.start.before)
+def test_a_model_knows_the_motion_before_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Across the date line too: three days of 9.95 km eastward."""
+    write_track(tmp_path / "t", "x01", [((179.6 + 0.16 * k + 180.0) % 360.0 - 180.0, -56.0) for k in range(8)])
+    (tmp_path / "curious.py").write_text(
+        "import json\nimport numpy as np\n\n\ndef ask(start, dates):\n"
+        "    told = [str(start.date), list(start.heading), sorted(map(str, start.before))]\n"
+        "    with open('told.json', 'a') as file:\n        file.write(json.dumps(told) + '\\n')\n"
+        "    return np.tile([start.lon, start.lat], (len(dates), 1))\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.dont_write_bytecode", True)
+    score(tmp_path / "t", "--model", "curious:ask")
+    rows = [json.loads(line) for line in (tmp_path / "told.json").read_text().splitlines()]
+    assert {row[0][:10] for row in rows} == {f"2003-01-{day:02d}" for day in (4, 5, 6, 7)}
+    for date, heading, before in rows:
+        assert heading == pytest.approx((29.8, 0.0), abs=0.2)
+        assert len(before) == 3
+        assert max(before) < date
 
 
 def test_dressed_forecasts_have_the_errors_of_other_bergs(tmp_path: Path) -> None:
-    """Training bergs go north and turn 5 km a day to the left; the other goes east, so its left is north."""
+    """Training bergs go north and turn 5 km a day to the left; the other goes east and turns to its left, which is north."""
+    lead = np.arange(1.0, 8.0)
     for k in range(3):
         places = straight(4, lon=-40.0 + k)
-        lon, lat = places[-1]
-        later = moved(lon, lat, -5.0 * np.arange(1.0, 8.0), 10.0 * np.arange(1.0, 8.0))
-        write_track(tmp_path, f"x0{k}", [*places, *zip(*later, strict=True)])
-    training = [case for case in tracks.read_cases(tmp_path) if case.start.date == FIRST + timedelta(days=3)]
-    write_track(tmp_path, "y01", [(-40.0 + 0.16 * k, -56.0) for k in range(11)])
-    case = next(case for case in tracks.read_cases(tmp_path) if case.start.berg == "Y01")
-    dressed = tracks.Dressed(tracks.constant_velocity, training)
-    for lead, made in tracks.forecast(dressed, case).items():
-        bare = tracks.forecast(tracks.constant_velocity, case)[lead][0]
-        east, north = local(*bare, made[:, 0], made[:, 1])
-        assert made.shape == (DRESSED_MEMBERS, 2)
-        np.testing.assert_allclose(east, 0.0, atol=0.06 * 5.0 * lead)
-        np.testing.assert_allclose(north, 5.0 * lead, rtol=0.02)
+        write_track(
+            tmp_path / "t", f"x0{k}", [*places, *zip(*displace(*places[-1], -5.0 * lead, 10.0 * lead), strict=True)]
+        )
+    east = [displace(-40.0, -56.0, 10.0 * k, 0.0) for k in range(-3, 1)]
+    write_track(tmp_path / "t", "a38", [*east, *zip(*displace(-40.0, -56.0, 10.0 * lead, 5.0 * lead), strict=True)])
+    for days in (1, 3, 5, 7):  # of the first start alone
+        words = "--leads", days, "--between", f"2003-01-04,2003-01-{4 + days:02d}", "--bergs", "held-out"
+        result = score(tmp_path / "t", *words)
+        assert median(result["errors"]["constant velocity"]) == pytest.approx([5.0 * days], rel=0.01)
+        (row,) = result["ensembles"]["constant velocity, dressed"]["without"]
+        assert row["error_of_mean_km"] < 0.1 * days
+        assert row["energy_km"] < 0.1 * days  # all members have the one error there is
 
 
 def test_noise_alone_lowers_the_score_of_a_bare_forecast(tmp_path: Path) -> None:
@@ -152,42 +182,35 @@ def test_noise_alone_lowers_the_score_of_a_bare_forecast(tmp_path: Path) -> None
     random = np.random.default_rng(2)
     for k in range(8):
         write_track(
-            tmp_path,
+            tmp_path / "t",
             f"{'x' if k < 4 else 'a38'}{'abcdefgh'[k]}",
             np.array([-40.0, -56.0]) + np.cumsum(random.normal([0.05, 0.05], 0.08, (40, 2)), axis=0),
         )
-    cases = tracks.read_cases(tmp_path)
-    held, training = ([case for case in cases if case.held_out is out] for out in (True, False))
-    scored = tracks.ensemble_table(tracks.Dressed(tracks.staying_put, training), held, 0.0)
-    bare = {
-        lead: np.mean([row.error for row in tracks.compute_errors(tracks.staying_put, held) if row.lead == lead])
-        for lead in (1, 3, 5, 7)
-    }
-    assert all(row["energy_km"] < 0.85 * bare[row["lead_days"]] for row in scored)
+    result = score(tmp_path / "t", "--bergs", "held-out")
+    bare = result["errors"]["staying put"]
+    scored = result["ensembles"]["staying put, dressed"]["without"]
+    assert all(row["energy_km"] < 0.85 * single["median_km"] for row, single in zip(scored, bare, strict=True))
 
 
 @pytest.mark.slow
-def test_the_baselines_are_those_of_the_published_tables(shared: Path) -> None:
+def test_the_baselines_are_those_of_the_published_tables(shared: Path, tmp_path: Path) -> None:
     """Within a kilometre, with intervals from drawing bergs; computed independently from the same tables and rules."""
-    cases = tracks.read_cases(shared / "data" / "tracks")
-    still, steady = (tracks.table(tracks.compute_errors(model, cases)) for model in tracks.BASELINES.values())
-    assert [row["median_km"] for row in still] == pytest.approx([12.0, 34.0, 55.0, 72.0], abs=1.0)
-    assert [row["median_km"] for row in steady] == pytest.approx([11.0, 29.0, 52.0, 76.0], abs=1.0)
+    errors = score(shared / "data" / "tracks", "-o", tmp_path / "out")["errors"]
+    still, steady = errors["staying put"], errors["constant velocity"]
+    assert median(still) == pytest.approx([12.0, 34.0, 55.0, 72.0], abs=1.0)
+    assert median(steady) == pytest.approx([11.0, 29.0, 52.0, 76.0], abs=1.0)
     for row, interval in ((still[-1], (62.0, 82.0)), (steady[-1], (69.0, 86.0))):
         assert (row["low_km"], row["high_km"]) == pytest.approx(interval, abs=1.5)
     assert 2700 < still[-1]["starts"] < 2900
-    assert {tracks.family(case.start.berg) for case in cases if case.held_out} == set(HELD_OUT)
+    rows = csv.DictReader((tmp_path / "out" / "cases.csv").read_text().splitlines())
+    pieces = {row["berg"] for row in rows if row["held_out"] == "1"}
+    assert {re.sub(r"(?<=\d)[A-Z]+$", "", berg) for berg in pieces} == {"A38", "B17", "C19"}
 
 
 def three_bergs(folder: Path) -> Path:
     for name, lon in (("a38b", -40.0), ("b15a", -35.0), ("a68a", -30.0)):
         write_track(folder / "tracks", name, straight(12, lon=lon))
     return folder / "tracks"
-
-
-def said(*words: object) -> str:
-    done = CliRunner().invoke(app, ["verify-tracks", *map(str, words)], env={"COLUMNS": "200"})
-    return done.output if done.exit_code == 0 else f"exit {done.exit_code}: {done.stderr}"
 
 
 def test_a_model_of_ones_own_and_forecasts_of_other_programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,7 +230,7 @@ def test_a_model_of_ones_own_and_forecasts_of_other_programs(tmp_path: Path, mon
     assert {"west", "east", "south", "north", "first", "last"} <= set(rows[0])
     with (tmp_path / "made.csv").open("w", newline="") as file:
         table = csv.writer(file)
-        table.writerow(["Berg", " START", *tracks.COLUMNS[2:]])  # names count without case and blanks
+        table.writerow(["Berg", " START", "lead_days", "lon", "lat"])  # names count without case and blanks
         for row in rows:
             for east in (-0.1, 0.1):
                 table.writerow([row["berg"].lower(), row["start"], row["lead_days"], float(row["start_lon"]) + east,
@@ -223,7 +246,7 @@ def test_a_model_of_ones_own_and_forecasts_of_other_programs(tmp_path: Path, mon
     assert "fitted" not in said(folder, "--bergs", "held-out")
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(6)
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -239,6 +262,8 @@ def test_a_model_of_ones_own_and_forecasts_of_other_programs(tmp_path: Path, mon
         (["tracks", "--model", "typing_error:f"], "SyntaxError"),
         (["tracks", "--model", "leaves:f"], "SystemExit: 3"),
         (["tracks", "--model", "divides:f"], "A38B, 2003-01-04: the model fails: ZeroDivisionError"),
+        (["tracks", "--model", "one_row:f"], "A38B, 2003-01-04: the model returns an array of shape (3,)"),
+        (["tracks", "--model", "lost:f"], "A38B, 2003-01-04: the model returns"),
         (["tracks", "--forecasts", "short.csv"], "no forecast. Forecast every row"),
         (["tracks", "--forecasts", "other.csv"], "no column 'berg'"),
         (["tracks", "--between", "1999-01-01,1999-02-01"], "no case"),
@@ -251,6 +276,8 @@ def test_bad_input_is_one_clear_sentence(words, message: str, tmp_path: Path, mo
     for name, text in (
         ("typing_error", "def f(start, dates)\n"), ("leaves", "raise SystemExit(3)\n"),
         ("divides", "def f(start, dates):\n    return 1 / 0\n"),
+        ("one_row", "def f(start, dates):\n    return [1.0, 2.0, 3.0]\n"),
+        ("lost", "def f(start, dates):\n    return [[float('nan')] * 2] * len(dates)\n"),
     ):  # fmt: skip
         (tmp_path / f"{name}.py").write_text(text)
     monkeypatch.setattr("sys.dont_write_bytecode", True)
@@ -263,17 +290,3 @@ def test_bad_input_is_one_clear_sentence(words, message: str, tmp_path: Path, mo
     assert text.startswith("exit 2")
     assert message in " ".join(text.split())
     assert sorted(tmp_path.rglob("*")) == before
-
-
-def test_a_model_that_returns_nonsense_is_named(tmp_path: Path) -> None:
-    case = tracks.read_cases(three_bergs(tmp_path))[0]
-    with pytest.raises(InputError, match=r"A38B, 2003-01-04: the model returns an array of shape \(3,\)"):
-        tracks.forecast(lambda start, dates: [1.0, 2.0, 3.0], case)
-    with pytest.raises(InputError, match="the model returns"):
-        tracks.forecast(lambda start, dates: np.full((len(dates), 2), np.nan), case)
-
-
-def test_products_must_cover_a_case_to_its_last_lead(tmp_path: Path) -> None:
-    write_track(tmp_path, "x01", straight(12))
-    case = tracks.read_cases(tmp_path)[0]
-    assert case.dates == (case.start.date, case.start.date + timedelta(days=7))

@@ -12,9 +12,8 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from ensembles.made import small_berg
-from riftberg import open_sweep
+from riftberg import Fix, Observations, open_sweep
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.probability import effective
 from riftberg.ensembles.vary import Draws, list_members, read_varied
 from riftberg.errors import InputError

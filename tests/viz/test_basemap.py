@@ -16,14 +16,13 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from fakes import FakeModel
-from riftberg import draw_map, open_run
+from riftberg import draw_dates, draw_map, open_run
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Box, Scene
 from riftberg.viz import animate
 from riftberg.viz import coast as basemap
 from riftberg.viz.animate import write_film
 from riftberg.viz.panels import Map
-from riftberg.viz.plots import draw_dates
 
 LAND = "#D3CBBB"
 SHELF = "#F1F4F6"

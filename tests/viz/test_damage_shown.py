@@ -14,12 +14,11 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from fakes import FakeModel
-from riftberg import A68A_2022, draw_fragments, open_run
+from riftberg import A68A_2022, draw_damage, draw_fragments, open_run
 from riftberg.cli.main import app
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
-from riftberg.viz.plots import draw_damage
 from riftberg.viz.replay import ReplayContent, write_replay
 from viz.browser import drawn, opened, unpack
 

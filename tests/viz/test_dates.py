@@ -15,17 +15,12 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from fakes import FakeModel
-from riftberg import open_run
+from riftberg import Observations, Outline, draw_dates, draw_map, draw_stress, open_run, score_run
 from riftberg.cli.main import app
 from riftberg.cli.pictures import moments
-from riftberg.diagnostics.observed import Observations
-from riftberg.diagnostics.outlines import Outline
-from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
-from riftberg.runs.scene import Scene
-from riftberg.viz import plots, style
-from riftberg.viz.records import nearest_record
+from riftberg.viz import style
 
 RING = np.array([[-39.1, -55.05], [-38.6, -55.05], [-38.6, -54.95], [-39.1, -54.95]])
 
@@ -49,11 +44,11 @@ def run(path: Path) -> xr.Dataset:
 def test_nothing_overprints(run: xr.Dataset, tmp_path: Path, count: int, observed: bool, monkeypatch: Any) -> None:
     """Bug: with two dates the legend lay on the label of the colour bar."""
     made: list[Figure] = []
-    new = plots.new_figure
-    monkeypatch.setattr(plots, "new_figure", lambda *size: made.append(new(*size)) or made[-1])
+    write = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda self, *how, **more: made.append(self) or write(self, *how, **more))
     days = [np.datetime64(f"2020-12-{10 + k}T13:00") for k in range(count)]
     shown = {"2020-12-10": [RING]} if observed else None
-    plots.draw_dates(run, tmp_path / "dates.png", dates=days, observed=shown, dpi=50)
+    draw_dates(run, tmp_path / "dates.png", dates=days, observed=shown, dpi=50)
     (figure,) = made
     renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
     assert figure._suptitle is not None  # type: ignore[attr-defined]
@@ -75,13 +70,13 @@ def test_nothing_overprints(run: xr.Dataset, tmp_path: Path, count: int, observe
 
 def test_dates_outside_of_the_run_are_refused(run: xr.Dataset, path: Path) -> None:
     """Bug: they were drawn as its last record, without a word."""
-    scene = Scene(run)
-    assert nearest_record(scene, np.datetime64("2020-12-14T14:00")) == len(scene.times) - 1
+    ax = draw_map(run, ax=Figure().add_subplot(), date="2020-12-14T14:00")
+    assert ax.get_title("left") == "14 Dec 2020 13:00"  # that of the last record
     for day in ("2020-12-09T10:00", "2020-12-14T15:00", "2021-03-01"):
         with pytest.raises(
             InputError, match=r"not in the run\. The run goes from 2020-12-09T13:00 to 2020-12-14T13:00"
         ):
-            nearest_record(scene, np.datetime64(day))
+            draw_stress(run, dates=[np.datetime64(day)])
     for kind in ("dates", "stress"):
         refused = CliRunner().invoke(app, ["plot", str(path), "-k", kind, "-d", "2020-12-10", "-d", "2021-03-01"])
         assert refused.exit_code == 2
@@ -107,7 +102,7 @@ def test_a_day_alone_means_the_same_for_plot_and_score(run: xr.Dataset) -> None:
 @pytest.mark.parametrize("which", ["x", "y"])
 def test_an_axis_of_any_length_has_a_few_dates_and_no_warning(which: str, hours: float) -> None:
     """Bug: matplotlib warned on the screen of a sweep of three hours that it found no interval of ticks."""
-    figure = style.new_figure(5.0, 4.0, 80)
+    figure = Figure(figsize=(5.0, 4.0), dpi=80, layout="constrained")
     ax = figure.subplots()
     days = np.datetime64("2020-12-15T00:00", "s") + np.array([0, round(3600 * hours)]).astype("m8[s]")
     ax.plot(*((days, [0.0, 1.0]) if which == "x" else ([0.0, 1.0], days)))

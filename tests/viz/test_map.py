@@ -16,9 +16,8 @@ from fakes import SIDE, FakeModel
 from riftberg import draw_map, open_run
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Box, Scene, corner_offsets, element_polygons
-from riftberg.viz.panels import Panel, speed_bar
 from riftberg.viz.records import even_records, telling_records
-from riftberg.viz.style import Labels, degree_label, lay_out, new_figure, round_length
+from riftberg.viz.style import Labels, lay_out
 
 LED = 11.0
 
@@ -157,13 +156,11 @@ def test_a_run_in_metres_without_a_period_is_drawn_where_it_was(tmp_path: Path) 
 def test_the_scale_of_the_current_is_that_of_the_panels(run: tuple[FakeModel, xr.Dataset]) -> None:
     """The bar of the dates went by the square root, the currents beside it did not."""
     model, ds = run
-    figure = new_figure(4.0, 4.0, 50)
-    scene = Scene(ds)
-    panel = Panel(figure.add_subplot(), scene, scene.box(), model.forcing)
-    panel.draw_currents(0, 0.4)
-    speed_bar([panel.ax], 0.4)
-    (image,), (bar,) = panel.ax.images, figure.axes[1].collections[-1:]
-    speeds = np.linspace(0.0, 0.4, 9)
+    figure = draw_map(ds, forcing=model.forcing)
+    images = [image for ax in figure.axes for image in ax.images if ax.get_title()]
+    (bar,) = figure.axes[-1].collections[-1:]
+    image, speeds = images[0], np.linspace(0.0, 0.2, 9)
+    assert len(images) == 6
     np.testing.assert_allclose(image.norm(speeds), bar.norm(speeds))
     np.testing.assert_allclose(image.cmap(image.norm(speeds)), bar.cmap(bar.norm(speeds)))
 
@@ -176,15 +173,31 @@ def test_the_picture_needs_neither_forcing_nor_bonds_nor_many_records(tmp_path: 
     assert draw_map(open_run(tmp_path), tmp_path / "map.png", dpi=50).stat().st_size > 5000
 
 
-def test_degrees_are_labelled_by_hemisphere() -> None:
-    assert degree_label(-38.5, "E", "W", 1) == "38.5°W"
-    assert degree_label(321.5, "E", "W", 1) == "38.5°W"
-    assert degree_label(-55.0, "N", "S", 0) == "55°S"
-    assert degree_label(0.0, "E", "W", 0) == "0°"
+@pytest.mark.parametrize(
+    ("lon", "lat", "east", "north"), [(-38.5, -55.0, "W", "S"), (321.5, 20.0, "W", "N"), (10.0, -55.0, "E", "S")]
+)
+def test_degrees_are_labelled_by_hemisphere(tmp_path: Path, lon: float, lat: float, east: str, north: str) -> None:
+    FakeModel(lon=lon, lat=lat).advance(0.5, recorders=[RunWriter(tmp_path / "run.nc")])
+    figure = draw_map(open_run(tmp_path))
+    figure.canvas.draw()
+    for ax in [ax for ax in figure.axes if ax.get_title()][:1]:
+        for axis, degrees, end in ((ax.xaxis, (lon + 180.0) % 360.0 - 180.0, east), (ax.yaxis, lat, north)):
+            labels = [label.get_text() for label in axis.get_ticklabels() if label.get_text()]
+            assert labels
+            for text in labels:
+                assert text[-2:] == f"°{end}"
+                assert float(text[:-2]) == pytest.approx(abs(degrees), abs=1.0)
 
 
-def test_scale_bars_are_round() -> None:
-    assert [round_length(v) for v in (1.0, 37.0, 99.0, 100.0, 0.3)] == [1.0, 20.0, 50.0, 100.0, pytest.approx(0.2)]
+def test_scale_bars_are_round(tmp_path: Path) -> None:
+    lengths = set()
+    for nx in (1, 4, 20, 60):
+        (tmp_path / f"{nx}").mkdir()
+        FakeModel(nx, 1, break_time=math.inf).advance(0.5, recorders=[RunWriter(tmp_path / f"{nx}" / "run.nc")])
+        figure = draw_map(open_run(tmp_path / f"{nx}"))
+        lengths |= {text.get_text() for ax in figure.axes for text in ax.texts if text.get_text().endswith(" km")}
+    assert len(lengths) > 2
+    assert lengths <= {f"{figure}{zeros} km" for figure in "125" for zeros in ("", "0", "00")}
 
 
 def test_labels_never_overlap() -> None:
@@ -209,7 +222,7 @@ def test_labels_never_overlap() -> None:
 @pytest.mark.parametrize("heights", [0.4, 2.5])
 def test_maps_that_are_laid_out_keep_their_place_when_they_are_drawn(heights: float) -> None:
     """Bug: the shape of a map was set when it was drawn, after labels had found their places: they lay on stars."""
-    figure = new_figure(6.0, 4.0, 50)
+    figure = Figure(figsize=(6.0, 4.0), dpi=50, layout="constrained")
     ax = figure.subplots()
     ax.set(xlim=(0.0, 1.0), ylim=(0.0, heights), aspect="equal")
     lay_out(figure)

@@ -10,13 +10,21 @@ import xarray as xr
 from matplotlib.collections import PolyCollection
 from typer.testing import CliRunner
 
-from riftberg import Forcing, Iceberg, Model, Parameters, draw_fragments, draw_map, open_run
+from riftberg import (
+    Forcing,
+    Iceberg,
+    Model,
+    Parameters,
+    draw_fragments,
+    draw_map,
+    draw_melt,
+    open_run,
+    read_observed,
+    score_run,
+)
 from riftberg.cli.main import app
 from riftberg.cli.pictures import usual_kinds
-from riftberg.diagnostics.observed import read_observed
-from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
-from riftberg.viz.plots import draw_melt
 from riftberg.viz.replay import ReplayContent
 from viz.browser import unpack
 

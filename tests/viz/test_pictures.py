@@ -19,13 +19,21 @@ from matplotlib.text import Text
 from PIL import Image
 
 from fakes import FakeModel
-from riftberg import draw_fragments, draw_map, draw_stress, open_run
+from riftberg import (
+    draw_damage,
+    draw_dates,
+    draw_fragments,
+    draw_map,
+    draw_reasons,
+    draw_score,
+    draw_stress,
+    explain,
+    open_run,
+)
 from riftberg.diagnostics.score import Match, Score, ScoredDay
-from riftberg.diagnostics.why import explain
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
-from riftberg.viz import animate, colours, plots, style
-from riftberg.viz.score import draw_reasons, draw_score
+from riftberg.viz import animate, colours, style
 
 GOOD = Path(__file__).parent / "pictures"
 WIDTH = 160
@@ -63,9 +71,9 @@ def film_frame(run: xr.Dataset, path: Path) -> None:
 
 DRAWN: dict[str, Callable[[xr.Dataset, Path], object]] = {
     "map": lambda run, path: draw_map(run, path, dpi=60),
-    "dates": lambda run, path: plots.draw_dates(run, path, dpi=60),
+    "dates": lambda run, path: draw_dates(run, path, dpi=60),
     "stress": lambda run, path: draw_stress(run, path, dpi=60),
-    "damage": lambda run, path: plots.draw_damage(run, path, dpi=60),
+    "damage": lambda run, path: draw_damage(run, path, dpi=60),
     "timeline": lambda run, path: draw_fragments(run, path, dpi=60),
     "why": lambda run, path: draw_reasons(explain(run), path, dpi=60),
     "score": lambda run, path: draw_score(scored(), path, dpi=60),

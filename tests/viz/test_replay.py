@@ -14,8 +14,7 @@ from matplotlib.image import imread
 
 from ensembles.made import forecast_of, outcome
 from fakes import FakeModel
-from riftberg import open_run
-from riftberg.experiments import build
+from riftberg import build, open_run
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
 from riftberg.viz.ensemble import choose_tracks

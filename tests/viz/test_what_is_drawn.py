@@ -6,6 +6,8 @@ import itertools
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,21 +22,30 @@ from matplotlib.lines import Line2D
 from matplotlib.quiver import QuiverKey
 
 from fakes import SIDE, FakeForcing, FakeModel
-from riftberg import A68A_2022, Parameters, draw_fragments, draw_map, draw_stress, open_run
+from riftberg import (
+    A68A_2022,
+    Fix,
+    Observations,
+    Parameters,
+    draw_dates,
+    draw_fragments,
+    draw_map,
+    draw_reasons,
+    draw_score,
+    draw_stress,
+    explain,
+    open_run,
+    score_run,
+)
 from riftberg.cli.pictures import usual_kinds
-from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.engines.common.fragments.tree import Fragment
 from riftberg.errors import InputError
 from riftberg.runs.background import stored_water
 from riftberg.runs.positions import stretch
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import Scene
-from riftberg.viz import animate, colours, ensemble, plots, style
-from riftberg.viz import score as score_picture
-from riftberg.viz.panels import arrow_key, common_boxes, fragment_colours
+from riftberg.viz import animate, colours, ensemble, style
 from riftberg.viz.replay import ReplayContent
-from riftberg.viz.score import _failures
-from riftberg.viz.style import moment_texts
 from scripts import ROOT
 
 GROUND = "#A50026"
@@ -110,11 +121,12 @@ def ice(figure: Figure) -> Iterator[np.ndarray]:
                 yield np.concatenate([path.vertices[:-1] for path in drawn.get_paths()])
 
 
-def figures_of(monkeypatch: pytest.MonkeyPatch, module: Any) -> list[Figure]:
-    """Return the list that will hold the figures a module makes."""
+@pytest.fixture
+def figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """Return the list that will hold the figures that are written."""
     made: list[Figure] = []
-    new = style.new_figure
-    monkeypatch.setattr(module, "new_figure", lambda *size: made.append(new(*size)) or made[-1])
+    write = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda self, *how, **more: made.append(self) or write(self, *how, **more))
     return made
 
 
@@ -174,16 +186,13 @@ def test_runs_across_longitude_180_stay_together(tmp_path: Path, west: float) ->
 @pytest.mark.quick(1)
 @pytest.mark.parametrize(("seen", "made"), [(179.9, -179.95), (-179.9, 179.9), (359.9, -0.05), (181.0, -179.1)])
 def test_the_score_of_a_run_across_a_seam_is_one_map(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seen: float, made: float
+    tmp_path: Path, figures: list[Figure], seen: float, made: float
 ) -> None:
     """Bug: model and observations on two branches of longitude were drawn a globe apart."""
-    figures = figures_of(monkeypatch, score_picture)
-    days = []
-    for k in range(5):
-        ends = [(lon + 0.1 * k + 180.0) % 360.0 - 180.0 for lon in (seen, made)]
-        match = Match("a", [1], 3.0, 40.0, 50.0, -10.0, 90.0, 95.0, 0.7, ends[1], -56.0, ends[0], -56.05)
-        days.append(ScoredDay(f"2020-12-{10 + k}T12:00:00", [match], 1, []))
-    score_picture.draw_score(Score("track.csv", days), tmp_path / "score.png", dpi=40)
+    run = finished(FakeModel(lon=made, lat=-56.0, turn_per_day=0.0), tmp_path, 4.0)
+    days = [datetime(2020, 12, 9 + k, 13) for k in range(5)]
+    fixes = [Fix("a", day, False, (seen + 0.1 * k + 180.0) % 360.0 - 180.0, -56.05) for k, day in enumerate(days)]
+    draw_score(score_run(run, Observations("track.csv", fixes=fixes)), tmp_path / "score.png", dpi=40)
     (ax,) = [ax for ax in figures[0].axes if ax.get_title("left") == "(a)"]
     west, east = ax.get_xlim()
     assert east - west < 5.0
@@ -210,44 +219,44 @@ def test_tracks_have_a_gap_where_the_berg_broke(run: xr.Dataset, picture: Figure
 
 
 @pytest.mark.slow
-def test_panels_of_a_short_run_tell_their_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_panels_of_a_short_run_tell_their_seconds(tmp_path: Path, figures: list[Figure]) -> None:
     """Bug: six panels of a run of ten seconds carried one minute."""
     run = finished(Seconds(), tmp_path, 10.0 / 86_400.0, every_hours=1.0 / 3600.0)
     titles = [ax.get_title() for ax in draw_map(run).axes if ax.get_title()]
     assert titles == ["0 s", "2 s", "4 s", "6 s", "8 s", "10 s"]
-    figures = figures_of(monkeypatch, plots)
-    plots.draw_dates(run, tmp_path / "dates.png", dpi=30)
+    draw_dates(run, tmp_path / "dates.png", dpi=30)
     shown = [ax.get_title() for ax in figures[0].axes if ax.get_title()]
     assert len(shown) == len(set(shown)) == 6
-    draw_fragments(run, tmp_path / "timeline.png", dpi=30)
-    assert figures[1].axes[-1].get_xlabel() == "time since the start (s)"
+    assert draw_fragments(run).axes[-1].get_xlabel() == "time since the start (s)"
 
 
 @pytest.mark.quick(1)
 @pytest.mark.parametrize(("hours", "unit", "last"), [(2.0, "min", 120.0), (5.0, "h", 5.0)])
-def test_the_axis_of_a_short_run_has_a_unit_that_fits(
-    hours: float, unit: str, last: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_axis_of_a_short_run_has_a_unit_that_fits(hours: float, unit: str, last: float, tmp_path: Path) -> None:
     """Bug: five hours stood as 300 minutes below panels that were named 0 h to 5 h."""
     run = finished(FakeModel(), tmp_path, hours / 24.0)
-    figures = figures_of(monkeypatch, plots)
-    draw_fragments(run, tmp_path / "timeline.png", dpi=30)
-    axis = figures[0].axes[-1]
+    axis = draw_fragments(run).axes[-1]
     assert axis.get_xlabel() == f"time since the start ({unit})"
     assert axis.get_xlim() == (0.0, pytest.approx(last))
 
 
-def test_moments_differ_and_are_as_short_as_can_be() -> None:
-    def texts(step: str, count: int, records: list[int], *, hour: bool = True) -> list[str]:
-        times = np.datetime64("2020-12-09T13:00", "ms") + np.timedelta64(1, step) * np.arange(count)
-        return moment_texts(times, records, hour=hour)
-
-    assert texts("D", 9, [0, 2], hour=False) == ["9 Dec", "11 Dec"]
-    assert texts("h", 90, [0, 2], hour=False) == ["9 Dec 13:00", "9 Dec 15:00"]
-    assert texts("s", 90_000, [0, 20]) == ["9 Dec 13:00:00", "9 Dec 13:00:20"]
-    assert texts("m", 91, [0, 45]) == ["0 min", "45 min"]
-    assert texts("ms", 4, [0, 3]) == ["0.000 s", "0.003 s"]
-    assert texts("h", 6, [0, 5]) == ["0 h", "5 h"]
+@pytest.mark.parametrize(
+    ("step", "records", "titles"),
+    [
+        ("2 h", 31, ["9 Dec 13:00", "10 Dec 01:00", "10 Dec 13:00", "11 Dec 01:00", "11 Dec 13:00", "12 Dec 01:00"]),
+        ("20 s", 6, ["0 s", "20 s", "40 s", "60 s", "80 s", "100 s"]),
+        ("9 min", 11, ["0 min", "18 min", "36 min", "54 min", "72 min", "90 min"]),
+        ("1 h", 6, ["0 h", "1 h", "2 h", "3 h", "4 h", "5 h"]),
+        ("2 ms", 6, ["0.000 s", "0.002 s", "0.004 s", "0.006 s", "0.008 s", "0.010 s"]),
+    ],
+)
+def test_moments_differ_and_are_as_short_as_can_be(run: xr.Dataset, step: str, records: int, titles: list[str]) -> None:
+    number, unit = step.split()
+    every = np.timedelta64(int(number), {"min": "m"}.get(unit, unit)).astype("timedelta64[ns]")
+    times = run["time"].values[0] + every * np.arange(records)
+    figure = draw_map(run.isel(time=np.zeros(records, int)).assign_coords(time=times))
+    assert [ax.get_title() for ax in figure.axes if ax.get_title()] == titles
+    assert figure.axes[0].texts[0].get_text() == titles[0]
 
 
 @pytest.mark.slow
@@ -263,20 +272,24 @@ def test_a_break_on_impact_is_drawn_at_the_record_that_saw_it(run: xr.Dataset) -
     birth = scene.birth(2)
     assert birth is not None
     before = int(np.searchsorted(scene.times, birth[0])) - 1
-    assert plots._before_breakups(scene) == [before]
     # Titles say when the values are of, and the break-up beside them.
-    (birth,) = {scene.birth(n)[0] for n in scene.numbers if scene.birth(n) is not None}
-    now, after, broke = style.moment_texts(np.array([*scene.times, birth]), [before, before + 1, len(scene.times)])
-    assert plots._spans(scene, [before, before + 1]) == [
-        f"{now}; breaks {broke}",
-        f"{now} to {after}; breaks {broke}",
-    ]
+    dates = [*scene.times[before : before + 2], birth[0]]
+    now, after, broke = (f"{date:%-d %b %H:%M}" for date in np.array(dates).astype("datetime64[us]").tolist())
+    (title,) = [ax.get_title() for ax in draw_stress(run).axes if ax.get_title()]
+    assert title == f"{now}; breaks {broke}"
     struck = run.copy(deep=True)
     peak = struck["peak_stress"].transpose("time", "bond").values.copy()
     peak[: before + 1], peak[before + 1] = 0.5, 18_000.0
     struck["peak_stress"] = (("time", "bond"), peak)
-    assert plots._before_breakups(Scene(struck)) == [before + 1]
-    assert [plots.stress_unit(top)[0] for top in (1.5, 1.8e4, 5e7)] == ["Pa", "kPa", "MPa"]
+    (title,) = [ax.get_title() for ax in draw_stress(struck).axes if ax.get_title()]
+    assert title == f"{now} to {after}; breaks {broke}"
+
+
+@pytest.mark.parametrize(("top", "unit"), [(1.5, "Pa"), (1.8e4, "kPa"), (5e7, "MPa")])
+def test_the_scale_of_stress_has_a_unit_that_fits(run: xr.Dataset, top: float, unit: str) -> None:
+    peak = run["peak_stress"] * 0.0 + top
+    label = draw_stress(run.assign(peak_stress=peak, normal_stress=peak)).axes[-1].get_xlabel()
+    assert label.startswith(f"largest tensile stress at a bond ({unit})")
 
 
 # ---- sea floor -------------------------------------------------------------------------------------------------------
@@ -323,18 +336,15 @@ def test_a_break_near_the_end_has_its_date(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_hatched_is_explained_wherever_it_is_drawn(
-    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_hatched_is_explained_wherever_it_is_drawn(tmp_path: Path, figures: list[Figure]) -> None:
     """Bug: maps at dates and of stress hatched the shoal without a word."""
-    monkeypatch.setattr(plots, "project_run", lambda run, projection: (Scene(run), AllShallow()))
-    label = draw_stress(run).axes[-1].get_xlabel().replace("\n", " ")
+    model = FakeModel(12, 5)
+    model.forcing = AllShallow()
+    shallow = finished(model, tmp_path, 2.0)
+    label = draw_stress(shallow).axes[-1].get_xlabel().replace("\n", " ")
     assert "hatched: shallower than the keel" in label
-    told: list[str] = []
-    monkeypatch.setattr(style, "save_figure", lambda figure, path: told.extend(
-        text.get_text() for legend in figure.legends for text in legend.get_texts()
-    ))  # fmt: skip
-    plots.draw_dates(run, tmp_path / "dates.png")
+    draw_dates(shallow, tmp_path / "dates.png")
+    told = [text.get_text() for legend in figures[0].legends for text in legend.get_texts()]
     assert any(text.startswith("shallower than the keel") for text in told), told
 
 
@@ -375,13 +385,19 @@ def test_maps_have_letters_scales_a_key_and_one_extent(picture: Figure) -> None:
     assert figure.axes[-1].get_xlabel() == "speed of the current (m s$^{-1}$)"
 
 
-def test_panels_that_are_compared_have_one_size(tmp_path: Path) -> None:
-    far = Scene(finished(FakeModel(), tmp_path, 12.0))
-    boxes = common_boxes(far, [0, 20, 47])
-    assert len({round(box.north - box.south, 9) for box in boxes}) == 1
+def limits(figure: Figure) -> list[tuple[float, ...]]:
+    """Return the extents of the panels of a map."""
+    return [(*ax.get_xlim(), *ax.get_ylim()) for ax in figure.axes if ax.get_title()]
+
+
+def test_panels_that_are_compared_have_one_size(tmp_path: Path, picture: Figure) -> None:
+    boxes = limits(draw_map(finished(FakeModel(), tmp_path, 12.0)))
+    assert len({round(box[3] - box[2], 9) for box in boxes}) == 1
     assert boxes[0] != boxes[2]  # a berg that goes far is followed
-    near = common_boxes(far, [0, 1, 2])
-    assert near[0] == near[1] == near[2]
+    (tmp_path / "near").mkdir()
+    near = limits(draw_map(finished(FakeModel(), tmp_path / "near", 0.5)))
+    assert len(near) > 2
+    assert set(near) == {near[0]}
 
 
 @pytest.mark.slow
@@ -412,16 +428,11 @@ def test_nothing_on_the_map_overprints(picture: Figure) -> None:
 
 
 @pytest.mark.slow
-def test_a_long_forcing_is_wrapped_in_every_title(
-    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_forcing_is_wrapped_in_every_title(run: xr.Dataset) -> None:
     """Bug: the picture of the stress cut the second line of its title at the edge."""
     long = run.copy()
     long.attrs["forcing_title"] = "currents of one product, wind of another, sea level of a third, " * 4
-    figures = figures_of(monkeypatch, plots)
-    for draw in (plots.draw_stress, plots.draw_fragments):
-        draw(long, tmp_path / "picture.png", dpi=30)
-    for figure in figures:
+    for figure in (draw_stress(long), draw_fragments(long)):
         title = figure._suptitle  # type: ignore[attr-defined]
         assert title is not None
         assert title.get_window_extent().x1 <= figure.bbox.x1
@@ -430,14 +441,12 @@ def test_a_long_forcing_is_wrapped_in_every_title(
 # ---- colours ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_fragment_has_one_colour_in_all_pictures(
-    run: xr.Dataset, picture: Figure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fragment_has_one_colour_in_all_pictures(run: xr.Dataset, picture: Figure) -> None:
     largest, second = colours.FRAGMENTS[:2]
-    figures = figures_of(monkeypatch, plots)
-    draw_fragments(run, tmp_path / "timeline.png", dpi=30)
     lines = [
-        to_hex(line.get_color()).upper() for line in figures[0].axes[0].lines if line.get_drawstyle() == "steps-post"
+        to_hex(line.get_color()).upper()
+        for line in draw_fragments(run).axes[0].lines
+        if line.get_drawstyle() == "steps-post"
     ]
     assert lines == [largest, second]
     tracks = {to_hex(line.get_color()).upper() for line in picture.axes[0].lines if line.get_label()[0] != "_"}
@@ -522,7 +531,7 @@ def test_the_ends_of_a_channel_are_drawn_and_explained(tmp_path: Path) -> None:
 
 def test_a_legend_is_as_wide_as_its_figure() -> None:
     """Named for a wide map whose last entry, "shallower than the keel", was cut off after eight letters."""
-    figure = style.new_figure(15.5, 4.0, 60)
+    figure = Figure(figsize=(15.5, 4.0), dpi=60, layout="constrained")
     handles = [Line2D([], [], label=f"fragment {k}: 1,656 km², off on 13 Dec 12:37, afloat") for k in range(12)]
     style.legend_below(figure, handles, columns=6)
     (legend,) = figure.legends
@@ -530,13 +539,10 @@ def test_a_legend_is_as_wide_as_its_figure() -> None:
     assert len(legend.get_texts()) == 12
 
 
-def test_the_reference_arrow_stays_inside_its_panel() -> None:
+def test_the_reference_arrow_stays_inside_its_panel(picture: Figure) -> None:
     """It began at the right edge of its panel, and ended in the next one."""
-    ax = style.new_figure(4.0, 4.0, 60).add_subplot()
-    quiver = ax.quiver([0.5], [0.5], [1.0], [0.0], angles="uv", scale=1.05 * 9 * 1.0)
-    arrow_key(quiver, 1.0)
-    (key,) = (artist for artist in ax.get_children() if isinstance(artist, QuiverKey))
-    assert key.X + key.U / quiver.scale == pytest.approx(0.97)
+    (key,) = (artist for ax in picture.axes for artist in ax.artists if isinstance(artist, QuiverKey))
+    assert key.X + key.U / key.Q.scale == pytest.approx(0.97)
 
 
 def test_pictures_of_dates_name_their_year(run: xr.Dataset) -> None:
@@ -560,7 +566,7 @@ def test_named_pieces_carry_their_names_and_stars_are_of_those_in_colour(picture
     scene = Scene(run)
     assert [name for name in map(scene.name, scene.numbers) if name in texts]
     stars = [line for line in picture.axes[0].lines if line.get_marker() == "*"]
-    born = [number for number in fragment_colours(scene) if scene.birth(number) is not None]
+    born = [number for number in scene.numbers if scene.birth(number) is not None]
     assert len(stars) == len(born)
 
 
@@ -590,7 +596,7 @@ def test_an_unknown_format_is_refused_before_anything_is_drawn(run: xr.Dataset, 
 
 
 def test_the_map_is_drawn_into_axes_of_ones_own(run: xr.Dataset) -> None:
-    figure = style.new_figure(9.0, 4.0, 60)
+    figure = Figure(figsize=(9.0, 4.0), dpi=60)
     left, right = figure.subplots(1, 2)
     assert draw_map(run, ax=left) is left
     assert draw_map(run, ax=right, date="2020-12-11T13:00") is right
@@ -605,7 +611,7 @@ def test_the_map_is_drawn_into_axes_of_ones_own(run: xr.Dataset) -> None:
 
 
 def test_axes_that_cannot_hold_a_map_and_dates_outside_are_refused(run: xr.Dataset, tmp_path: Path) -> None:
-    figure = style.new_figure(4.0, 4.0, 60)
+    figure = Figure(figsize=(4.0, 4.0), dpi=60)
     with pytest.raises(InputError, match="Give plain axes"):
         draw_map(run, ax=figure.add_subplot(projection="polar"))
     with pytest.raises(InputError, match="Give path or ax"):
@@ -624,13 +630,9 @@ def test_several_axes_at_once_are_refused(run: xr.Dataset) -> None:
 
 @pytest.mark.quick(1)
 @pytest.mark.parametrize(("depth", "panels"), [(0.0, 2), (0.4, 2), (100.0, 3)])
-def test_a_run_without_a_sea_floor_has_nothing_aground(
-    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, depth: float, panels: int
-) -> None:
+def test_a_run_without_a_sea_floor_has_nothing_aground(run: xr.Dataset, depth: float, panels: int) -> None:
     """Bug: the timeline of the supported beam, which hangs over no water at all, had all its elements aground."""
-    figures = figures_of(monkeypatch, plots)
-    draw_fragments(run.assign(depth=xr.full_like(run["thickness"], depth)), tmp_path / "t.png", dpi=30)
-    assert len(figures[0].axes) == panels
+    assert len(draw_fragments(run.assign(depth=xr.full_like(run["thickness"], depth))).axes) == panels
 
 
 class Still(FakeForcing):
@@ -648,47 +650,61 @@ def test_a_film_of_still_water_has_no_scale_of_its_speed(run: xr.Dataset, water:
     assert any("speed" in ax.get_xlabel() for ax in film.figure.axes) is keyed
 
 
-def test_bergs_of_one_size_are_all_seen_in_the_timeline(
-    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bergs_of_one_size_are_all_seen_in_the_timeline(run: xr.Dataset) -> None:
     """Bug: the second of two equal bergs hid the first: lines of lower rank must be thinner by more than a point."""
-    figures = figures_of(monkeypatch, plots)
-    draw_fragments(run, tmp_path / "t.png", dpi=30)
-    widths = [line.get_linewidth() for line in figures[0].axes[0].lines if line.get_drawstyle() == "steps-post"]
+    lines = [line for line in draw_fragments(run).axes[0].lines if line.get_drawstyle() == "steps-post"]
+    widths = [line.get_linewidth() for line in lines]
     assert len(widths) == 2
     assert widths[0] > widths[1] + 1.0
 
 
 @pytest.mark.slow
-def test_the_score_shows_the_sea_floor_where_it_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    figures = figures_of(monkeypatch, score_picture)
-    match = Match("a", [1], 3.0, 40.0, 45.0, 5.0, 900.0, 950.0, 0.9, -37.3, -54.9, -37.2, -55.0)
-    score = Score("track.csv", [ScoredDay(f"2020-12-1{k}T12:00:00", [match], 1, []) for k in range(2)])
+def test_the_score_shows_the_sea_floor_where_it_is_known(tmp_path: Path, figures: list[Figure]) -> None:
+    near = finished(FakeModel(lon=-37.4, lat=-54.95), tmp_path)
+    fixes = [Fix("a", datetime(2020, 12, 10 + k, 13), False, -37.3 + 0.1 * k, -55.0) for k in range(2)]
+    score = score_run(near, Observations("track.csv", fixes=fixes))
     for water in (None, FakeForcing(), NoFloor()):
-        score_picture.draw_score(score, tmp_path / "score.png", dpi=40, water=water)
+        draw_score(score, tmp_path / "score.png", dpi=40, water=water)
     filled = [any(isinstance(c, ContourSet) and c.filled for c in figure.axes[0].collections) for figure in figures]
     assert filled == [False, True, False]
     scales = [any("depth of the sea floor" in ax.get_xlabel() for ax in figure.axes) for figure in figures]
     assert scales == [False, True, False]  # a shaded floor has its scale
 
 
-def test_bonds_that_fail_within_a_minute_are_told_apart() -> None:
-    within = ["2020-12-09T22:02:10", "2020-12-09T22:02:30"]
-    assert _failures(within) == ["12-09 22:02:10", "12-09 22:02:30"]
-    assert _failures(["2020-12-09T22:02:10", "2020-12-09T22:03:10"]) == ["12-09 22:02", "12-09 22:03"]
-    # Named for five lines of one time in a legend, which leaves out names that begin with an underscore.
-    assert _failures([within[0]] * 3) == ["12-09 22:02:10 (3 bonds)", *["_12-09 22:02:10"] * 2]
+@pytest.mark.parametrize(
+    ("seconds", "entries"),
+    [
+        ([10, 30], ["12-09 22:02:10", "12-09 22:02:30"]),
+        ([10, 70], ["12-09 22:02", "12-09 22:03"]),
+        # Named for five lines of one time in a legend, which leaves out names that begin with an underscore.
+        ([10, 10, 10], ["12-09 22:02:10 (3 bonds)"]),
+    ],
+)
+def test_bonds_that_fail_within_a_minute_are_told_apart(
+    run: xr.Dataset, tmp_path: Path, figures: list[Figure], seconds: list[int], entries: list[str]
+) -> None:
+    reasons = explain(run)
+    bonds = [
+        replace(
+            reasons.breakups[0].first_bonds[0], time=str(np.datetime64("2020-12-09T22:02:00") + np.timedelta64(k, "s"))
+        )
+        for k in seconds
+    ]
+    draw_reasons(
+        replace(reasons, breakups=[replace(reasons.breakups[0], first_bonds=bonds)]), tmp_path / "why.png", dpi=40
+    )
+    texts = [t.get_text() for ax in figures[0].axes if (legend := ax.get_legend()) for t in legend.get_texts()]
+    texts += [t.get_text() for legend in figures[0].legends for t in legend.get_texts()]
+    assert [text for text in texts if text.startswith("12-09")] == entries
 
 
-def test_axes_of_time_write_dates_as_titles_do() -> None:
+def test_axes_of_time_write_dates_as_titles_do(run: xr.Dataset) -> None:
     """A day stood as 09 or Dec-10 on the axes, and as 9 Dec above the panels."""
-    ax = style.new_figure(6.0, 3.0, 60).add_subplot()
-    ax.plot(np.array(["2020-12-09T13", "2020-12-12T13"], "datetime64[s]"), [0.0, 1.0])
-    style.date_axis(ax)
-    ax.figure.canvas.draw()
-    labels = [label.get_text() for label in ax.get_xticklabels()]
-    assert "11 Dec" in labels
-    assert ax.xaxis.get_offset_text().get_text() == "2020"
+    figure = draw_fragments(run)
+    figure.canvas.draw()
+    axis = figure.axes[-1].xaxis
+    assert "11 Dec" in [label.get_text() for label in axis.get_ticklabels()]
+    assert axis.get_offset_text().get_text() == "2020"
 
 
 def unbonded(run: xr.Dataset) -> xr.Dataset:
@@ -696,13 +712,9 @@ def unbonded(run: xr.Dataset) -> xr.Dataset:
     return run.isel(bond=slice(0))
 
 
-def test_a_run_without_bonds_has_no_panel_and_no_map_of_their_stress(
-    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_without_bonds_has_no_panel_and_no_map_of_their_stress(run: xr.Dataset, tmp_path: Path) -> None:
     """Bug: an empty panel with a legend of lines that were not there."""
-    figures = figures_of(monkeypatch, plots)
-    draw_fragments(unbonded(run), tmp_path / "t.png", dpi=30)
-    assert not any("stress" in ax.get_ylabel() for ax in figures[0].axes)
+    assert not any("stress" in ax.get_ylabel() for ax in draw_fragments(unbonded(run)).axes)
     assert "stress" not in usual_kinds(unbonded(run))
     with pytest.raises(InputError, match="the run has no bonds"):
         draw_stress(unbonded(run), tmp_path / "s.png")
@@ -723,34 +735,30 @@ def test_bergs_too_small_to_be_seen_are_dots(run: xr.Dataset) -> None:
 
 
 def test_one_element_does_not_fill_its_panel(tmp_path: Path) -> None:
-    scene = Scene(finished(FakeModel(1, 1, break_time=np.inf), tmp_path))
-    side = SIDE / 1e3 * scene.units_per_km()
-    (box,) = common_boxes(scene, [0])
-    assert box.north - box.south >= 3.9 * side
+    lone = finished(FakeModel(1, 1, break_time=np.inf), tmp_path)
+    side = SIDE / 1e3 * Scene(lone).units_per_km()
+    for _, _, south, north in limits(draw_map(lone)):
+        assert north - south >= 3.9 * side
 
 
-@pytest.mark.quick(1)
-@pytest.mark.parametrize("pieces", [2, 6])
-def test_the_legend_of_many_pieces_keeps_off_the_title(
-    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pieces: int
-) -> None:
-    figures = figures_of(monkeypatch, plots)
-    names = {number: colours.FRAGMENTS[number - 1] for number in range(1, pieces + 1)}
-    monkeypatch.setattr(plots, "fragment_colours", lambda scene: names)
-    monkeypatch.setattr(
-        plots, "fragment_name", lambda scene, number: f"fragment {number}: 1,234 km², off on 12 Dec 23:00"
-    )
-    monkeypatch.setattr(Scene, "birth", lambda scene, number: None)
-    more = run["berg"].copy()
-    more[:pieces] = np.arange(1, pieces + 1)[:, None]
-    draw_fragments(run.assign(berg=more), tmp_path / "t.png", dpi=60)
-    figure = figures[0]
-    title, legend = figure._suptitle.get_window_extent(), figure.axes[0].get_legend().get_window_extent()
-    assert legend.y1 < title.y0
+def test_the_legend_of_many_pieces_keeps_off_the_title(tmp_path: Path) -> None:
+    run = finished(Fleet(), tmp_path)
+    run.attrs["forcing_title"] = "currents of one product, wind of another, sea level of a third, " * 2
+    figure = draw_fragments(run, dpi=60)
+    figure.canvas.draw()
+    assert figure._suptitle is not None  # type: ignore[attr-defined]
+    title, legend = figure._suptitle.get_window_extent(), figure.axes[0].get_legend()  # type: ignore[attr-defined]
+    assert legend is not None
+    assert len(legend.get_texts()) >= 6
+    assert legend.get_window_extent().y1 < title.y0
 
 
-def test_longitude_180_is_neither_east_nor_west() -> None:
-    assert [style.degree_label(x, "E", "W", 1) for x in (180.0, -180.0, 540.0, 179.5)] == ["180.0°"] * 3 + ["179.5°E"]
+def test_longitude_180_is_neither_east_nor_west(tmp_path: Path) -> None:
+    figure = draw_map(finished(DateLine(0.0), tmp_path), projection="degrees")
+    figure.canvas.draw()
+    labels = {label.get_text() for ax in figure.axes for label in ax.get_xticklabels()}
+    assert "180.0°" in labels or "180°" in labels
+    assert not [text for text in labels if text.startswith(("180°E", "180.0°E", "180°W", "180.0°W", "-"))]
 
 
 def test_members_with_the_same_value_have_the_first_colour_of_the_scale() -> None:
@@ -758,17 +766,16 @@ def test_members_with_the_same_value_have_the_first_colour_of_the_scale() -> Non
     assert same.to_rgba(3.0) == apart.to_rgba(3.0) != apart.to_rgba(4.0)
 
 
-def test_an_axis_that_crosses_the_new_year_names_both_years() -> None:
-    ax = style.new_figure(6.0, 3.0, 60).add_subplot()
-    ax.plot(np.array(["2020-11-01", "2021-01-28"], "datetime64[s]"), [0.0, 1.0])
-    style.date_axis(ax)
-    ax.figure.canvas.draw()
-    assert ax.xaxis.get_offset_text().get_text() == "2020 to 2021"
+def test_an_axis_that_crosses_the_new_year_names_both_years(run: xr.Dataset) -> None:
+    year = run.assign_coords(time=run["time"] + np.timedelta64(21, "D"))
+    figure = draw_fragments(year)
+    figure.canvas.draw()
+    assert figure.axes[-1].xaxis.get_offset_text().get_text() == "2020 to 2021"
 
 
 def test_dates_up_an_axis_have_their_year_in_its_name() -> None:
     """Bug: in the picture of a sweep it stood on the letter of the panel."""
-    ax = style.new_figure(4.0, 3.0, 60).add_subplot()
+    ax = Figure(figsize=(4.0, 3.0), dpi=60).add_subplot()
     ax.plot([0.0, 1.0], np.array(["2020-12-09T13", "2020-12-26T13"], "datetime64[s]"))
     style.date_axis(ax, "y")
     ax.figure.canvas.draw()

@@ -151,9 +151,9 @@ def score_run(
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`, on a sphere.
+        From `riftberg.open_run`, on a sphere.
     observed : Observations
-        From `riftberg.diagnostics.observed.read_observed`.
+        From `riftberg.read_observed`.
     hour : float, optional
         Hour of the day (UTC) at which observations without a time are compared; by default the hour of the start.
     between : tuple of datetime, optional

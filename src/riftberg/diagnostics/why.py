@@ -87,7 +87,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`.
+        From `riftberg.open_run`.
     smallest : float, optional
         Fragments below this part of the area of their berg are counted, not explained.
     """

@@ -419,7 +419,7 @@ def calibrate(
     experiment : str, path or callable
         As for `riftberg.sweep`.
     observed : Observations, optional
-        Outlines or positions, from `riftberg.diagnostics.observed.read_observed`.
+        Outlines or positions, from `riftberg.read_observed`.
     vary : mapping, or iterable of str
         Inputs to calibrate: numbers with a distribution, as for `riftberg.sweep`. Random errors of current, wind and floor may
         stand beside them with one value; they scatter.

@@ -87,7 +87,7 @@ def draw_dates(
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run` or from `Model.run`.
+        From `riftberg.open_run` or from `Model.run`.
     path : path
         Picture; the ending decides on the format.
     dates : sequence of numpy.datetime64, optional

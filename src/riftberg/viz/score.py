@@ -340,7 +340,7 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, dpi: int = 150) -> Path:
     Parameters
     ----------
     reasons : Reasons
-        From `riftberg.diagnostics.why.explain`.
+        From `riftberg.explain`.
     path : path
         Picture; the ending decides on the format.
     dpi : int, optional
