@@ -9,9 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 METRE: Final = 360.0 / 4.003e7
 """Degrees of latitude. Outlines that run along each other within this distance share an edge."""
@@ -127,6 +124,10 @@ def _join_tiles(polygons: Any, seam: float) -> Any | None:
 
     In a twentieth of the time that a union takes which looks for all crossings of all edges.
     """
+    from scipy.sparse import coo_array  # with the next two half a second that KID runs do not wait for
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
     corner, polygon = shapely.get_coordinates(shapely.orient_polygons(polygons), return_index=True)
     # Corners that lie within the seam are one point.
     near = cKDTree(corner).query_pairs(seam, output_type="ndarray")

@@ -131,17 +131,8 @@ class CrushingLaw(NamedTuple):
 
 
 NX, NY, AREA, AREA_PER_SPEED, ROW_N, ROW_T = 0, 1, 2, 3, 4, 10
-MOBILITY_N, MOBILITY_T, OFFSET, SLIDING, CLOSING, LAST_FORCE, LAST_FRICTION, KICK_N, KICK_T = (
-    16,
-    17,
-    18,
-    22,
-    23,
-    24,
-    25,
-    26,
-    32,
-)
+MOBILITY_N, MOBILITY_T, OFFSET, SLIDING, CLOSING = 16, 17, 18, 22, 23
+LAST_FORCE, LAST_FRICTION, KICK_N, KICK_T = 24, 25, 26, 32
 """Columns of ``face``."""
 
 
