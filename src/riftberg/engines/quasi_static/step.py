@@ -193,9 +193,9 @@ class TimeStep:
             self._accept(trial, cracks=True)
             # From the most critical bond, if any: where contact presses has shifted a little.
             self._propagate_crack(impact=True)
-            # The next crack by crushing follows soon, and to locate it from a long step takes through the impact many times.
-            # The factor only trades steps against trials: each step is located to the same tolerance.
-            return max(8.0 * trial.h, IMPACT_SUBSTEPS * shortest)
+            # The next crack by crushing follows soon. A longer trial knows the hardest push on each body alone, which may hide
+            # that a weaker one before it has broken the ice: with 75 sub-steps a third fewer bonds broke.
+            return max(8.0 * trial.h, shortest)
 
         if self._overload_at_end(trial) <= 0.0:
             self._accept(trial)
