@@ -471,8 +471,8 @@ def test_means_of_what_breaks_in_a_converging_current_hang_little_on_step_and_mo
 ) -> None:
     """Up to 20 s each. A start 10 cm aside changes which bond breaks first in an impact, and the count.
 
-    Means of eight starts at 300 Pa: 70, 71 and 70 with steps of 225, 450 and 1800 s, each with an error of 3. At 500 Pa one crack of twenty bonds is at its strength: single starts break 24 or 44 bonds, in proportions that hang
-    on the step.
+    Means of eight starts at 300 Pa: 70, 71 and 70 with steps of 225, 450 and 1800 s, each with an error of 3. At 500 Pa one crack
+    of twenty bonds is at its strength: single starts break 24 or 44 bonds, in proportions that hang on the step.
     """
     found = [broken_in_converging_current(strength, dt, modulus, aside) for aside in (0.0, 0.1, 0.2, 0.4, 0.7, 1.0)]
     error = np.std(found, ddof=1) / math.sqrt(len(found))
