@@ -132,7 +132,7 @@ def test_newly_born_get_cells_of_their_own_unless_they_hang_on_older_ice() -> No
     cells = plate.memory.cells
     assert cells.mesh.cells == plate.el.size + 2
     assert plate.area == pytest.approx(6000.0 * 3000.0 + 3000.0 * 1500.0, rel=1e-9)
-    plate.refresh()
+    plate.refresh(topology=None)
     assert plate.memory.cells is cells
     hanging.model.bonds.first[-1] = 0
     with pytest.raises(RunError, match="bonded to older ones"):
