@@ -87,7 +87,7 @@ class Plate:
 
     def loads(self, force: Floats) -> Floats:
         """Forces (N, N, N m) on the elements of one piece, and its inertia, which holds the balance to them."""
-        inertia = 0.5 * self.el.mass * (0.5 * self.el.length) ** 2
+        inertia = self.el.mass * (self.el.length**2 + self.el.width**2) / 12.0
         return balanced(self.now.xy, self.el.mass, inertia, force, 0.0)
 
     def bearing(self, force: Floats) -> Any:
