@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import root
 
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.compiled.kernels import plain
 from riftberg.engines.quasi_static.contact import anchors
-from riftberg.engines.quasi_static.contact.anchors import ANCHOR_X, ANCHOR_Y, ARM_X, ARM_Y, HOLD, SLOPE_X, STIFFNESS
+from riftberg.state import new_elements
 
 MASS = np.diag([3e12, 3e12, 4e19])
+ANCHOR_WAY = 0.1  # m
 
 
 def levers(places: np.ndarray) -> np.ndarray:
@@ -23,30 +27,42 @@ def levers(places: np.ndarray) -> np.ndarray:
     return found
 
 
-def standing(seed: int, scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Anchors of five elements of one body, one of them afloat, and their levers."""
+@cache
+def find_seabed() -> Any:
+    """The bed of a model, which knows how far anchors stretch."""
+    berg = Iceberg.rectangle(1500.0, 1500.0, thickness=200.0, radius=750.0, latlon=False)
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0},
+        grounding={"law": "seabed", "anchor_way": ANCHOR_WAY},
+        stepping={"only_interactions": True},
+    )
+    return Model(berg, Forcing.uniform(), parameters)._stepper.memory.laws.seabed  # type: ignore[attr-defined]
+
+
+def standing(seed: int, scale: float = 1.0) -> tuple[Any, np.ndarray]:
+    """Keels of five elements of one body, one of them afloat, and their levers."""
     random = np.random.default_rng(seed)
-    found, places = anchors.allocate_anchors(5), random.uniform(-5e3, 5e3, (5, 2))
-    found[:4, HOLD] = scale * random.uniform(1e8, 4e8, 4)
-    found[:4, STIFFNESS] = found[:4, HOLD] / 0.1
-    found[:4, [ANCHOR_X, ANCHOR_Y]] = scale * random.uniform(-5e7, 5e7, (4, 2))
-    found[:4, [ARM_X, ARM_Y]] = random.uniform(-400.0, 400.0, (4, 2))
-    found[:4, SLOPE_X] = scale * 1e7
-    return found, levers(places)
+    keel, places = new_elements(5).keel, random.uniform(-5e3, 5e3, (5, 2))
+    keel.floor_hold[:4] = keel.anchor_capacity[:4] = scale * random.uniform(1e8, 4e8, 4)
+    keel.anchor_x[:4], keel.anchor_y[:4] = scale * random.uniform(-5e7, 5e7, (4, 2)).T
+    keel.floor_arm_x[:4], keel.floor_arm_y[:4] = random.uniform(-400.0, 400.0, (4, 2)).T
+    keel.floor_x[:], keel.floor_y[:] = keel.anchor_x, keel.anchor_y
+    keel.floor_x[:4] += scale * 1e7  # by the slope of the floor
+    return keel, levers(places)
 
 
-def friction(a: np.ndarray, m: np.ndarray, h: float, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def friction(keel: Any, m: np.ndarray, h: float, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Force on the body (N, N, N m) and friction of each anchor (N) by the law."""
-    total, forces = np.zeros(3), np.zeros((len(a), 2))
-    for e in range(len(a)):
-        if a[e, STIFFNESS] == 0.0:
+    total, forces = np.zeros(3), np.zeros((len(m), 2))
+    for e in range(len(m)):
+        if keel.anchor_capacity[e] == 0.0:
             continue
-        away = np.array([m[e, 5] + a[e, ARM_X], -m[e, 2] + a[e, ARM_Y]])
-        u = v[:2] + v[2] * np.array([-away[1], away[0]])
-        f = a[e, [ANCHOR_X, ANCHOR_Y]] - h * a[e, STIFFNESS] * u
-        f *= min(1.0, a[e, HOLD] / math.hypot(*f))
+        arm = np.array([m[e, 5] + keel.floor_arm_x[e], -m[e, 2] + keel.floor_arm_y[e]])
+        u = v[:2] + v[2] * np.array([-arm[1], arm[0]])
+        f = np.array([keel.anchor_x[e], keel.anchor_y[e]]) - h * keel.anchor_capacity[e] / ANCHOR_WAY * u
+        f *= min(1.0, keel.floor_hold[e] / math.hypot(*f))
         forces[e] = f
-        total += [f[0], f[1], away[0] * f[1] - away[1] * f[0]]
+        total += [f[0], f[1], arm[0] * f[1] - arm[1] * f[0]]
     return total, forces
 
 
@@ -70,16 +86,16 @@ def test_turns_find_the_velocity_of_the_law(h: float, push: float) -> None:
     """Held and sliding, with and without speed at first."""
     for seed in range(4):
         for speed in (0.0, 0.05):
-            a, m = standing(seed)
+            keel, m = standing(seed)
             old = np.array([speed, -0.3 * speed, speed * 1e-5])
-            pushed = push * a[:, HOLD].sum() * np.array([0.8, 0.6, 100.0])
-            slope = np.array([a[:, SLOPE_X].sum(), 0.0, 0.0])
-            slope[2] = -((-m[:, 2] + a[:, ARM_Y]) * a[:, SLOPE_X]).sum()
-            found, turns = by_turns(a.copy(), m, h, old, pushed)
+            pushed = push * keel.floor_hold.sum() * np.array([0.8, 0.6, 100.0])
+            downhill = keel.floor_x - keel.anchor_x
+            slope = np.array([downhill.sum(), 0.0, -((-m[:, 2] + keel.floor_arm_y) * downhill).sum()])
+            found, turns = by_turns(find_seabed().anchors(keel), m, h, old, pushed)
 
-            def rest(q: np.ndarray, a=a, m=m, old=old, pushed=pushed, slope=slope) -> np.ndarray:
+            def rest(q: np.ndarray, keel=keel, m=m, old=old, pushed=pushed, slope=slope) -> np.ndarray:
                 v = q * [1.0, 1.0, 1e-4]
-                force = friction(a, m, h, v)[0] + pushed + slope
+                force = friction(keel, m, h, v)[0] + pushed + slope
                 return (v - old - h * np.linalg.solve(MASS, force)) * [1.0, 1.0, 1e4]
 
             exact = root(rest, found * [1.0, 1.0, 1e4], tol=1e-14)
@@ -89,36 +105,39 @@ def test_turns_find_the_velocity_of_the_law(h: float, push: float) -> None:
 
 
 def test_friction_after_a_sub_step_is_that_of_the_law_and_takes_energy() -> None:
-    a, m = standing(1)
-    before, old, pushed = a.copy(), np.array([0.05, 0.0, 0.0]), np.zeros(3)
+    keel, m = standing(1)
+    a, old, pushed = find_seabed().anchors(keel), np.array([0.05, 0.0, 0.0]), np.zeros(3)
     new, _ = by_turns(a, m, 60.0, old, pushed)
     rubbed = np.zeros(1)
     plain(anchors.drag_anchors)(a, np.zeros(5, np.int64), m, 60.0, new[None], new[None], rubbed)
-    _, forces = friction(before, m, 60.0, new)
-    np.testing.assert_allclose(a[:, [ANCHOR_X, ANCHOR_Y]], forces, rtol=1e-3, atol=1e4)
-    assert (np.hypot(a[:, ANCHOR_X], a[:, ANCHOR_Y]) <= a[:, HOLD] * 1.002).all()
+    _, forces = friction(keel, m, 60.0, new)
+    after = a[:, :2]
+    np.testing.assert_allclose(after, forces, rtol=1e-3, atol=1e4)
+    assert (np.hypot(*after.T) <= keel.floor_hold * 1.002).all()
     assert rubbed[0] > 0.0
     assert not a[4].any()  # afloat
 
 
 def test_friction_does_not_depend_on_axes_or_on_the_unit_of_force() -> None:
-    a, m = standing(2)
+    keel, m = standing(2)
     old, pushed = np.array([0.02, 0.01, 1e-6]), np.array([3e8, -2e8, 1e11])
-    one, _ = by_turns(a.copy(), m, 30.0, old, pushed)
-    turned = a.copy()
-    for x, y in ((ANCHOR_X, ANCHOR_Y), (ARM_X, ARM_Y), (SLOPE_X, SLOPE_X + 1)):
-        turned[:, x], turned[:, y] = -a[:, y], a[:, x]
+    one, _ = by_turns(find_seabed().anchors(keel), m, 30.0, old, pushed)
+    turned, _ = standing(2)
+    for name in ("anchor", "floor", "floor_arm"):
+        getattr(turned, f"{name}_x")[:], getattr(turned, f"{name}_y")[:] = (
+            -getattr(keel, f"{name}_y"), getattr(keel, f"{name}_x"),
+        )  # fmt: skip
     places = np.column_stack([m[:, 5], -m[:, 2]])
     two, _ = by_turns(
-        turned, levers(np.column_stack([-places[:, 1], places[:, 0]])), 30.0, np.array([-old[1], old[0], old[2]]),
-        np.array([-pushed[1], pushed[0], pushed[2]]),
+        find_seabed().anchors(turned), levers(np.column_stack([-places[:, 1], places[:, 0]])), 30.0,
+        np.array([-old[1], old[0], old[2]]), np.array([-pushed[1], pushed[0], pushed[2]]),
     )  # fmt: skip
     np.testing.assert_allclose(two, [-one[1], one[0], one[2]], rtol=1e-9)
 
 
 def test_sub_steps_of_a_sliding_body_are_a_part_of_its_stopping_time() -> None:
-    """Unless it stops within the way by which its anchors stretch (0.1 m here), or does not stop."""
-    a, _ = standing(1)
+    """Unless it stops within the way by which its anchors stretch, or does not stop."""
+    a = find_seabed().anchors(standing(1)[0])
     body = np.zeros(len(a), np.int64)
 
     def longest(speed: float, stop: float, last: float = 1e3) -> float:
@@ -127,5 +146,5 @@ def test_sub_steps_of_a_sliding_body_are_a_part_of_its_stopping_time() -> None:
 
     assert longest(0.1, 50.0) == pytest.approx(anchors.SLIDING_STEP * 50.0)
     assert longest(0.1, 50.0, last=3.0) == 6.0
-    assert longest(0.5 * 0.1 / 50.0, 50.0) == math.inf
+    assert longest(0.5 * ANCHOR_WAY / 50.0, 50.0) == math.inf
     assert longest(0.1, math.inf) == math.inf

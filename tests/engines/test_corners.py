@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,9 @@ import pytest
 import shapely
 from scipy.spatial import cKDTree
 
-from engines.test_elastic_cells import loads, parameters, stiffness_of
 from riftberg import Iceberg
-from riftberg.engines.quasi_static.lattice.cells import add_new_cells
-from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from twins.continuum import largest_tension
+from verification.plates import Plate
 
 HEIGHT, DEGREE, SIDE = 200.0, np.radians(6.378e6), 1000.0
 SHAPES = {
@@ -25,33 +24,26 @@ MORE = {("wedge", "square"): {39.0, 57.0, 81.0}, ("wedge", "hexagonal"): {36.0, 
 """Angles of lattices on which the largest tension is 15 to 40 % above that of the finite elements, with loads at both ends."""
 
 
-def filled(shape: shapely.Polygon, packing: str, angle: float, side: float = SIDE) -> tuple[Any, Any, list[Any]]:
-    """Elements, bonds and outlines of a polygon (m) that a lattice turned by an angle (degrees) fills, on a plane."""
+def filled(shape: shapely.Polygon, packing: str, angle: float, side: float = SIDE) -> Plate:
+    """A polygon (m) that a lattice turned by an angle (degrees) fills, on a plane."""
     on_sphere = shapely.transform(shape, lambda xy: xy / DEGREE)
     berg = Iceberg.from_outline(on_sphere, thickness=HEIGHT, radius=0.5 * side, packing=packing, lattice_angle=angle)
     el = berg.elements
     el.lon[:], el.lat[:] = DEGREE * el.lon, DEGREE * el.lat
-    return el, berg.bonds, [shapely.transform(outline, lambda xy: xy * DEGREE) for outline in berg.outlines]
-
-
-def stresses_under(el: Any, bonds: Any, outlines: Any, packing: str, force: np.ndarray) -> Any:
-    """Stresses in equilibrium under given forces (N, N, N m) on the elements."""
-    p = parameters(packing).kernel_values()
-    stiffness, given, body, xy = stiffness_of(el, bonds, add_new_cells(None, el, bonds, outlines, p), p)
-    load = loads(el, body, xy, force)
-    return stiffness.stresses(given[0], given[1], StiffnessSolver(stiffness, *given).solve(load), load)
+    outlines = tuple(shapely.transform(outline, lambda xy: xy * DEGREE) for outline in berg.outlines)
+    return Plate.of(replace(berg, latlon=False, outlines=outlines))
 
 
 def pulled_at_the_rim(shape: shapely.Polygon, packing: str, angle: float) -> float:
     """Largest tension under the tractions of a uniform tension of 1 Pa along x, which cells of the outline bear."""
-    el, bonds, outlines = filled(shape, packing, angle)
+    plate = filled(shape, packing, angle)
     ring = np.asarray(shapely.geometry.polygon.orient(shape).exterior.segmentize(5.0).coords)
     middle, east = 0.5 * (ring[1:] + ring[:-1]), HEIGHT * np.diff(ring[:, 1])
-    centre, force = np.column_stack([el.lon, el.lat]), np.zeros((el.size, 3))
+    centre, force = np.column_stack([plate.x, plate.y]), np.zeros((plate.x.size, 3))
     nearest = cKDTree(centre).query(middle)[1]
     np.add.at(force[:, 0], nearest, east)
     np.add.at(force[:, 2], nearest, -(middle - centre[nearest])[:, 1] * east)
-    return float(stresses_under(el, bonds, outlines, packing, force).bond[:, 0].max())
+    return float(plate.bearing(force).stress[:, 0].max())
 
 
 def pull(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -61,10 +53,10 @@ def pull(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def tension_under(shape: shapely.Polygon, force: Any, packing: str, angle: float, side: float = SIDE) -> float:
     """Largest tension under forces per area on all elements."""
-    el, bonds, outlines = filled(shape, packing, angle, side)
-    area, (east, north) = el.mass / (850.0 * HEIGHT), force(el.lon, el.lat)
+    plate = filled(shape, packing, angle, side)
+    area, (east, north) = plate.el.mass / (850.0 * HEIGHT), force(plate.x, plate.y)
     total = np.column_stack([east * area, north * area, 0.0 * area])
-    return float(stresses_under(el, bonds, outlines, packing, total).bond[:, 0].max())
+    return float(plate.bearing(total).stress[:, 0].max())
 
 
 def pulled_at_the_ends(shape: shapely.Polygon, packing: str, angle: float) -> float:
@@ -169,13 +161,13 @@ def test_fillets_bear_the_mean_stress_over_an_element_on_all_lattices(packing: s
         assert max(ratios) < 1.45
 
 
-def of_cells(places: list[tuple[float, float]], packing: str, order: int) -> Any:
-    """Rows of the bonds that are the last between two parts, and all bonds, of single cells in another numbering."""
+def count_last_bonds(places: list[tuple[float, float]], packing: str, order: int) -> int:
+    """How many bonds are the last between two parts, of single cells in another numbering."""
     places = [places[k] for k in np.random.default_rng(order).permutation(len(places))]
     x, y = SIDE * np.array(places).T
     berg = Iceberg.from_points(x, y, radius=0.5 * SIDE, thickness=HEIGHT, latlon=False, packing=packing)
     force = np.random.default_rng(1).normal(size=(x.size, 3)) * [1e8, 1e8, 0.0]
-    return stresses_under(berg.elements, berg.bonds, berg.outlines, packing, force).bridge.size, berg.bonds.first.size
+    return int(Plate.of(berg).bearing(force).bridges.size)
 
 
 RISE = np.sqrt(0.75)
@@ -197,7 +189,7 @@ def test_rows_one_cell_wide_hang_by_their_bonds_however_they_bend_and_are_number
     packing: str, places: list[tuple[float, float]], last: int, order: int
 ) -> None:
     """A cell that owns the corner of a bend meets the one beyond it in a point, and that is no face."""
-    assert of_cells(places, packing, order)[0] == last
+    assert count_last_bonds(places, packing, order) == last
 
 
 @pytest.mark.parametrize("angle", [0.0, 24.0, 45.0])
@@ -208,21 +200,21 @@ def test_a_bent_strip_one_cell_wide_bears_its_moment(angle: float) -> None:
         return shapely.affinity.rotate(shape, angle, origin=(0, 0))
 
     arms = shapely.Polygon([(0, 0), (5e3, 0), (5e3, 4e3), (4e3, 4e3), (4e3, 1e3), (0, 1e3)])
-    el, bonds, outlines = filled(turned(arms), "square", angle)
-    centre = np.column_stack([el.lon, el.lat])
+    plate = filled(turned(arms), "square", angle)
+    bonds, centre = plate.bonds, np.column_stack([plate.x, plate.y])
     start, corner, end = (
         np.hypot(*(centre - shapely.get_coordinates(turned(shapely.Point(at)))).T).argmin()
         for at in ((500.0, 500.0), (4500.0, 500.0), (4500.0, 3500.0))
     )
     along = (centre[end] - centre[start]) / np.hypot(*(centre[end] - centre[start]))
-    force = np.zeros((el.size, 3))
+    force = np.zeros((plate.x.size, 3))
     force[end, :2], force[start, :2] = 1e9 * along, -1e9 * along
-    found = stresses_under(el, bonds, outlines, "square", force)
-    assert found.bridge.size == bonds.first.size
+    found = plate.bearing(force)
+    assert found.bridges.size == bonds.first.size
     for k in np.flatnonzero((bonds.first == corner) | (bonds.second == corner)):
         middle = centre[[bonds.first[k], bonds.second[k]]].mean(axis=0) - centre[start]
         moment = 1e9 * abs(middle[0] * along[1] - middle[1] * along[0])
-        assert found.bond[k, 0] > 0.8 * 6.0 * moment / (HEIGHT * SIDE**2)
+        assert found.stress[k, 0] > 0.8 * 6.0 * moment / (HEIGHT * SIDE**2)
 
 
 @pytest.mark.quick(2)
@@ -231,13 +223,14 @@ def test_a_bent_strip_one_cell_wide_bears_its_moment(angle: float) -> None:
 )
 def test_the_last_bond_of_a_crack_hangs_alone_whatever_ties_the_outline_had(packing: str, angle: float) -> None:
     """A plate is cut bond by bond across its middle, from the top: the last one is a bridge, no bond before it is."""
-    el, bonds, outlines = filled(shapely.box(-4e3, -2e3, 4e3, 2e3), packing, angle)
-    force = np.column_stack([np.sign(el.lon), 0.0 * el.lon, 0.0 * el.lon]) * 1e8
-    crossing = np.flatnonzero(np.sign(el.lon[bonds.first]) != np.sign(el.lon[bonds.second]))
-    crossing = crossing[np.argsort(-(el.lat[bonds.first] + el.lat[bonds.second])[crossing])]
-    whole = stresses_under(el, bonds, outlines, packing, force)
-    assert not np.isin(crossing, np.flatnonzero(bonds.status == 0)[whole.bridge]).any()
+    plate = filled(shapely.box(-4e3, -2e3, 4e3, 2e3), packing, angle)
+    bonds, x, y = plate.bonds, plate.x, plate.y
+    force = np.column_stack([np.sign(x), 0.0 * x, 0.0 * x]) * 1e8
+    crossing = np.flatnonzero(np.sign(x[bonds.first]) != np.sign(x[bonds.second]))
+    crossing = crossing[np.argsort(-(y[bonds.first] + y[bonds.second])[crossing])]
+    whole = plate.bearing(force)
+    assert not np.isin(crossing, whole.intact[whole.bridges]).any()
     bonds.status[crossing[:-1]] = 1
-    found = stresses_under(el, bonds, outlines, packing, force)
-    intact = np.flatnonzero(bonds.status == 0)
-    assert crossing[-1] in intact[found.bridge]
+    plate.refresh()
+    found = plate.bearing(force)
+    assert crossing[-1] in found.intact[found.bridges]

@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from engines.lattices import stiffness_matrix
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.engines.common.crack_tips import NO_TIPS
-from riftberg.engines.common.forces.sizes import interaction_sizes
-from riftberg.engines.common.fragments.connectivity import connected_parts
-from riftberg.engines.quasi_static.bodies.pose import bodies_from_elements, tangent_coordinates
-from riftberg.engines.quasi_static.fracture.crack_paths import CrackPaths, Crossing, Tip
-from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, IceStress, Strengths
-from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
-from riftberg.engines.quasi_static.lattice.cells import add_new_cells
-from riftberg.engines.quasi_static.lattice.equilibrium import Supports, balanced_loads, find_lattice
-from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.errors import InputError, RunError
-from riftberg.state.population import Population
+from verification.plates import RADIUS, THICKNESS, Plate
 
-RADIUS = 750.0
-THICKNESS = 200.0
 FLAT = {"latlon": False, "period": 0.0}
 
 
@@ -42,103 +31,89 @@ def parameters(packing: str = "square", **groups) -> Parameters:
     return Parameters(**{"earth": FLAT, "bonds": bonds, "fracture": {"enabled": False}, **groups})
 
 
-def stiffness_of(el, bonds, cells, p):
-    """Stiffness, lattice, supports and gauge springs of elements as they lie, a body for each piece; and their coordinates."""
-    body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
-    bodies = bodies_from_elements(el.lon, el.lat, body, el.mass, False, 1.0, 0.0)
-    xy = tangent_coordinates(bodies.reference, False, 1.0)
-    sizes, supports = interaction_sizes(el, p), Supports(el.static, el.free_y)
-    intact = np.flatnonzero(bonds.status == 0)
-    with np.errstate(all="ignore"):  # ends of broken bonds lie in frames of their own
-        lattice = find_lattice(bonds, xy, el.thickness, sizes, p)
-    given = lattice, intact, supports, supports.gauge_springs(body, xy)
-    return CellStiffness(cells, el, bonds, body, xy, p), given, body, xy
-
-
 def dense_matrix(stiffness):
     """Stiffness of all nodes, added up number by number."""
     of = stiffness.topology
     return stiffness_matrix(of.at, stiffness._triangles.stiffness, of.nodes).toarray()
 
 
-def loads(el, body, xy, force):
-    """Balanced loads on elements."""
-    turn = np.tile([1.0, 0.0], (el.size, 1))
-    inertia = 0.5 * el.mass * RADIUS**2
-    return balanced_loads(body, xy, turn, force, el.mass, inertia, np.zeros(int(body.max()) + 1))
+def random_forces(plate: Plate, seed: int):
+    """Forces (N, N, N m) on the elements, without order."""
+    return np.random.default_rng(seed).normal(size=(plate.el.size, 3)) * [1e8, 1e8, 1e10]
+
+
+def count_pieces(plate: Plate) -> int:
+    """Pieces that the intact bonds leave."""
+    b = plate.bonds
+    intact = b.status == 0
+    graph = coo_matrix((np.ones(intact.sum()), (b.first[intact], b.second[intact])), shape=(plate.el.size,) * 2)
+    return int(connected_components(graph, directed=False)[0])
 
 
 @pytest.mark.quick(1)
 @pytest.mark.parametrize(("packing", "angle"), [("square", 0.0), ("square", 22.5), ("hexagonal", 15.0)])
 def test_factors_after_breaks_are_those_without_the_bonds_and_every_break_gives_way(packing, angle) -> None:
-    berg, p = turned_beam(packing, angle, 9000.0, 6000.0), parameters(packing).kernel_values()
-    el, bonds, rng = berg.elements, berg.bonds, np.random.default_rng(2)
-    cells = add_new_cells(None, el, bonds, berg.outlines, p)
-    stiffness, given, body, xy = stiffness_of(el, bonds, cells, p)
-    solver = StiffnessSolver(stiffness, *given)
-    load = loads(el, body, xy, rng.normal(size=(el.size, 3)) * [1e8, 1e8, 1e10])
-    yielded = [(solver.solve(load) * load).sum()]
-    for bond in rng.permutation(bonds.first.size):
-        bonds.status[bond] = 1
-        if connected_parts(el.size, bonds.first, bonds.second, bonds.status).max() > 0:
-            bonds.status[bond] = 0  # as it parts the berg; the others go on
+    plate = Plate(packing, angle, 9000.0, 6000.0)
+    lattice, status, load = plate.now, plate.bonds.status, plate.loads(random_forces(plate, 2))
+    yielded = [(lattice.displacements(load) * load).sum()]
+    for bond in np.random.default_rng(3).permutation(status.size):
+        status[bond] = 1
+        if count_pieces(plate) > 1:
+            status[bond] = 0  # as it parts the berg; the others go on
             continue
-        solver.downdate(bond)
-        displacement = solver.solve(load)
+        lattice.remove(bond)
+        displacement = lattice.displacements(load)
         yielded.append((displacement * load).sum())
     assert (np.diff(yielded) > -1e-9 * yielded[-1]).all()
-    assert solver.update_rank > 50
-    fresh_stiffness, given, *_ = stiffness_of(el, bonds, cells, p)
-    fresh = StiffnessSolver(fresh_stiffness, *given).solve(load)
+    assert lattice.update_rank > 50
+    plate.refresh()
+    fresh = plate.now.displacements(load)
+    assert plate.now.update_rank == 0
     size = abs(fresh).max(axis=0)
     np.testing.assert_allclose(displacement / size, fresh / size, rtol=0, atol=1e-6)
-    intact = given[1]
-    stress = fresh_stiffness.stresses(given[0], intact, fresh, load).tensor
+    stress = plate.now.moment(fresh, load).tensor
     scale = abs(stress).max()
-    np.testing.assert_allclose(
-        stiffness.stresses(given[0], intact, fresh, load).tensor / scale, stress / scale, rtol=0, atol=1e-9
-    )
+    np.testing.assert_allclose(lattice.moment(fresh, load).tensor / scale, stress / scale, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_stress_is_read_in_the_frame_of_the_fragment_however_the_berg_has_turned(packing) -> None:
-    berg, p = turned_beam(packing, 15.0, 15000.0, 9000.0), parameters(packing).kernel_values()
-    el, bonds = berg.elements, berg.bonds
-    cells = add_new_cells(None, el, bonds, berg.outlines, p)
-    x, y, (c, s) = el.lon.copy(), el.lat.copy(), (np.cos(0.7), np.sin(0.7))
+    plate = Plate(packing, 15.0, 15000.0, 9000.0)
+    el, bonds, x, y, (c, s) = plate.el, plate.bonds, plate.x, plate.y, (np.cos(0.7), np.sin(0.7))
     el.lon[:], el.lat[:] = 1e5 + c * x - s * y, 3e4 + s * x + c * y
-    stiffness, given, _, xy = stiffness_of(el, bonds, cells, p)
+    plate.refresh()
+    xy = plate.now.xy
+    np.testing.assert_allclose(xy[:, 0] - xy[0, 0], (c * x - s * y) - (c * x - s * y)[0], rtol=0, atol=1e-6)
     displacement = np.column_stack([1e-3 * xy[:, 0], -3e-4 * xy[:, 1], np.zeros(el.size)])
-    stress = stiffness.stresses(*given[:2], displacement, np.zeros((el.size, 3))).tensor
+    stress = plate.now.moment(displacement, np.zeros((el.size, 3))).tensor
     inner = (abs(x) < 4000.0) & (abs(y) < 2000.0)
     inner = inner[bonds.first] & inner[bonds.second]
     assert inner.sum() > 10
-    wanted = np.tile([1e-3 * p.youngs_modulus, 0.0, 0.0], (inner.sum(), 1))
-    np.testing.assert_allclose(stress[inner], wanted, rtol=0, atol=1e-8 * wanted.max())
+    tension = 1e-3 * plate.model.parameters.bonds.youngs_modulus
+    np.testing.assert_allclose(
+        stress[inner], np.tile([tension, 0.0, 0.0], (inner.sum(), 1)), rtol=0, atol=1e-8 * tension
+    )
 
 
 def test_ice_that_has_melted_away_holds_nothing_and_the_rest_is_as_if_its_bonds_had_broken() -> None:
-    berg, p = turned_beam("hexagonal", 15.0, 9000.0, 6000.0), parameters("hexagonal").kernel_values()
-    cells = add_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
-    gone = np.array([3, 11])
-    rest = np.setdiff1d(np.arange(berg.elements.size), gone)
-    broken = berg.bonds.copy()
-    broken.status[np.isin(broken.first, gone) | np.isin(broken.second, gone)] = 1
-    left = Population(berg.elements.copy(), berg.bonds.copy())
-    left.remove(berg.elements.id[gone])
-    assert left.elements.size == rest.size
-    force = np.random.default_rng(0).normal(size=(rest.size, 3)) * [1e8, 1e8, 1e10]
-    stiffness, given, body, xy = stiffness_of(left.elements, left.bonds, cells, p)
-    load = loads(left.elements, body, xy, force)
-    displacement = StiffnessSolver(stiffness, *given).solve(load)
+    melted, plate = (Plate("hexagonal", 15.0, 9000.0, 6000.0) for _ in range(2))
+    gone, bonds = np.array([3, 11]), plate.bonds
+    rest = np.setdiff1d(np.arange(plate.el.size), gone)
+    melted.model.remove(plate.el.id[gone])
+    melted.el, melted.bonds = melted.model.elements, melted.model.bonds
+    assert melted.el.size == rest.size
+    melted.refresh()
+    load = melted.loads(random_forces(melted, 0))
+    displacement = melted.now.displacements(load)
 
-    other, given, body, here = stiffness_of(berg.elements, broken, cells, p)
-    every = np.zeros((berg.elements.size, 3))
+    bonds.status[np.isin(bonds.first, gone) | np.isin(bonds.second, gone)] = 1
+    plate.refresh()
+    every = np.zeros((plate.el.size, 3))
     every[rest] = load
-    held = StiffnessSolver(other, *given).solve(every)[rest]
+    held = plate.now.displacements(every)[rest]
     # Both differ by a rigid motion, as their gauge springs hold other elements.
-    assert body[rest].max() == body[rest].min()
-    x, y = here[rest].T
+    assert np.ptp(plate.body[rest]) == 0
+    x, y = plate.now.xy[rest].T
     one, none = np.ones(rest.size), np.zeros(rest.size)
     rigid = (
         np.stack([np.stack([one, none, none]), np.stack([none, one, none]), np.stack([-y, x, one])]).reshape(3, -1).T
@@ -149,54 +124,42 @@ def test_ice_that_has_melted_away_holds_nothing_and_the_rest_is_as_if_its_bonds_
 
 
 def test_newly_born_get_cells_of_their_own_unless_they_hang_on_older_ice() -> None:
-    p = parameters().kernel_values()
-    berg = turned_beam("square", 0.0, 6000.0, 3000.0)
-    cells = add_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    plate, hanging = (Plate("square", 0.0, 6000.0, 3000.0) for _ in range(2))
     born = Iceberg.rectangle(3000.0, 1500.0, thickness=THICKNESS, radius=RADIUS, latlon=False, placement=(9e4, 0.0))
-    population = Population(berg.elements.copy(), berg.bonds.copy())
-    population.append(born.elements, born.bonds)
-    more = add_new_cells(cells, population.elements, population.bonds, (), p)
-    assert more.mesh.cells == berg.elements.size + 2
-    assert (more.mesh.weight * more.mesh.area).sum() == pytest.approx(6000.0 * 3000.0 + 3000.0 * 1500.0, rel=1e-9)
-    assert add_new_cells(more, population.elements, population.bonds, (), p) is more
-    hanging = population.bonds.copy()
-    hanging.first[-1] = 0
+    for model in (plate.model, hanging.model):
+        model.append(born.elements, born.bonds)
+    plate.refresh()
+    cells = plate.memory.cells
+    assert cells.mesh.cells == plate.el.size + 2
+    assert plate.area == pytest.approx(6000.0 * 3000.0 + 3000.0 * 1500.0, rel=1e-9)
+    plate.refresh(topology=None)
+    assert plate.memory.cells is cells
+    hanging.model.bonds.first[-1] = 0
     with pytest.raises(RunError, match="bonded to older ones"):
-        add_new_cells(cells, population.elements, hanging, (), p)
+        hanging.refresh()
 
 
 def test_rifts_that_are_there_from_the_start_part_the_ice() -> None:
-    p = parameters().kernel_values()
-    berg = turned_beam("square", 0.0, 12000.0, 3000.0)
-    cut = berg.with_rifts([[(0.0, -2000.0), (0.0, 2000.0)]], broken=True)
-    cells = add_new_cells(None, cut.elements, cut.bonds, cut.outlines, p)
-    assert (cells.mesh.weight * cells.mesh.area).sum() == pytest.approx(12000.0 * 3000.0, rel=1e-12)
-    stiffness, _, body, _ = stiffness_of(cut.elements, cut.bonds, cells, p)
-    assert body.max() == 1
-    matrix = dense_matrix(stiffness)
-    left, right = (3 * np.flatnonzero(body == b)[:, None] + np.arange(3) for b in (0, 1))
+    cut = turned_beam("square", 0.0, 12000.0, 3000.0).with_rifts([[(0.0, -2000.0), (0.0, 2000.0)]], broken=True)
+    plate = Plate.of(cut)
+    assert plate.area == pytest.approx(12000.0 * 3000.0, rel=1e-12)
+    assert plate.body.max() == 1
+    matrix = dense_matrix(plate.now.cells)
+    left, right = (3 * np.flatnonzero(plate.body == b)[:, None] + np.arange(3) for b in (0, 1))
     assert abs(matrix[np.ix_(left.ravel(), right.ravel())]).max() == 0.0
     # Bonds that are not even in the list part it too: elements of two pieces of one outline.
-    none = cut.bonds.taken(cut.bonds.status == 0)
-    again = add_new_cells(None, cut.elements, none, cut.outlines, p)
-    other = stiffness_of(cut.elements, none, again, p)[0]
+    other = Plate.of(replace(cut, bonds=cut.bonds.taken(cut.bonds.status == 0))).now.cells
     np.testing.assert_allclose(dense_matrix(other), matrix, rtol=0, atol=1e-12 * abs(matrix).max())
 
 
 def test_without_an_outline_the_ice_ends_where_its_elements_do() -> None:
-    p = parameters().kernel_values()
     berg = turned_beam("square", 0.0, 9000.0, 4500.0)
-    with_outline, without = (
-        stiffness_of(berg.elements, berg.bonds, add_new_cells(None, berg.elements, berg.bonds, outlines, p), p)[0]
-        for outlines in (berg.outlines, ())
-    )
-    wanted = dense_matrix(with_outline)
-    assert np.linalg.norm(dense_matrix(without)) == pytest.approx(np.linalg.norm(wanted), rel=1e-3)
+    with_outline, without = (dense_matrix(Plate.of(b).now.cells) for b in (berg, replace(berg, outlines=())))
+    assert np.linalg.norm(without) == pytest.approx(np.linalg.norm(with_outline), rel=1e-3)
     scattered = Iceberg.from_points(
         [0.0, 1800.0, 3600.0], [0.0, 0.0, 0.0], thickness=THICKNESS, radius=RADIUS, latlon=False
     )
-    joined = add_new_cells(None, scattered.elements, scattered.bonds, (), p).mesh
-    assert (joined.weight * joined.area).sum() == pytest.approx(5100.0 * 1500.0, rel=1e-6)
+    assert Plate.of(replace(scattered, outlines=())).area == pytest.approx(5100.0 * 1500.0, rel=1e-6)
 
 
 def zero_modes(stiffness) -> int:
@@ -223,54 +186,44 @@ def test_every_bond_joins_ice_and_pieces_have_three_zero_modes_whatever_is_broke
     berg = Iceberg.from_points(
         x, y, thickness=THICKNESS, radius=RADIUS, latlon=kind == "degrees", **({"outline": outline} if outline else {})
     )
-    el, bonds, rng = berg.elements, berg.bonds, np.random.default_rng(3)
+    plate, rng = Plate.of(berg), np.random.default_rng(3)
+    bonds = plate.bonds
     assert bonds.first.size == 22
-    p = parameters(earth={"latlon": kind == "degrees"}).kernel_values()
-    cells = add_new_cells(None, el, bonds, berg.outlines, p)
     for broken in (0, 1, 3, 6, 12, 22):
         bonds.status[:] = 0
         bonds.status[rng.permutation(22)[:broken]] = 1
-        body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
-        bodies = bodies_from_elements(el.lon, el.lat, body, el.mass, p.latlon, p.earth_radius, p.period)
-        xy = tangent_coordinates(bodies.reference, p.latlon, p.earth_radius)
-        stiffness = CellStiffness(cells, el, bonds, body, xy, p)
-        held = (
-            np.diag(dense_matrix(stiffness)).reshape(-1, 3)[: el.size].max(axis=1) > 0.0
-        )  # a lone cell has no triangles
-        assert zero_modes(stiffness) == 3 * np.unique(body[held]).size, broken
+        plate.refresh()
+        stiffness = plate.now.cells
+        if broken == 22:  # lone cells have no triangles
+            assert stiffness is None
+            break
+        held = np.diag(dense_matrix(stiffness)).reshape(-1, 3)[: plate.el.size].max(axis=1) > 0.0
+        assert zero_modes(stiffness) == 3 * np.unique(plate.body[held]).size, broken
         assert held[np.isin(np.arange(15), bonds.first[bonds.status == 0])].all()
 
 
 def test_elements_that_nearly_stand_on_the_outline_are_taken_in() -> None:
     outline = shapely.box(0.0, 0.0, 8000.0, 4600.0)
     x, y = (a.ravel() for a in np.meshgrid(1500.0 * np.arange(6) + 40.0, 1500.0 * np.arange(4) + 1.0))
-    berg = Iceberg.from_points(x, y, thickness=THICKNESS, radius=RADIUS, latlon=False, outline=outline)
-    p = parameters().kernel_values()
-    cells = add_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
-    area = (cells.mesh.weight * cells.mesh.area).sum()
-    assert outline.area < area < 1.02 * outline.area
-    stiffness, given, body, xy = stiffness_of(berg.elements, berg.bonds, cells, p)
-    load = loads(berg.elements, body, xy, np.random.default_rng(0).normal(size=(x.size, 3)) * 1e8)
-    assert np.isfinite(StiffnessSolver(stiffness, *given).solve(load)).all()
+    plate = Plate.of(Iceberg.from_points(x, y, thickness=THICKNESS, radius=RADIUS, latlon=False, outline=outline))
+    assert outline.area < plate.area < 1.02 * outline.area
+    assert np.isfinite(plate.bearing(random_forces(plate, 0)).displacement).all()
 
 
 def test_of_the_bonds_of_a_place_the_one_in_line_with_the_tension_breaks() -> None:
-    berg, p = turned_beam("square", 0.0, 9000.0, 4500.0), parameters().kernel_values()
-    el, bonds = berg.elements, berg.bonds
-    cells = add_new_cells(None, el, bonds, berg.outlines, p)
-    stiffness, (lattice, intact, *_), _, xy = stiffness_of(el, bonds, cells, p)
     for gradient, along in (([1e-3, -3e-4], 0), ([-3e-4, 1e-3], 1)):
-        displacement = np.column_stack([xy * gradient, np.zeros(el.size)])
-        moment = Equilibrium(lattice, intact, displacement, displacement, stiffness, None)
-        strengths = Strengths(np.full(intact.size, 4e3), np.full(intact.size, 1e6))
-        row, ratio = IceStress().most_critical(moment, strengths)
+        plate = Plate("square", 0.0, 9000.0, 4500.0, normal_strength=4e3, shear_strength=1e6)
+        way = abs(np.array([plate.now.lattice.nx, plate.now.lattice.ny]))
+        displacement = np.column_stack([plate.now.xy * gradient, np.zeros(plate.el.size)])
+        moment = plate.now.moment(displacement, displacement)
+        bond, ratio = plate.critical(moment)
         assert ratio > 1.2
-        assert abs((lattice.nx, lattice.ny)[along][row]) == pytest.approx(1.0)
+        assert way[along, bond] == pytest.approx(1.0)
         # A strong bond stays whole, however well it lies in line.
-        strengths.normal[:] = np.where(abs((lattice.nx, lattice.ny)[along][intact]) > 0.5, 1e6, 4e3)
-        row, ratio = IceStress().most_critical(moment, strengths)
+        plate.bonds.strength[way[along] > 0.5] = 250.0
+        bond, ratio = plate.critical(moment)
         assert ratio > 1.2
-        assert abs((lattice.nx, lattice.ny)[1 - along][row]) == pytest.approx(1.0)
+        assert way[1 - along, bond] == pytest.approx(1.0)
 
 
 @pytest.mark.quick(3)
@@ -386,11 +339,8 @@ def test_a_berg_knows_the_outline_that_was_asked_for(shape, angle) -> None:
     assert shapely.contains_xy(
         berg.outlines[0].buffer(1e-4 if latlon else 1.0), berg.elements.lon, berg.elements.lat
     ).all()
-    p = Parameters(earth={"latlon": latlon}).kernel_values()
-    cells = add_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
     # Ice that reaches beyond elements close to the outline is little.
-    area = (cells.mesh.weight * cells.mesh.area).sum()
-    assert area == pytest.approx(berg.report["outline_area"], rel=3e-3)
+    assert Plate.of(berg).area == pytest.approx(berg.report["outline_area"], rel=3e-3)
     far = Iceberg.rectangle(
         3e3, 3e3, thickness=200.0, placement=(-30.0, -56.0) if latlon else (0.0, 0.0), latlon=latlon
     )
@@ -400,10 +350,8 @@ def test_a_berg_knows_the_outline_that_was_asked_for(shape, angle) -> None:
 @pytest.mark.quick(1)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_blocks_and_nodes_on_the_outline_are_those_of_the_matrix_added_up_number_by_number(packing) -> None:
-    berg, p = turned_beam(packing, 20.0, 9000.0, 6000.0), parameters(packing).kernel_values()
-    el, bonds, rng = berg.elements, berg.bonds, np.random.default_rng(5)
-    cells = add_new_cells(None, el, bonds, berg.outlines, p)
-    stiffness, *_ = stiffness_of(el, bonds, cells, p)
+    plate, rng = Plate(packing, 20.0, 9000.0, 6000.0), np.random.default_rng(5)
+    stiffness, elements = plate.now.cells, plate.el.size
     for bond in (None, 4, 17):
         if bond is not None:
             stiffness.break_bond(bond, np.ones(3 * stiffness.topology.nodes))
@@ -414,82 +362,80 @@ def test_blocks_and_nodes_on_the_outline_are_those_of_the_matrix_added_up_number
         found[of.first, :, of.second] = between
         found[of.second, :, of.first] = between.transpose(0, 2, 1)
         np.testing.assert_allclose(found.reshape(matrix.shape), matrix, rtol=0, atol=1e-12 * matrix.max())
-        displacement = rng.normal(size=(el.size, 3)) * [1.0, 1.0, 1e-3]
+        displacement = rng.normal(size=(elements, 3)) * [1.0, 1.0, 1e-3]
         every = stiffness.displacements(displacement)
-        np.testing.assert_array_equal(every[: el.size], displacement)
+        np.testing.assert_array_equal(every[:elements], displacement)
         force = (matrix @ every.ravel()).reshape(-1, 3)
-        assert abs(force[el.size :, :2]).max() < 1e-9 * abs(force).max()
+        assert abs(force[elements:, :2]).max() < 1e-9 * abs(force).max()
 
 
 def test_the_last_bond_between_two_parts_bends_as_a_beam_as_high_as_its_facet() -> None:
     """Two opposite moments on a bar that hangs together by one bond; the stress grows with the moment, and with 1 / (H w2)."""
-    berg, p = turned_beam("square", 0.0, 9000.0, 3000.0), parameters().kernel_values()
-    el, bonds, moment = berg.elements, berg.bonds, 3e12
-    crossing = np.flatnonzero(np.sign(el.lon[bonds.first]) != np.sign(el.lon[bonds.second]))
+    plate, moment = Plate("square", 0.0, 9000.0, 3000.0), 3e12
+    x, bonds = plate.x, plate.bonds
+    crossing = np.flatnonzero(np.sign(x[bonds.first]) != np.sign(x[bonds.second]))
     assert crossing.size == 2
     bonds.status[crossing[0]] = 1
-    cells = add_new_cells(None, el, bonds, berg.outlines, p)
-    stiffness, (lattice, intact, *_), *_ = stiffness_of(el, bonds, cells, p)
-    load = np.zeros((el.size, 3))
-    load[np.argmin(el.lon), 2], load[np.argmax(el.lon), 2] = moment, -moment
-    found, still = stiffness.stresses(lattice, intact, 0.0 * load, load), np.zeros_like(load)
-    assert intact[found.bridge].tolist() == [crossing[1]]
-    side, tension = 2.0 * RADIUS, found.bond[:, 0]
-    assert tension[found.bridge] == pytest.approx(moment / (THICKNESS * side**2 / 6.0), rel=1e-9)
+    plate.refresh()
+    load = np.zeros((x.size, 3))
+    load[np.argmin(x), 2], load[np.argmax(x), 2] = moment, -moment
+    found, twice = (plate.now.moment(0.0 * load, factor * load) for factor in (1.0, -2.0))
+    assert found.intact[found.bridges].tolist() == [crossing[1]]
+    side, tension = 2.0 * RADIUS, found.stress[:, 0]
+    assert tension[found.bridges] == pytest.approx(moment / (THICKNESS * side**2 / 6.0), rel=1e-9)
     assert np.count_nonzero(tension) == 1
-    assert stiffness.stresses(lattice, intact.copy(), still, -2.0 * load).bond[found.bridge, 0] == pytest.approx(
-        2.0 * tension[found.bridge], rel=1e-12
-    )
+    assert twice.stress[found.bridges, 0] == pytest.approx(2.0 * tension[found.bridges], rel=1e-12)
 
 
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_the_disc_ahead_of_a_tip_is_full_inside_and_half_full_at_a_straight_edge(packing) -> None:
     """The share is that of the weight exp(-d2 / 2 r2) up to 3 r, whose integral over a whole disc is 2 pi r2 (1 - exp(-4.5))."""
-    berg, p = turned_beam(packing, 0.0, 45e3, 45e3), parameters(packing).kernel_values()
-    el, bonds = berg.elements, berg.bonds
-    stiffness, *_, xy = stiffness_of(el, bonds, add_new_cells(None, el, bonds, berg.outlines, p), p)
-    nothing, radius, ahead = np.zeros((stiffness._mesh.area.size, 3)), 5000.0, np.array([1.0, 0.0])
+    plate = Plate(packing, 0.0, 45e3, 45e3)
+    cells, xy, radius, ahead = plate.now.cells, plate.now.xy, 5000.0, np.array([1.0, 0.0])
+    nothing = np.zeros((cells._mesh.area.size, 3))
     centre = 0.5 * (xy.min(axis=0) + xy.max(axis=0))
     edge = np.array([xy[:, 0].min() - RADIUS, centre[1]])
-    assert stiffness.mean_ahead(nothing, 0, centre, ahead, radius)[1] == pytest.approx(1.0, abs=1e-3)
-    assert stiffness.mean_ahead(nothing, 0, edge, ahead, radius)[1] == pytest.approx(0.5, abs=0.02)
+    assert cells.mean_ahead(nothing, 0, centre, ahead, radius)[1] == pytest.approx(1.0, abs=1e-3)
+    assert cells.mean_ahead(nothing, 0, edge, ahead, radius)[1] == pytest.approx(0.5, abs=0.02)
 
 
 def test_a_topology_counts_as_long_as_only_the_ice_melts() -> None:
-    berg, p = turned_beam("square", 20.0, 9000.0, 6000.0), parameters().kernel_values()
-    el, bonds = berg.elements, berg.bonds
-    cells = add_new_cells(None, el, bonds, berg.outlines, p)
-    stiffness, given, body, xy = stiffness_of(el, bonds, cells, p)
-    load = loads(el, body, xy, np.random.default_rng(0).normal(size=(el.size, 3)) * [1e8, 1e8, 1e10])
-    el.thickness[:] *= np.linspace(0.8, 1.0, el.size)
-    thinner = CellStiffness(cells, el, bonds, body, xy, p, stiffness.topology)
-    assert thinner.topology is stiffness.topology
-    anew = CellStiffness(cells, el, bonds, body, xy, p)
-    np.testing.assert_array_equal(
-        StiffnessSolver(thinner, *given).solve(load), StiffnessSolver(anew, *given).solve(load)
-    )
-    assert (
-        abs(StiffnessSolver(stiffness, *given).solve(load) - StiffnessSolver(thinner, *given).solve(load)).max() > 0.0
-    )
-    for change in (bonds.status, el.static, el.free_y):
+    plate, other = (Plate("square", 20.0, 9000.0, 6000.0) for _ in range(2))
+    thick, topology, load = plate.now, plate.now.topology, plate.loads(random_forces(plate, 0))
+    plate.el.thickness[:] *= np.linspace(0.8, 1.0, plate.el.size)
+    plate.refresh()
+    thinner = plate.now
+    assert thinner.topology is topology
+    plate.refresh(topology=None)
+    assert plate.now.topology is not topology
+    np.testing.assert_array_equal(thinner.displacements(load), plate.now.displacements(load))
+    assert abs(thick.displacements(load) - thinner.displacements(load)).max() > 0.0
+    for change in (plate.bonds.status, plate.el.static, plate.el.free_y):
+        topology = plate.now.topology
         change[3] = 1 - change[3]
-        assert CellStiffness(cells, el, bonds, body, xy, p, stiffness.topology).topology is not stiffness.topology
-        change[3] = 1 - change[3]
-    other = add_new_cells(None, el, bonds, berg.outlines, p)
-    assert CellStiffness(other, el, bonds, body, xy, p, stiffness.topology).topology is not stiffness.topology
+        plate.refresh()
+        assert plate.now.topology is not topology
+    topology = plate.now.topology
+    plate.refresh(cells=other.memory.cells)
+    assert plate.now.topology is not topology
 
 
 @pytest.mark.parametrize(("away", "goes_on"), [(0.6, True), (2.4, True), (2.6, False)])
 def test_a_bond_that_fails_near_a_tip_is_the_tips_and_farther_off_begins_a_crack(away: float, goes_on: bool) -> None:
-    """A row of elements 100 m apart; the bond from the first to the second fails, ``away`` elements from the tip."""
-    bonds: Any = SimpleNamespace(first=np.arange(4), second=np.arange(1, 5))
-    row, unused = np.column_stack([100.0 * np.arange(5), np.zeros(5)]), np.zeros(0)
-    paths: Any = CrackPaths(NO_TIPS, bonds, np.arange(5), np.zeros(5, np.int64), row, unused)  # type: ignore[arg-type]
-    tip = Tip(0, 0, np.array([50.0 + 100.0 * away, 0.0]), np.array([0.0, 1.0]), 100.0)
-    told: list[str] = []
-    paths.standing = lambda: [tip]
-    paths.find_crossing = lambda tip, stress, intensity: Crossing(2, 0.5, tip)
-    paths._step, paths._drop = (lambda *_: told.append("on")), lambda ended: None
-    paths._start = lambda *_: told.append("new")
-    bond = paths.next_bond(0, False, np.zeros(3), unused, np.full(4, 2.0), np.ones(4))
-    assert (bond, told) == ((2, ["on"]) if goes_on else (0, ["new"]))
+    """A rift in squares, whose upper tip is put ``away`` elements below the bond that fails."""
+    berg = turned_beam("square", 0.0, 18e3, 18e3).with_rifts([[(100.0, -3e3), (100.0, 3e3)]], broken=True)
+    plate = Plate.of(berg)
+    bonds, tips = plate.bonds, plate.tips
+    first, second = bonds.first, bonds.second
+    failing = int(np.argmin(np.hypot(plate.x[first] + plate.x[second], plate.y[first] + plate.y[second] - 13.5e3)))
+    upper = max(plate.now.paths.standing(), key=lambda tip: tip.place[1])
+    i, j = plate.model.population.rows(tips.beside[upper.row])
+    along = np.array([plate.x[j] - plate.x[i], plate.y[j] - plate.y[i]]) / (2.0 * RADIUS)
+    place = tips.place.copy()
+    rise = 6750.0 - away * 2.0 * RADIUS - upper.place[1]
+    place[upper.row] += [along[1] * rise, along[0] * rise]
+    plate.refresh(tips=tips._replace(place=place))
+    bond = plate.now.next_bond(plate.under(plate.el.mass * plate.x), failing)
+    assert bonds.crack[bond] == (1 if goes_on else 2)
+    assert plate.now.tips.crack.tolist() == ([1, 1] if goes_on else [1, 1, 2, 2])
+    assert (bond == failing) == (away == 0.6 or not goes_on)

@@ -8,18 +8,15 @@ import weakref
 import numpy as np
 import pytest
 
-from engines.test_elastic_cells import dense_matrix, loads, stiffness_of
+from engines.test_elastic_cells import dense_matrix
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.quasi_static.bodies.dynamics import relative_increment
 from riftberg.engines.quasi_static.bodies.pose import place_elements, split_bodies
 from riftberg.engines.quasi_static.lattice import solver
-from riftberg.engines.quasi_static.lattice.cells import add_new_cells
-from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, bond_deformations, find_lattice
-from riftberg.engines.quasi_static.lattice.solver import StiffnessSolver
 from riftberg.errors import RunError
 from scripts import loaded
 from twins import equilibrium as twin
+from verification.plates import Plate
 
 square_berg = loaded("benchmarks/bench.py").square_berg
 
@@ -63,51 +60,56 @@ def test_a_berg_that_spins_goes_as_far_and_the_same_way(latitude) -> None:
     assert spun.elements.rotation - straight.elements.rotation == pytest.approx(8e-4 * 1800.0, rel=1e-6)
 
 
-def floating(seed: int, packing: str, youngs: float = 5e6):
-    """A lattice of uneven thickness and unequal sizes, with random forces; nothing holds it."""
+def uneven(seed: int, packing: str, **options) -> tuple[Iceberg, np.ndarray]:
+    """A berg of uneven thickness and unequal elements, and random forces (N, N, N m) on these."""
     r = np.random.default_rng(seed)
-    berg = Iceberg.rectangle(16e3, 11e3, thickness=200.0, radius=1500.0, packing=packing, latlon=False)
+    berg = Iceberg.rectangle(16e3, 11e3, thickness=200.0, radius=1500.0, packing=packing, latlon=False, **options)
     el = berg.elements
     n = el.mass.size
     el.thickness[:] *= r.uniform(0.6, 1.4, n)
-    el.length[:] *= r.uniform(0.9, 1.1, n)
+    el.length[:] *= r.uniform(0.8, 1.0, n)
     el.mass[:] = 850.0 * el.thickness * el.length * el.width
-    force = np.column_stack([1e9 * r.standard_normal((n, 2)), 1e12 * r.standard_normal(n)])
-    bonds = {"packing": packing, "youngs_modulus": youngs}
-    p = Parameters(earth={"latlon": False, "period": 0.0}, bonds=bonds).kernel_values()
-    return berg, force, p
+    return berg, np.column_stack([1e9 * r.standard_normal((n, 2)), 1e12 * r.standard_normal(n)])
 
 
-def solver_of(berg, p):
-    """Stiffness of the cells of a berg, its lattice, intact bonds and supports, their solver, and coordinates."""
-    cells = add_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
-    stiffness, given, body, xy = stiffness_of(berg.elements, berg.bonds, cells, p)
-    return stiffness, given, StiffnessSolver(stiffness, *given), body, xy
+def floating(seed: int, packing: str, youngs: float = 5e6) -> tuple[Plate, np.ndarray]:
+    """The same in a model; nothing holds it."""
+    berg, force = uneven(seed, packing)
+    return Plate.of(berg, {"youngs_modulus": youngs}), force
 
 
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("seed", range(3))
 def test_balanced_loads_are_those_of_the_plain_twin(seed, packing) -> None:
-    berg, force, p = floating(seed, packing)
-    *_, body, xy = solver_of(berg, p)
-    el = berg.elements
-    inertia = 0.5 * el.mass * interaction_sizes(el, p).bond_radius ** 2
-    turn = np.tile([1.0, 0.0], (el.mass.size, 1))
-    load = balanced_loads(body, xy, turn, force, el.mass, inertia, np.array([1e-5]))
-    asked = twin.balanced(xy, el.mass, inertia, force, 1e-5)
-    scale = np.abs(force).max(axis=0)
-    np.testing.assert_allclose(load / scale, asked / scale, rtol=0, atol=1e-11)
+    """Of a berg that spins in wind and current, whose drag turns its elements too."""
+    berg, force = uneven(seed, packing, spin=2e-5)
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0, "reference_latitude": -55.0}, bonds={"packing": packing},
+        fracture={"enabled": False}, stepping={"time_step": 600.0},
+    )  # fmt: skip
+    model = Model(berg, Forcing.uniform((0.4, -0.1), wind=(12.0, 2.0), slope=(0.0, 0.0)), p)
+    el = model.elements
+    el.load_x[:], el.load_y[:] = force[:, :2].T
+    model.advance(steps=3)
+    memory = model._stepper.memory  # type: ignore[attr-defined]
+    (u, v, torque), (c, s) = memory.state.force.T, memory.state.operators.levers[:, 9:11].T
+    turned = np.column_stack([c * u + s * v, c * v - s * u, torque])
+    inertia = el.mass * (el.length**2 + el.width**2) / 12.0
+    asked = twin.balanced(memory.lattice.xy, el.mass, inertia, turned, memory.bodies.twist[0, 2])
+    scale = np.abs(turned).max(axis=0)
+    assert scale[2] > 1e6
+    np.testing.assert_allclose(memory.state.load / scale, asked / scale, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_held_elements_stay_and_the_ice_of_the_others_balances_the_load(packing) -> None:
     """Against the whole stiffness matrix, added up number by number and solved for the freedoms that are left."""
-    berg, force, p = floating(4, packing)
+    berg, force = uneven(4, packing)
     el, n = berg.elements, berg.elements.mass.size
     el.static[np.argsort(el.lon)[:3]] = 1.0
     el.free_y[np.argsort(el.lon)[-1]] = 0.0
-    stiffness, _, solver, *_ = solver_of(berg, p)
-    got, of, matrix = solver.solve(force), stiffness.topology, dense_matrix(stiffness)
+    lattice = Plate.of(berg, {"youngs_modulus": 5e6}).now
+    got, of, matrix = lattice.displacements(force), lattice.topology, dense_matrix(lattice.cells)
     held = np.zeros((of.nodes, 3), bool)
     held[:n] = (el.static >= 0.5)[:, None]
     held[:n, 1] |= el.free_y < 0.5
@@ -124,25 +126,23 @@ def test_held_elements_stay_and_the_ice_of_the_others_balances_the_load(packing)
 def test_stress_does_not_depend_on_youngs_modulus() -> None:
     stresses = []
     for youngs in (5e6, 9e9):
-        berg, force, p = floating(1, "square", youngs)
-        stiffness, given, solver, body, xy = solver_of(berg, p)
-        load = loads(berg.elements, body, xy, force)
-        stresses.append(stiffness.stresses(given[0], given[1], solver.solve(load), load).bond)
+        plate, force = floating(1, "square", youngs)
+        stresses.append(plate.bearing(force).stress)
     np.testing.assert_allclose(stresses[0], stresses[1], rtol=0, atol=1e-8 * np.abs(stresses[0]).max())
 
 
 def test_a_load_out_of_balance_is_refused() -> None:
     """The springs that hold a fragment must carry nothing; that they do is a fault, not a stress."""
-    berg, force, p = floating(1, "square")
+    plate, force = floating(1, "square")
     with pytest.raises(RunError, match="not in equilibrium"):
-        solver_of(berg, p)[2].solve(force)
+        plate.now.displacements(force)
 
 
 def test_loads_that_are_round_off_alone_are_in_balance() -> None:
     """Bug: a berg that started with the velocity of a balanced current was refused, for a freedom that carried 1e-6 N."""
-    berg, force, p = floating(1, "square")
+    plate, force = floating(1, "square")
     tiny = 1e-6 * np.sign(force) * np.array([1.0, 1.0, 0.0])
-    assert np.abs(solver_of(berg, p)[2].solve(tiny)).max() < 1e-9
+    assert np.abs(plate.now.displacements(tiny)).max() < 1e-9
 
 
 def test_a_berg_that_goes_with_the_water_bears_nothing() -> None:
@@ -155,19 +155,20 @@ def test_a_berg_that_goes_with_the_water_bears_nothing() -> None:
 
 def test_sides_that_melt_leave_bonds_as_they_formed() -> None:
     """Bug: levers of shorter sides and kept lengths did not add up to the bond, whose shear then turned the berg as a whole."""
-    berg, _, p = floating(4, "square")
+    berg, _ = uneven(4, "square")
     berg.bonds.rest_length[:] = 3000.0
-    *_, xy = solver_of(berg, p)
-    el, intact = berg.elements, np.arange(berg.bonds.first.size)
-    before = find_lattice(berg.bonds, xy, el.thickness, interaction_sizes(el, p), p)
-    el.length[:] *= 0.97
-    el.width[:] *= 0.97
-    after = find_lattice(berg.bonds, xy, el.thickness, interaction_sizes(el, p), p)
+    plate = Plate.of(berg)
+    before = plate.now
+    plate.el.length[:] *= 0.97
+    plate.el.width[:] *= 0.97
+    plate.refresh()
+    after, xy = plate.now, before.xy
+    assert after is not before
     whole = np.column_stack([-xy[:, 1], xy[:, 0], np.ones(len(xy))])  # the berg turns as a whole
     for lattice in (before, after):
-        assert bond_deformations(lattice, intact, whole) == pytest.approx(0.0, abs=1e-9)
+        assert lattice.moment(whole, whole).deformation == pytest.approx(0.0, abs=1e-9)
     for name in ("width", "thickness", "stiffness", "arm_first", "arm_second"):
-        assert getattr(after, name) == pytest.approx(getattr(before, name), rel=1e-12), name
+        assert getattr(after.lattice, name) == pytest.approx(getattr(before.lattice, name), rel=1e-12), name
 
 
 def test_a_melting_berg_goes_on() -> None:
