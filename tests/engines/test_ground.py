@@ -364,6 +364,35 @@ def test_a_bank_bears_what_the_plate_does(modulus: float, sediment: str) -> None
     assert now.total == pytest.approx(of_plate(f"bank, {modulus / 1e9:g} GPa, {sediment}"), rel=0.09)
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("sediment", ["rock", "sand", "clay"])
+def test_a_bank_that_ends_along_elements_is_borne_whichever_way_the_berg_lies(sediment: str) -> None:
+    """Bug: a pad that the floor grazed by 6e-16 m along an edge had its load at 0 / 0, and the heave "did not settle"."""
+    floor = lambda x, y: DRAFT - 1e-3 * (x - 10e3)  # noqa: E731
+    ahead, askew, across = (
+        Berg(20, 15, 2e3, turn=turn).press(floor, {"sediment": sediment}) for turn in (0.0, 0.05, 0.5 * math.pi)
+    )
+    assert ahead.total == pytest.approx(across.total, rel=1e-3)
+    # Squares that bend as one lie askew to the edges.
+    assert askew.total == pytest.approx(of_plate(f"bank, 9 GPa, {sediment}"), rel=0.09)
+    for now in (ahead, askew, across):
+        assert np.isfinite(now.where).all()
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("columns", "rows", "turn"), [(13, 14, 0.906), (12, 15, 1.44)])
+def test_stiff_ice_deep_in_rock_finds_its_balance(columns: int, rows: int, turn: float) -> None:
+    """Bug: almost all of the rock yielded at first, corrections overshot by hundreds of metres, and the heave "did not settle".
+
+    Squares that bend as one lie askew to the edges of a berg that is turned.
+    """
+    floor = lambda x, y: DRAFT - 20.0 - 1e-3 * (x - 1e3 * columns)  # noqa: E731
+    here, there = (
+        Berg(columns, rows, 2e3, turn=angle).press(floor, ROCK | {"start": "aground"}) for angle in (0.0, turn)
+    )
+    assert there.total == pytest.approx(here.total, rel=0.06)
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_a_bank_under_the_whole_berg_bears_the_water_of_its_volume(turn: float) -> None:
     """A uniform and a linear overlap bend nothing, wherever the edges lie on the raster of elements."""

@@ -7,9 +7,9 @@ the end, minimise
 
     q K q / 2 + c G c / 2 + sum over pads k_v integral (<d>^2 - <d - q_u / k_v>^2) / 2
 
-which is convex: Newton's method, with its exact tangent and halved corrections, finds them from zero. Where the load of a pad
-acts follows from the overlap without rise first, then from the pressure that was found; of a pad that bears nothing it is the
-point that would touch first.
+which is convex: Newton's method, with its exact tangent and halved corrections, finds them from zero, or from the balance on a
+bed that does not yield. Where the load of a pad acts follows from the overlap without rise first, then from the pressure that was
+found; of a pad that bears nothing it is the point that would touch first.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ from riftberg.physics.geometry import solve
 from riftberg.physics.seabed import WATER_STIFFNESS, bending_stress, plate_deflection, pressed
 from riftberg.state import Floats, Ints
 
-MAX_ITERATIONS: Final = 100
-"""Of Newton's method; four to ten are usual."""
+MAX_ITERATIONS: Final = 50
+"""Of Newton's method in one search; four to ten are usual."""
 
 MOST_PADS: Final = 150
 """Loaded pads that bend one by one; of more, squares of 2, 4, ... sides bend as one."""
@@ -59,7 +59,7 @@ DIMPLE: Final = 0.14
 the deflection under a load is 3.3 to 3.9 % too small on average of 150 points (sides of 0.92 to 1 ``lambda``)."""
 
 SLIVER: Final = 1e-10
-"""Part of a pad whose elastic area counts as none: its compliance would overflow."""
+"""Part of a pad that counts as none: its compliance would overflow, and where its load acts would be round-off over round-off."""
 
 
 class Overlaps(NamedTuple):
@@ -201,6 +201,12 @@ def _raised(overlaps: Overlaps, m: int, q: Floats, bending: float, piece: Floats
 
 
 @kernel
+def _bears(sums: Floats, highest: float, side: float) -> bool:
+    """Whether a pad with these integrals of the overlap bears load: one that grazes the floor along an edge has no area there."""
+    return bool(highest > 0.0 and sums[0] > SLIVER * highest * side * side)
+
+
+@kernel
 def _add_shape(pads: Pads, b: int, k: int, per: int, x: float, y: float, weight: float, shape: Floats) -> None:
     """Add the share of the unknowns of the element of polygon ``k`` in the rise at a point in it, times a weight."""
     of_x, of_y, h = np.empty(4), np.empty(4), per * pads.frame[b, SIDE]
@@ -226,8 +232,8 @@ def _place_loads(
         i, k = overlaps.square[m], polygons[overlaps.polygons[m]]
         size, highest = _raised(overlaps, m, q, sq.bending[i], piece)
         polygon[i] = k
-        if highest > 0.0:
-            pressed(piece, size, top, room, sums)
+        pressed(piece, size, top, room, sums)
+        if _bears(sums, min(highest, top), pads.frame[b, SIDE]):
             _add_shape(pads, b, k, per, sums[1] / sums[0], sums[2] / sums[0], sums[0], shape[i])
             for n in range(3):
                 weight[i, n] += sums[n]
@@ -297,14 +303,14 @@ def _apply(matrix: Floats, vector: Floats, out: Floats) -> None:
 
 @kernel
 def _sum_up(
-    overlaps: Overlaps, sq: Squares, q: Floats, bed: Bed, least: float, hull: Floats, gradient: Floats, hessian: Floats,
-    piece: Floats, room: Floats,
+    overlaps: Overlaps, sq: Squares, q: Floats, stiffness: float, top: float, least: float, hull: Floats, gradient: Floats,
+    hessian: Floats, piece: Floats, room: Floats,
 ) -> float:  # fmt: skip
     """Find loads and stiffness of the squares, gradient and Hessian by the rise; returns the energy (J).
 
-    ``least``: elastic stiffness (N m-1) of a square that counts.
+    ``top``: overlap from which the pressure grows no more, m; ``least``: elastic stiffness (N m-1) of a square that counts.
     """
-    energy, top, sums = 0.0, bed.strength / bed.stiffness, np.zeros(10)
+    energy, sums = 0.0, np.zeros(10)
     for i in range(3):
         gradient[i] = 0.0
         for j in range(3):
@@ -321,7 +327,7 @@ def _sum_up(
             continue
         pressed(piece, size, top, room, sums)
         for n in range(10):
-            sums[n] *= bed.stiffness
+            sums[n] *= stiffness
         energy += sums[9]
         gradient[0] -= sums[0]
         gradient[1] -= sums[2]
@@ -423,16 +429,17 @@ def _correction(
 
 @kernel
 def _minimise(
-    overlaps: Overlaps, sq: Squares, bends: bool, q: Floats, bed: Bed, least: float, hull: Floats, piece: Floats, room: Floats
+    overlaps: Overlaps, sq: Squares, bends: bool, q: Floats, stiffness: float, top: float, least: float, hull: Floats,
+    piece: Floats, room: Floats,
 ) -> int:  # fmt: skip
     """Find rise and bending of least energy from where they are; returns the iterations, -1 where there is no end."""
     count = sq.load.size
     gradient, hessian, dq, dc, du = np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(count), np.zeros(count)
-    energy = _sum_up(overlaps, sq, q, bed, least, hull, gradient, hessian, piece, room)
+    energy = _sum_up(overlaps, sq, q, stiffness, top, least, hull, gradient, hessian, piece, room)
     for iteration in range(MAX_ITERATIONS):
         decrement = _correction(sq, bends, gradient, hessian, dq, dc, du)
         # Late iterations move within round-off.
-        if decrement <= (1e-16 if iteration < 20 else 1e-9 if iteration < 50 else 1e-6) * abs(energy):
+        if decrement <= (1e-16 if iteration < 20 else 1e-9) * abs(energy):
             return iteration
         scale, applied_scale = 1.0, 0.0
         while True:
@@ -441,12 +448,31 @@ def _minimise(
             for i in range(count):
                 sq.coefficient[i] += (scale - applied_scale) * dc[i]
                 sq.bending[i] += (scale - applied_scale) * du[i]
-            new = _sum_up(overlaps, sq, q, bed, least, hull, gradient, hessian, piece, room)
+            new = _sum_up(overlaps, sq, q, stiffness, top, least, hull, gradient, hessian, piece, room)
             if new <= energy - 1e-4 * scale * decrement or scale < 1e-3 or decrement < 1e-9 * abs(energy):
                 break
             applied_scale, scale = scale, 0.5 * scale
         energy = new
     return -1
+
+
+# Many arguments: as above.
+@kernel
+def _balance(
+    overlaps: Overlaps, sq: Squares, bends: bool, q: Floats, stiffness: float, top: float, least: float, hull: Floats,
+    piece: Floats, room: Floats,
+) -> int:  # fmt: skip
+    """Find the balance from the rise and bending that are there; returns the iterations, -1 where there is no end."""
+    iterations = _minimise(overlaps, sq, bends, q, stiffness, top, least, hull, piece, room)
+    if iterations < 0:
+        # Squares that yield resist no more: where stiff ice starts deep in rock, almost all do, and corrections overshoot by
+        # hundreds of metres. On a bed of boundless strength they do not, and its balance is close.
+        q[:] = 0.0
+        sq.coefficient[:] = 0.0
+        sq.bending[:] = 0.0
+        _minimise(overlaps, sq, bends, q, stiffness, math.inf, least, hull, piece, room)
+        iterations = _minimise(overlaps, sq, bends, q, stiffness, top, least, hull, piece, room)
+    return iterations
 
 
 # Many arguments: as in `press`, whose results it writes.
@@ -461,9 +487,9 @@ def _share_out(
         i, k = overlaps.square[m], polygons[overlaps.polygons[m]]
         e, origin_x, origin_y = pads.owner[k], pads.frame[b, ORIGIN_X], pads.frame[b, ORIGIN_Y]
         size, highest = _raised(overlaps, m, q, sq.bending[i], piece)
-        if highest <= 0.0:
-            continue
         pressed(piece, size, top, room, sums)
+        if not _bears(sums, min(highest, top), pads.frame[b, SIDE]):
+            continue
         load = bed.stiffness * sums[0]
         x, y = sums[1] / sums[0], sums[2] / sums[0]
         loads[e, LOAD] += load
@@ -538,7 +564,7 @@ def press(
                 _set_compliance(
                     pads, plates, b, polygons, overlaps, sq, merged == 1, q, math.inf if search == 0 else top, length, piece, room
                 )  # fmt: skip
-            iterations = _minimise(overlaps, sq, bends, q, bed, least, hull, piece, room)
+            iterations = _balance(overlaps, sq, bends, q, bed.stiffness, top, least, hull, piece, room)
             if iterations < 0:
                 return -1, largest
         # Whether what was left out stays clear: rigid rise alone is its least.
