@@ -157,17 +157,23 @@ def test_the_load_of_a_blow_and_the_moment_of_its_break_do_not_depend_on_the_lon
     ],
 )
 def test_a_meeting_does_not_depend_on_the_order_of_the_bergs(sea: Forcing) -> None:
+    """Nor does the moment when one breaks. What its pieces do then does: each blow makes a last digit forty times as large."""
     # What the sweeps over faces make of friction, which one of two is first, and edges of millimetres are not to show.
     bergs = [bonded(0.0, 0.3), single(6300.0, -0.1, 2000.0), single(9500.0, -0.2, 2500.0), single(6300.0, -0.1, 5100.0)]
-    ends = []
+    ends, moments = [], []
     for order in ([0, 1, 2, 3], [2, 3, 0, 1], [3, 2, 1, 0]):
-        model = Model(Iceberg.join([bergs[k] for k in order]), sea, parameters())
-        model.advance(steps=6)
-        el = model.elements
-        ends.append(np.array(sorted(zip(el.lon, el.lat, el.u, el.v, strict=True))))
+        for fracture in ({"enabled": False}, {"enabled": True}):
+            model = Model(Iceberg.join([bergs[k] for k in order]), sea, parameters(fracture=fracture))
+            model.advance(steps=6)
+            el = model.elements
+            if fracture["enabled"]:
+                moments.append(np.nanmin(model.bonds.break_time, initial=np.inf))
+            else:
+                ends.append(np.array(sorted(zip(el.lon, el.lat, el.u, el.v, strict=True))))
     for end in ends[1:]:
         np.testing.assert_allclose(end[:, :2], ends[0][:, :2], rtol=0.0, atol=2e-6)  # m
         np.testing.assert_allclose(end[:, 2:], ends[0][:, 2:], rtol=0.0, atol=2e-9)  # m s-1
+    np.testing.assert_allclose(moments, moments[0], rtol=0.0, atol=1e-6)  # s
 
 
 def test_a_lone_berg_has_its_own_face_wherever_it_stands_in_the_list() -> None:

@@ -128,12 +128,18 @@ def _find_least_gap(faces: Faces, i: int, j: int, pair: PairWorkspace) -> tuple[
         one, box = pair.corners_1[begin:end], pair.box_1[p]
         for q in range(faces.end[j] - faces.begin[j]):
             other = pair.box_2[q]
-            # No nearer than their boxes are.
+            # Polygons are no nearer than their boxes, the strip between which may be wider than that along any edge.
             east, north = max(box[0] - other[2], other[0] - box[2]), max(box[1] - other[3], other[1] - box[3])
             if max(east, north) >= max(nearest, 0.0):
                 continue
             begin, end = _find_corners(faces, j, q)
             g, gx, gy = gap(one, pair.corners_2[begin:end])
+            if max(east, north) > g:
+                g, gx, gy = max(east, north), 0.0, 0.0
+                if east >= north:
+                    gx = 1.0 if other[0] > box[2] else -1.0
+                else:
+                    gy = 1.0 if other[1] > box[3] else -1.0
             if g < nearest:
                 nearest, nx, ny = g, gx, gy
     return nearest, nx, ny
