@@ -24,7 +24,11 @@ from riftberg.state import Bonds, Elements, Floats, Ints
 
 
 def make_stepper(run: RunState) -> Stepper:
-    """Return the stepper of the scheme that the parameters name; a run imports no engine but its own."""
+    """Return the stepper of the scheme that the parameters name.
+
+    A run imports no engine but its own; at a given velocity (`stepping.fixed_velocity`) ice goes by the single step of the
+    explicit one.
+    """
     stepping = run.parameters.stepping
     scheme = stepping.scheme
     if isinstance(stepping, ExplicitStepping) and stepping.frozen:

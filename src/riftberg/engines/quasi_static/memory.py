@@ -70,7 +70,7 @@ class LawsWithMemory(NamedTuple):
 class Memory:
     """Fragments, ice and laws at the end of a time step, for the next one; a step makes a new one of it.
 
-    A restart file holds the first six; the others are found anew.
+    A restart file holds the first seven; the others are found anew. What the laws keep changes within a step (`LawsWithMemory`).
     """
 
     bodies: Bodies | None = None

@@ -64,7 +64,9 @@ class BodyState(NamedTuple):
     bodies: Bodies
     operators: BodyOperators
     terms: ForceTerms  # At the velocities of the bodies
-    force: Floats  # On the elements, with the drag of the sea floor, N, N, N m; shape (elements, 3)
+    force: (
+        Floats  # On the elements, with what the bed and lasting contact press them with, N, N, N m; shape (elements, 3)
+    )
     load: Floats  # Balanced loads on the lattice, N, N, N m; shape (elements, 3)
 
 

@@ -3,10 +3,10 @@
 A time step is a sequence of trial steps, each up to the first event in it (`TimeStep`):
 
 1. checkpoint: arrays that a trial changes in the model are copied;
-2. trial step: contact in sub-steps, predictor, constraint of land, forcing at the new place, corrector, equilibrium;
+2. trial step: contact and the bed in sub-steps, predictor, constraint of land, forcing at the new place, corrector, equilibrium;
 3. events: fracture by contact or the sea floor, overload; the trial is rolled back and taken again to the first;
-4. fracture: bonds break one by one under fixed loads until none is overloaded, and pieces become bodies of their own;
-5. acceptance: forces and peak stresses of the step are recorded.
+4. acceptance: forces and, unless a crack follows, peak stresses of the trial are recorded;
+5. fracture: bonds break one by one under fixed loads until none is overloaded, and pieces become bodies of their own.
 
 Elastic waves are left out: they pass within minutes.
 """

@@ -10,10 +10,12 @@ and per unit moment of inertia, where it turns at S and the element at W, by
 
 so that a law is a number or two in the row of its medium, its torque with it. From the rows come the velocity solve of all
 schemes, the sub-step, the applied forces that a run keeps, and the budgets of ``riftberg why``: none of them knows a law by
-name.
+name. Two laws are no rows in the default engine: the drag on the outline of a bonded fragment, and the spin of an element, which
+the water alone brakes (`riftberg.engines.quasi_static.bodies.dynamics`).
 
-A new law of a medium is a term in its row in `gather_media`. A new medium is a field of `Media` and its row there. A quantity of
-the element that a law needs is a field of `ElementView`, filled in `find_surroundings`.
+A new law of a medium is a term in its row in `gather_media`. A new medium is a field of `Media`, its row there, and its
+`put_row` in `find_surroundings`. A quantity of the element that a law needs is a field of `ElementView`, filled in
+`find_surroundings`.
 """
 
 from __future__ import annotations

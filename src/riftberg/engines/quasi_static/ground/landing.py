@@ -123,7 +123,7 @@ class Landing(NamedTuple):
     trial_anchors: Floats  # The same of a sub-step that is not accepted yet
     loads: Floats  # Columns of `press` for the elements, in the middle or at the end; shape (elements, columns)
     yielded: Floats  # Deepest yield of the bed under each element, m
-    bent: Floats  # Results of `press` for the polygons; shape (polygons, 3)
+    bent: Floats  # Results of `press` for the polygons; shape (polygons, 5)
     applied: Floats  # Changes of velocity by all forces, m s-1; shape (elements, forces, 2)
     peak: Floats  # Forces when the floor pressed hardest, and the axes then; shape (elements, 5)
 

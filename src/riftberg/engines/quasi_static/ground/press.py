@@ -301,6 +301,7 @@ def _apply(matrix: Floats, vector: Floats, out: Floats) -> None:
         out[i] = total
 
 
+# Many arguments: as above.
 @kernel
 def _sum_up(
     overlaps: Overlaps, sq: Squares, q: Floats, stiffness: float, top: float, least: float, hull: Floats, gradient: Floats,
