@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg import A68A_2022, Forcing, Iceberg, Model
+from riftberg import A68A_2022, A68A_2022_MTS, Forcing, Iceberg, Model
 
 BED: dict[str, Any] = {"law": "seabed", "sediment": "sand"}
 
@@ -122,3 +122,28 @@ def test_a_floor_of_ones_own_is_asked_at_the_longitudes_of_the_berg() -> None:
     model.step()
     assert max(asked) < -30.0
     assert model.elements.keel.floor_load.any()
+
+
+def test_another_bond_breaks_after_a_step_that_was_taken_back() -> None:
+    """Bug: the list of bonded pairs was that of the step that had been taken back, where as many bonds were broken."""
+
+    def velocities(*broken: int) -> np.ndarray:
+        berg = Iceberg.rectangle(12e3, 6e3, thickness=200.0, radius=1500.0, placement=(-37.0, -56.0))
+        sea = Forcing.uniform(current=(0.3, 0.1), wind=(10.0, -4.0), slope=(0.0, 0.0))
+        model = Model(
+            berg,
+            sea,
+            A68A_2022_MTS.changed(stepping={"scheme": "verlet", "time_step": 20.0}, fracture={"enabled": False}),
+        )
+        model.elements.u[:] += np.linspace(-0.05, 0.05, model.elements.size)
+        model.advance(steps=2)
+        take_back = model.checkpoint()
+        for bond in broken:
+            take_back()
+            model.bonds.status[bond] = 1
+            model.advance(steps=4)
+        return np.array([model.elements.u, model.elements.v])
+
+    alone = velocities(2)
+    assert (velocities(0, 2) == alone).all()
+    assert (velocities(0) != alone).any()

@@ -78,12 +78,12 @@ class NeighbourSearch:
 
     def __init__(self) -> None:
         self._bonded: tuple[PairList, Ints] | None = None
-        self._listed: tuple[int, int, int] = (-1, -1, -1)
+        self._listed: tuple[bytes, int, int] = (b"", -1, -1)
 
     def bonded(self, el: Elements, bonds: Bonds) -> tuple[PairList, Ints]:
         """Partners over unbroken bonds and the bond of each entry."""
-        # Bonds only break, and a new one raises the largest identifier; elements that are removed change their number.
-        listed = int((bonds.status == 0).sum()), int(bonds.id.max(initial=0)), el.size
+        # A new bond raises the largest identifier; elements that are removed change their number.
+        listed = bonds.status.tobytes(), int(bonds.id.max(initial=0)), el.size
         if self._bonded is None or listed != self._listed:
             self._bonded = adjacency(bonds.first, bonds.second, bonds.status, el.size)
             self._listed = listed
