@@ -54,8 +54,7 @@ VELOCITY_CHANGE: Final = 0.1
 """Largest relative change of a fragment's speed by the floor in a sub-step, unless the floor holds the fragment."""
 
 CARRIED_CHANGE: Final = 0.1
-"""Part by which the floor may change its hold on a fragment that others push over it, in a step longer than `TOUCH_STEP`, unless
-that changes its velocity by less than `VELOCITY_CHANGE`."""
+"""Part by which the floor may change its hold on a fragment that others push over it, in a step longer than `TOUCH_STEP`."""
 
 SLOW: Final = 1e-3
 """Speed (m s-1) below which changes are measured by this one."""
@@ -86,8 +85,8 @@ sub-step, velocity at the end of this one (m s-1), force of others and of the fl
 ) = range(18)  # fmt: skip
 """Columns of `Landing.number`: time since the start and length of the sub-step (s), radii of fragment and gyration (m), speed at
 the start (m s-1), shortest sub-step (s), largest force of the floor (N), spin and time then, work of friction so far and in the
-sub-step (J), clearance at least (m), friction that can hold in its middle (N), change of the hold of the floor where others push
-it as a multiple of what it may change, way for which pads are watched (m), bending length and thickness of the ice (m), and the
+sub-step (J), clearance at least (m), friction that can hold in its middle (N), by how many times `CARRIED_CHANGE` the floor holds
+it otherwise where contact has taken it, way for which pads are watched (m), bending length and thickness of the ice (m), and the
 level at the start, in the middle and at the end of the step (m)."""
 
 NUMBERS: Final = LEVEL + 3
@@ -483,13 +482,8 @@ def _end_substep(
     number[SUBSTEP] = max(longer, number[SUBSTEP]) if dt < number[SUBSTEP] else longer
     if h - number[TIME] > 1e-12 * h:
         _begin_substep(fragments, a, h, latlon, radius)
-        return
-    flag[STATUS] = DONE
-    if motion[PUSH].any():  # what pushes it has not met the floor
-        friction = 0.0
-        for e in range(fragments.pads.row_start[a], fragments.pads.row_start[a + 1]):
-            friction += fragments.loads[e, HOLD]
-        number[CHANGE] = _kick(fragments, a, friction, h)
+    else:
+        flag[STATUS] = DONE
 
 
 @kernel
@@ -594,17 +588,8 @@ def _set_down(fragments: Landing, a: int, bed: Bed, h: float, depth: Floats, lat
         fragments.motion[a, PATH, 2]
     )
     if distance > bed.anchor_way:
-        change = abs(friction - number[HELD])
-        number[CHANGE] = min(change / max(CARRIED_CHANGE * number[HELD], 1e-30), _kick(fragments, a, change, h))
+        number[CHANGE] = abs(friction - number[HELD]) / max(CARRIED_CHANGE * number[HELD], 1e-30)
     flag[ACCEPTED], flag[STATUS] = 1, DONE
-
-
-@kernel
-def _kick(fragments: Landing, a: int, friction: float, h: float) -> float:
-    """Change of velocity by a friction that grows to this (N) in a step, as a multiple of what a sub-step may change."""
-    way = fragments.motion[a, PATH]
-    speed = (math.hypot(way[0], way[1]) + fragments.number[a, ARM] * abs(way[2])) / h
-    return float(0.5 * h * friction * fragments.mobility[a, 0, 0] / (VELOCITY_CHANGE * max(speed, SLOW)))
 
 
 @kernel

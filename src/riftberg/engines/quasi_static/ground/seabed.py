@@ -258,8 +258,8 @@ class Seabed:
         """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does.
 
         Those that stood on it before ``contact`` go as it says. The second value: by how much the hold of the floor changes on
-        one of them that others push, as a multiple of what it may change in a step. Writes its loads to the keels at the end, and
-        the largest bending stress that each bond has borne.
+        one that contact has taken over it, as a multiple of what it may change in a step; endless where contact has taken one
+        down onto the floor. Writes its loads to the keels at the end, and the largest bending stress that each bond has borne.
         """
         further, by_the_floor = 1.0, NO_PAIRS[0]
         model.bonds.flexural_stress[:] = 0.0
@@ -267,14 +267,14 @@ class Seabed:
             flexure = self._run(model, op, h, contact, by_the_floor, *prepared)
             fragments, numbers = prepared
             beyond = (fragments.flag[:, landing.STATUS] == landing.BEYOND).any()
-            changed = (fragments.number[:, landing.CHANGE] > 1.0) & (fragments.flag[:, landing.CARRIED] == 1)
+            changed = fragments.number[:, landing.CHANGE] > 1.0
             if not beyond and changed.any() and h <= landing.TOUCH_STEP * (1.0 + 1e-9):
                 # The floor changes faster than others push: those go as it says, pushed by the mean force.
                 by_the_floor = np.union1d(by_the_floor, numbers[changed])
                 continue
             if not beyond:
                 model.bonds.flexural_stress[:] = flexure
-                return self._finish(model, *prepared, h), float(fragments.number[:, landing.CHANGE].max())
+                return self._finish(model, *prepared, h), _largest_hold_change(contact, *prepared)
             further *= 8.0  # a light berg may be taken up by the water
             if further > FARTHEST:
                 raise RunError(
@@ -442,6 +442,15 @@ def _carry(
         landing.carry(
             fragments, a, h * contact.mean[c], contact.twist[c], friction, contact.applied[rows], float(contact.rubbed[c])
         )  # fmt: skip
+
+
+def _largest_hold_change(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> float:
+    """Largest `landing.CHANGE` of the fragments; endless where contact has taken one down onto the floor."""
+    if contact is None:
+        return 0.0
+    touched = (fragments.flag[:, landing.STATUS] == landing.DONE) & (fragments.flag[:, landing.CARRIED] == 0)
+    landed = (touched & np.isin(numbers, contact.bodies)).any()
+    return math.inf if landed else float(fragments.number[:, landing.CHANGE].max())
 
 
 @kernel
