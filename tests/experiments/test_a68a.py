@@ -100,11 +100,8 @@ def test_the_story() -> None:
     assert np.sqrt(np.mean(np.square(turn))) < 10.0  # degrees
     assert max(late) < 10.0  # km
     assert_tip_and_finger(model)
-    # Where others push it over the bed an hour is too long a step: it comes free when it does with steps of 900 s.
-    fine, _ = build("a68a", Options({"stepping": {"time_step": 900.0}}))
-    fine.advance(days=9.0)
-    rest, same = model.groundings.rows[0], fine.groundings.rows[0]
-    assert rest.time + rest.seconds == pytest.approx(same.time + same.seconds, abs=3600.0)
+    # 5.3 h with steps of 900 s. It came free after 2 h when it took steps of one hour on the bed too.
+    assert 5.0 <= model.groundings.rows[0].seconds / 3600.0 <= 6.5
     tip = next(f.number for f in model.fragments.breakups if f.grounded and f.area > 5e7)
     there = model.elements.berg == tip
     # A68D on 26 December: 55.56 S, 36.72 W (outlines of the publication's repository). Free, it would be at 57 S by then. Sand

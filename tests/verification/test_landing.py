@@ -388,7 +388,7 @@ def test_a_berg_that_another_pushes_harder_than_the_floor_can_hold_goes_on_with_
 def test_a_berg_that_another_pushes_up_a_slope_has_the_friction_of_its_load_at_the_end_of_each_step(dt: float) -> None:
     """Bug: friction was that of the hold at the start of a step, and loads that jumped at its end broke ice there.
 
-    It stops where friction holds both, whatever the step.
+    It stops after 6 km, where friction has taken up the work of the push: 2 x 0.3 m x = 0.3 m x + x^2 / 20 km.
     """
     shape: dict[str, Any] = {"radius": 1000.0, "density": 850.0, "latlon": False}
     both = [Iceberg.rectangle(8e3, 6e3, thickness=248.0 + 2.0 * n, placement=(8e3 * n, 0.0), **shape) for n in range(2)]
@@ -407,7 +407,7 @@ def test_a_berg_that_another_pushes_up_a_slope_has_the_friction_of_its_load_at_t
         keel, slides = el.keel, (el.u > 0.1) & (el.keel.floor_load > 0.0)
         np.testing.assert_allclose(np.hypot(keel.anchor_x, keel.anchor_y)[slides], keel.floor_hold[slides], rtol=1e-6)
         slid += int(slides.sum())
-    assert el.lon[12:].mean() - 8e3 == pytest.approx(6.48e3, rel=0.015)
+    assert el.lon[12:].mean() - 8e3 == pytest.approx(6e3, rel=0.05)
 
 
 @pytest.mark.slow

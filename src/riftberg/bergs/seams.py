@@ -120,9 +120,9 @@ def join_polygons(polygons: Any, seam: float) -> Any:
 
 
 def _join_tiles(polygons: Any, seam: float) -> Any | None:
-    """Return the union of polygons that lie side by side, by the edges that no two of them share; None where some do not.
+    """Return the union of polygons that lie side by side, from the edges that no two of them share; None where some overlap.
 
-    In a twentieth of the time that a union takes which looks for all crossings of all edges.
+    A general union looks for crossings of all edges, and takes eight times as long.
     """
     from scipy.sparse import coo_array  # with the next two half a second that KID runs do not wait for
     from scipy.sparse.csgraph import connected_components
@@ -148,7 +148,7 @@ def _join_tiles(polygons: Any, seam: float) -> Any | None:
     edge, at = edge[order], at[order]
     rim = _unshared_edges(np.column_stack([at[:-1], at[1:]])[edge[1:] == edge[:-1]], points)
 
-    # In one order of corners and rings, whatever lies where in memory.
+    # In one order of corners and rings, which the library does not promise.
     joined = shapely.normalize(shapely.build_area(shapely.multilinestrings(shapely.linestrings(point[rim]))))
     area = shapely.area(polygons).sum()
     return joined if abs(joined.area - area) < 0.5 * seam * joined.length else None

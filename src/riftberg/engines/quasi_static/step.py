@@ -46,10 +46,11 @@ EVENT_TOLERANCE = 1.0 / 64.0
 the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
 
 CLOSE = 0.01
-"""Part of the strength by which the stress may exceed it where a crack by an impact begins."""
+"""Part of the strength by which the stress may exceed it where a crack by an impact begins: a third of what the load
+grows by in a sub-step at most."""
 
 IMPACT_SUBSTEPS = 75
-"""Sub-steps of an impact, from touching to parting."""
+"""Sub-steps of an impact, from touching to parting: how far before its peak the bracket of a crack begins to look."""
 
 UNEVEN = 0.05
 """Part of the strength by which the stress may miss it where loads that grow evenly would reach it: beyond it they do not."""

@@ -1,7 +1,7 @@
-"""Convex polygons that the line of a crack divides.
+"""Convex polygons that the line of a crack divides into convex pieces.
 
-In a fixed order of sums: a geometry library takes lines in the order in which they lie in memory, and where pieces strike each
-other the last digit of a corner decides which bonds break next.
+A geometry library gives pieces of any shape, which would have to be laid out in triangles, and promises no order of its sums:
+where pieces strike each other the last digit of a corner decides which bonds break next.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from riftberg.compiled.kernels import kernel
 from riftberg.state import Floats
 
 LEAST: Final = 1e-9
-"""Length of a crack in a polygon, in parts of the longest way across it, that divides nothing."""
+"""Longest part of a crack in a polygon that divides nothing, over the size of the polygon: round-off leaves some 1e-12."""
 
 
 def divide_polygon(corner: Floats, line: Floats) -> list[Floats]:
