@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
@@ -9,8 +11,16 @@ import shapely
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.lattices import outline_cells
+from riftberg.engines.quasi_static.bodies.pose import (
+    Bodies,
+    bodies_from_elements,
+    split_bodies,
+    tangent_coordinates,
+)
+from riftberg.engines.quasi_static.ground.pads import place_points
 from riftberg.engines.quasi_static.lattice import cells, footprints
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
+from riftberg.plane import unit_vectors
 from riftberg.state.population import find_rows
 
 
@@ -185,3 +195,65 @@ def test_ice_that_slides_along_a_crack_breaks_nothing_whatever_the_lattice(packi
     run.advance(steps=18)
     assert run.bonds_broken == before
     np.testing.assert_allclose(run.elements.v[~west], 0.2, rtol=0.02)
+
+
+@pytest.mark.parametrize("latitude", [-78.0, -56.0, 30.0])
+def test_the_ice_of_an_element_stays_where_it_is_as_its_fragment_parts(latitude: float) -> None:
+    """Bug: a piece of one element took the direction of the meridian at the corner of its berg, a degree from its own.
+
+    Its corners lay up to 115 m inside the rest. Pieces of several elements, then one of a single one off these.
+    """
+    berg = Iceberg.rectangle(150e3, 50e3, thickness=250.0, radius=2500.0, placement=(-40.0, latitude), rotation=17.0)
+    run = Model(berg, Forcing.uniform(), Parameters())
+    el, book, c = run.elements, FootprintBook(run), run.constants
+    whole = bodies_from_elements(
+        el.lon, el.lat, np.zeros(el.size, np.int64), el.mass, c.latlon, c.earth_radius, c.period
+    )
+    lone = int(el.lon.argmax())
+    pieces = (el.lon > np.quantile(el.lon, 0.7)).astype(np.int64)
+    crumb = pieces.copy()
+    crumb[lone] = 2
+
+    def corners(bodies: Bodies) -> np.ndarray:
+        laid = body_footprint(
+            book.follow(run), el, np.arange(el.size), tangent_coordinates(bodies.reference, True, c.earth_radius), bodies.body
+        )  # fmt: skip
+        body = np.repeat(bodies.body[laid.owner], np.diff(laid.start))
+        points = [
+            place_points(*at, bodies.pose[b], True, c.earth_radius) for at, b in zip(laid.corner, body, strict=True)
+        ]
+        return c.earth_radius * unit_vectors(*np.array(points).T)
+
+    start, parted = corners(whole), split_bodies(whole, pieces, el.mass, c.latlon, c.earth_radius)
+    for bodies in (parted, split_bodies(parted, crumb, el.mass, c.latlon, c.earth_radius)):
+        # Of elements of 5 km; the scale of a plane differs by 1e-4 in 150 km.
+        np.testing.assert_allclose(corners(bodies), start, rtol=0.0, atol=0.4)
+
+
+def test_a_crack_that_goes_on_leaves_the_ice_of_pieces_that_it_parted_earlier() -> None:
+    """Bug: it was divided anew between these, which had moved since: faces lay metres inside each other, loaded or not."""
+    line = [(-3e3, -7e3), (-1e3, 0.0), (2e3, 7e3)]
+    run = Model(parted("square", 27.0, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
+    el, bonds, book = run.elements, run.bonds, FootprintBook(run)
+    divided = book.follow(run)
+    # The crack goes on through the piece in the east, from where it has ended.
+    east = el.berg == el.berg[el.lon.argmax()]
+    inside = (bonds.status == 0) & east[bonds.first] & east[bonds.second]
+    crossed = np.flatnonzero(inside & ((el.lat[bonds.first] < 2e3) != (el.lat[bonds.second] < 2e3)))
+    crossed = crossed[np.argsort(el.lon[bonds.first[crossed]])]
+    order = bonds.crack_order[bonds.crack > 0].max() + 1 + np.arange(crossed.size)
+    bonds.status[crossed], bonds.crack[crossed], bonds.crack_order[crossed] = 1, bonds.crack[bonds.crack > 0][0], order
+    bonds.crack_part[crossed] = 0.3
+    run.fragments.update(el, bonds, run.time, run.constants)
+    west = np.unique(el.body.id[~east])
+    after = book.follow(run)
+
+    def ice(found: footprints.Footprints) -> Any:
+        mine = np.isin(found.element[found.owner], west)
+        return shapely.union_all(
+            [shapely.Polygon(r) for r, m in zip(np.split(found.corner, found.start[1:-1]), mine, strict=True) if m]
+        )
+
+    assert after is not divided
+    assert np.unique(el.berg).size == 3
+    assert shapely.symmetric_difference(ice(divided), ice(after)).area < 1.0

@@ -363,6 +363,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "crack_tip_intensity": Bound(("tips", 3)),
     "footprint_element": Bound(("footprints",), 0, "next_element - 1", once=True),
     "footprint_size": Bound(("footprints",)),
+    "footprint_east": Bound(("footprints",)),
     "footprint_centre": Bound(("footprints", 2)),
     "footprint_owner": Bound(("polygons",), 0, "footprints - 1"),
     "footprint_corner": Bound(("corners", 2)),

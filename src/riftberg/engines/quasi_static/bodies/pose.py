@@ -234,12 +234,9 @@ def place_elements(
 
 @kernel
 def _make_frame(x: float, y: float, z: float) -> Floats:
-    """Frame whose last axis is (x, y, z), with the first one as near to the first axis of the old frame as can be."""
-    q = np.zeros((3, 3))
-    q[0, 2], q[1, 2], q[2, 2] = x, y, z
-    q[0, 0] = 1.0
-    _orthonormalise(q)
-    return q
+    """Frame at the unit vector (x, y, z) of an old frame: its axes, carried there along the great circle."""
+    k = 1.0 / (1.0 + z)
+    return np.array([[1.0 - x * x * k, -x * y * k, x], [-x * y * k, 1.0 - y * y * k, y], [-x, -y, z]])
 
 
 def split_bodies(bodies: Bodies, body: Ints, mass: Floats, latlon: bool, radius: float) -> Bodies:

@@ -18,6 +18,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from riftberg.engines.common.forces.sizes import count_sides, interaction_sizes
 from riftberg.engines.common.lattices import laid_flat, lattices, outline_cells
@@ -40,6 +41,7 @@ class Footprints(NamedTuple):
     element: Ints  # Identifiers; shape (elements,)
     centre: Floats  # m; shape (elements, 2)
     size: Floats  # Plan area of the element then, m2; shape (elements,)
+    east: Floats  # Angle (rad) on the plane at which the axes of its fragment lay then; shape (elements,)
     owner: Ints  # Place in ``element`` of the element of each polygon; shape (polygons,)
     start: Ints  # Where the corners of the polygons begin; shape (polygons + 1,)
     corner: Floats  # m; shape (corners, 2)
@@ -101,7 +103,8 @@ def _make_lone_footprints(el: Elements, rows: Ints, radius: Floats, p: KernelPar
     distance = (radius / np.cos(np.pi / sides))[owner]
     size = el.body.length[rows] * el.body.width[rows]
     corner = np.column_stack([distance * np.cos(angle), distance * np.sin(angle)])
-    return Footprints(el.body.id[rows], np.zeros((rows.size, 2)), size, np.arange(rows.size), start, corner, NO_BONDS)
+    centre, east = np.zeros((rows.size, 2)), np.zeros(rows.size)
+    return Footprints(el.body.id[rows], centre, size, east, np.arange(rows.size), start, corner, NO_BONDS)
 
 
 def _make_footprints(
@@ -119,8 +122,12 @@ def _make_footprints(
         ice = outline_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
-    size = el.body.length[rows] * el.body.width[rows]
-    return Footprints(el.body.id[rows], xy, size, *_divide_ice(xy.tobytes(), ice, radius), NO_BONDS)
+    size, (_, berg) = el.body.length[rows] * el.body.width[rows], np.unique(el.berg[rows], return_inverse=True)
+    # The axes of a fragment are those at its centre of mass (`riftberg.engines.quasi_static.bodies.pose.bodies_from_elements`).
+    mass = np.bincount(berg, el.body.mass[rows])
+    x, y = (np.bincount(berg, el.body.mass[rows] * way) / mass for way in xy.T)
+    east = plane.eastward(*plane.inverse(x, y))[berg]
+    return Footprints(el.body.id[rows], xy, size, east, *_divide_ice(xy.tobytes(), ice, radius), NO_BONDS)
 
 
 @lru_cache(maxsize=4)  # the members of a sweep begin with the same berg
@@ -181,7 +188,7 @@ def _join_footprints(sets: list[Footprints]) -> Footprints:
     start = [footprints.start[:-1] + n for footprints, n in zip(sets, corners, strict=False)]
     return Footprints(
         np.concatenate([footprints.element for footprints in sets]), np.vstack([footprints.centre for footprints in sets]),
-        np.concatenate([footprints.size for footprints in sets]),
+        np.concatenate([footprints.size for footprints in sets]), np.concatenate([footprints.east for footprints in sets]),
         np.concatenate([footprints.owner + n for footprints, n in zip(sets, elements, strict=False)]),
         np.concatenate([*start, corners[-1:]]), np.vstack([footprints.corner for footprints in sets]),
         np.concatenate([footprints.cracked for footprints in sets]),
@@ -207,9 +214,12 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
         rows = parted[bonds.crack[parted] == crack]
         rows = rows[np.argsort(bonds.crack_order[rows])]
         for run in np.split(rows, np.flatnonzero(np.diff(bonds.crack_order[rows]) != 1) + 1):
-            if run.size > 1 and np.isin(run, new).any():  # a line of one crossing has no direction
+            parts_now = np.isin(run, new)
+            if run.size > 1 and parts_now.any():  # a line of one crossing has no direction
                 i, j = (find_rows(footprints.element, el.body.id[ends[run]])[0] for ends in (bonds.first, bonds.second))
-                _divide(rings, footprints, berg, i, j, bonds.crack_part[run])
+                # Those that the crack has parted earlier have moved on since: ice passed on between them would overlap.
+                divided = np.isin(berg, berg[np.union1d(i[parts_now], j[parts_now])])
+                _divide(rings, footprints, berg, i, j, bonds.crack_part[run], divided)
     all_rings = [ring for element_rings in rings for ring in element_rings]
     return footprints._replace(
         owner=np.repeat(np.arange(len(rings)), [len(element_rings) for element_rings in rings]),
@@ -218,15 +228,21 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
     )  # fmt: skip
 
 
-def _divide(rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: Ints, j: Ints, fraction: Floats) -> None:
-    """Divide polygons along a crack, which crosses the lines from the elements ``i`` to ``j`` at a fraction of each."""
+# Many arguments: the crack, and who is divided by it.
+def _divide(
+    rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: Ints, j: Ints, fraction: Floats, divided: NDArray[np.bool_]
+) -> None:  # fmt: skip
+    """Divide polygons along a crack, which crosses the lines from the elements ``i`` to ``j`` at a fraction of each.
+
+    ``divided``: elements of the fragments that it parts now.
+    """
     centre = footprints.centre
     fraction = np.clip(fraction, NEAREST_CRACK, 1.0 - NEAREST_CRACK)[:, None]
     crossing = (1.0 - fraction) * centre[i] + fraction * centre[j]
     side, ends = math.sqrt(float(footprints.size[i].mean())), crossing[[0, -1]] - crossing[[1, -2]]
     ends = crossing[[0, -1]] + ONWARD * side * ends / np.hypot(*ends.T)[:, None]
     line = np.vstack([ends[:1], crossing, ends[1:]])
-    neighbours = np.flatnonzero(np.isin(berg, berg[np.union1d(i, j)]))
+    neighbours = np.flatnonzero(divided)
     near = [distance_to_line(x, y, line) <= 2.0 * side for x, y in centre[neighbours].tolist()]
     neighbours = neighbours[near]
     transferred: dict[int, list[Floats]] = {}
@@ -269,7 +285,8 @@ def body_footprint(
     assert has_footprint.all()
     body = np.zeros(rows.size, np.int64) if body is None else body
     count, number = int(body.max(initial=0)) + 1, np.bincount(body)
-    # A fragment has turned from the plane of its footprints by the angle that fits the centres best.
+    # A fragment has turned from the plane of its footprints by the angle that fits the centres best; one of a single element
+    # by the angle of the fragment of the start, as axes are carried along where a fragment parts.
     old_centre, new_centre = footprints.centre[footprint_row] @ (1.0, 1.0j), xy[rows] @ (1.0, 1.0j)
 
     def total(values: Any) -> Any:
@@ -281,8 +298,9 @@ def body_footprint(
         new_centre - (total(new_centre) / size)[body],
     )
     turn = total(old_offset.conj() * new_offset)
-    turn = np.where(abs(turn) > 0.0, turn, 1.0)
-    turn = (turn / abs(turn))[body]
+    several = abs(turn) > 0.0
+    fit = turn / np.where(several, abs(turn), 1.0)
+    turn = np.where(several[body], fit[body], np.exp(-1j * footprints.east[footprint_row]))
     new_row = np.full(footprints.element.size, -1)
     new_row[footprint_row] = np.arange(rows.size)
     polygons = np.flatnonzero(new_row[footprints.owner] >= 0)
@@ -335,8 +353,6 @@ class FootprintBook:
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore the arrays of `state_dict`."""
-        # Earlier versions did not divide footprints by cracks.
-        arrays = [np.array(saved[name]) for name in FOOTPRINT_NAMES if name in saved]
-        if len(arrays) >= len(FOOTPRINT_NAMES) - 1:
-            self._footprints = Footprints._make([*arrays, NO_BONDS][: len(FOOTPRINT_NAMES)])
+        if all(name in saved for name in FOOTPRINT_NAMES):
+            self._footprints = Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES))
             self.divided += 1
