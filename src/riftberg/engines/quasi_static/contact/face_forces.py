@@ -97,6 +97,10 @@ SETTLING_TIME: Final = 3.0
 LONGEST_IMPACT: Final = 10.0
 """An impact takes at most this time over its frequency: it loads for half of pi of it. A longer push is driven, as at rest."""
 
+SEAT: Final = 0.01
+"""Depth (m) beyond that of loading to which faces at rest dent each other as they rock: the elastic depth of a small berg
+would be too shallow a seat for sub-steps of a minute."""
+
 LEAST_CHORD: Final = 1e-6
 """Square of the chord of an overlap over its area, below which one face lies wholly in the other.
 
@@ -500,6 +504,10 @@ def update_faces(
             result.impulse[a, n] -= h * (force * row[ROW_N + n] + slide * row[ROW_T + n])
             result.impulse[b, n] -= h * (force * row[ROW_N + 3 + n] + slide * row[ROW_T + 3 + n])
         crushed = area - force / unloading
+        if (
+            closing <= 0.0
+        ):  # opening faces bear less than the elastic force, as that is damped, and are not crushed by it
+            crushed = min(crushed, _crushed_by_loading(state, area, unloading, law) + SEAT * state[CHORD] / law.ratio)
         if force > 0.0 and crushed > state[CRUSHED]:
             stored = 0.5 * (force * force - row[LAST_FORCE] * row[LAST_FORCE]) / (unloading * state[CHORD])
             work.dissipated[0] += max(h * force * approach_speed - stored, 0.0)
@@ -534,6 +542,13 @@ def update_faces(
             slow = closing < max(IMPACT_OVER * state[SPEED], SLOW)
             if (slow and since > SETTLING_TIME) or (force > 0.0 and since > LONGEST_IMPACT):
                 state[PHASE], state[SPEED] = REST, closing
+
+
+@kernel
+def _crushed_by_loading(state: Floats, area: float, unloading: float, law: CrushingLaw) -> float:
+    """Overlap (m2) to which a face is crushed that has been loaded to ``area``; ``unloading``: see `unloading_rate`."""
+    loading = unloading / law.ratio
+    return area - min(loading * (area - state[TOUCHED]), loading * law.depth * state[CHORD]) / unloading
 
 
 @borrower
