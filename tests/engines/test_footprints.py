@@ -11,16 +11,10 @@ import shapely
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.lattices import outline_cells
-from riftberg.engines.quasi_static.bodies.pose import (
-    Bodies,
-    bodies_from_elements,
-    split_bodies,
-    tangent_coordinates,
-)
+from riftberg.engines.quasi_static.bodies.pose import split_bodies
 from riftberg.engines.quasi_static.ground.pads import place_points
 from riftberg.engines.quasi_static.lattice import cells, footprints
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
-from riftberg.plane import unit_vectors
 from riftberg.state.population import find_rows
 
 
@@ -205,24 +199,23 @@ def test_the_ice_of_an_element_stays_where_it_is_as_its_fragment_parts(latitude:
     """
     berg = Iceberg.rectangle(150e3, 50e3, thickness=250.0, radius=2500.0, placement=(-40.0, latitude), rotation=17.0)
     run = Model(berg, Forcing.uniform(), Parameters())
-    el, book, c = run.elements, FootprintBook(run), run.constants
-    whole = bodies_from_elements(
-        el.lon, el.lat, np.zeros(el.size, np.int64), el.mass, c.latlon, c.earth_radius, c.period
-    )
+    run.step()
+    el, book, c, whole = run.elements, FootprintBook(run), run.constants, run._stepper.memory.bodies  # type: ignore[attr-defined]
     lone = int(el.lon.argmax())
     pieces = (el.lon > np.quantile(el.lon, 0.7)).astype(np.int64)
     crumb = pieces.copy()
     crumb[lone] = 2
 
-    def corners(bodies: Bodies) -> np.ndarray:
-        laid = body_footprint(
-            book.follow(run), el, np.arange(el.size), tangent_coordinates(bodies.reference, True, c.earth_radius), bodies.body
-        )  # fmt: skip
+    def corners(bodies: Any) -> np.ndarray:
+        """Corners of all footprints on the sphere, m."""
+        xy = 2.0 * c.earth_radius / (1.0 + bodies.reference[:, 2:]) * bodies.reference[:, :2]
+        laid = body_footprint(book.follow(run), el, np.arange(el.size), xy, bodies.body)
         body = np.repeat(bodies.body[laid.owner], np.diff(laid.start))
         points = [
             place_points(*at, bodies.pose[b], True, c.earth_radius) for at, b in zip(laid.corner, body, strict=True)
         ]
-        return c.earth_radius * unit_vectors(*np.array(points).T)
+        lon, lat = np.radians(np.array(points).T)
+        return c.earth_radius * np.column_stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
 
     start, parted = corners(whole), split_bodies(whole, pieces, el.mass, c.latlon, c.earth_radius)
     for bodies in (parted, split_bodies(parted, crumb, el.mass, c.latlon, c.earth_radius)):

@@ -2,10 +2,11 @@
 
     M (V1 - V0) = h (G(V) - sum J^T F(V1))
 
-with the media G as in `riftberg.engines.quasi_static.contact.islands`, and the forces F of the faces at the depth that the new
-velocities lead to. Normals, lever arms and overlaps are taken at the predicted middle, at one common point for both bodies, so
-momentum and angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the
-velocities, and Newton's method where they are slow (`riftberg.engines.quasi_static.contact.face_newton`).
+with the media G as in `riftberg.engines.quasi_static.contact.islands`, and the forces F of the faces: at rest at the depth to
+which the new velocities lead, in an impact at that to which the mean of old and new leads in the middle. Normals, lever arms
+and overlaps are taken at the predicted middle, at one common point for both bodies, so momentum and angular momentum hold to
+rounding. The law is monotone, so sweeps over the faces find the velocities, and Newton's method where they are slow
+(`riftberg.engines.quasi_static.contact.face_newton`).
 
 A sub-step goes through this file from top to bottom: velocities without contact, the faces that overlap, their forces, the
 crushing by these, and the loads of the hardest push.
@@ -71,13 +72,14 @@ from riftberg.state import Floats
     AREA_AT_END,
     SKIN_X,
     SKIN_Y,
-) = range(15)
+    CLOSING_SPEED,
+) = range(16)
 """Columns of a pair of faces: overlaps at which they touched and to which they are crushed (m2), chord (m), time since touching
 (s), closing speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques (N m); overlap at
-the end of the last step (m2); way (m) of each towards the other with which faces that stood on each other overlap. At rest, and
-of faces that overlap and part, the closing speed now."""
+the end of the last step (m2); way (m) of each towards the other with which faces that stood on each other overlap; closing speed
+now (m s-1). At rest, and of faces that overlap and part, the closing speed on touching is that of now, too."""
 
-COLUMNS: Final = 15
+COLUMNS: Final = 16
 
 APART, IMPACT, REST = 0.0, 1.0, 2.0
 """Phases of contact of two faces."""
@@ -117,7 +119,7 @@ SWEEPS_BY_NEWTON: Final = 10
 """Sweeps after which Newton's method takes all faces at once; those that follow say whether these are the forces, or find them.
 It is tried once: the cone of friction moves with the forces, so that it may end beside the solution, to which sweeps lead."""
 
-SWEEP_RTOL: Final = 1e-8
+SWEEP_RTOL: Final = 1e-6
 """Change of the velocities in a sweep, as a part of the largest, at which the sweeps end."""
 
 SHEAR_OVER_CRUSHING: Final = 10.0
@@ -226,18 +228,17 @@ def find_faces(
         row = work.face[count]
         mx, my = spin_lever(m, ca, sa)
         qx, qy = spin_lever(n, cb, sb)
-        _fill_row(row, ROW_N, 1.0, m, mx, my, x - x1, y - y1, nx, ny)
-        _fill_row(row, ROW_N + 3, -1.0, n, qx, qy, x - x2, y - y2, nx, ny)
-        _fill_row(row, ROW_T, 1.0, m, mx, my, x - x1, y - y1, -ny, nx)
-        _fill_row(row, ROW_T + 3, -1.0, n, qx, qy, x - x2, y - y2, -ny, nx)
+        c, s = island.turn[k, 0], island.turn[k, 1]
+        _fill_row(row, ROW_N, 1.0, m, mx, my, c, s, x - x1, y - y1, nx, ny)
+        _fill_row(row, ROW_N + 3, -1.0, n, qx, qy, c, -s, x - x2, y - y2, nx, ny)
+        _fill_row(row, ROW_T, 1.0, m, mx, my, c, s, x - x1, y - y1, -ny, nx)
+        _fill_row(row, ROW_T + 3, -1.0, n, qx, qy, c, -s, x - x2, y - y2, -ny, nx)
         closing = _speed(row, ROW_N, twist[a], twist[b])
         state = pair_state[k]
         if state[PHASE] == APART:
-            # Faces meet where they stand: ice crushed earlier is rubble that fills the gap.
-            state[TOUCHED] = area
+            # Faces meet where they stand at the start of the sub-step: ice crushed earlier is rubble that fills the gap.
             state[PHASE] = IMPACT if closing > (STRUCK_AT_REST if standing else SLOW) else REST
-            if state[PHASE] == REST:
-                state[TOUCHED] -= 0.5 * h * closing * chord
+            state[TOUCHED] = max(area - 0.5 * h * closing * chord, 0.0)
             state[CRUSHED] = state[TOUCHED]
             state[SINCE], state[SPEED], state[FORCE], state[FRICTION] = 0.0, closing, 0.0, 0.0
         state[CHORD] = chord
@@ -245,7 +246,8 @@ def find_faces(
         row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
         row[SLIDING], row[CLOSING] = _speed(row, ROW_T, twist[a], twist[b]), closing
         row[LAST_FORCE], row[LAST_FRICTION] = state[FORCE], state[FRICTION]
-        row[AREA] = area - 0.5 * h * closing * chord if state[PHASE] == REST else area
+        # The old velocity leads to this middle; at rest the new one takes its place, in an impact the mean of both.
+        row[AREA] = area - (0.5 if state[PHASE] == REST else 0.25) * h * closing * chord
         if _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b]) > 0.0:  # else both are held
             work.active[count] = k
             count += 1
@@ -267,20 +269,27 @@ def find_mobilities(
         for n in range(6):
             row[MOBILITY_N] += row[ROW_N + n] * row[KICK_N + n]
             row[MOBILITY_T] += row[ROW_T + n] * row[KICK_T + n]
-        row[AREA_PER_SPEED] = 0.5 * h * chord
+        row[AREA_PER_SPEED] = 0.25 * h * chord
         if pair_state[k, PHASE] == REST:
             stiffness = face_stiffness(law.strength, min(faces.thickness[i], faces.thickness[j]), chord, law.depth)
             row[AREA_PER_SPEED] = chord * (h + 2.0 / math.sqrt(stiffness * row[MOBILITY_N]))
 
 
+# Many arguments: a tuple of them would be made for each row.
 @kernel
 def _fill_row(
-    row: Floats, column: int, sign: float, m: Floats, mx: float, my: float, ox: float, oy: float, ux: float, uy: float
-) -> None:
-    """Levers of a point at (ox, oy) from an element, along (ux, uy), of three freedoms."""
-    row[column] = sign * (ux * (m[0] - oy * m[6]) + uy * (m[3] + ox * m[6]))
-    row[column + 1] = sign * (ux * (m[1] - oy * m[7]) + uy * (m[4] + ox * m[7]))
-    row[column + 2] = sign * (ux * (mx - oy * m[8]) + uy * (my + ox * m[8]))
+    row: Floats, column: int, sign: float, m: Floats, mx: float, my: float, c: float, s: float, ox: float, oy: float, ux: float,
+    uy: float,
+) -> None:  # fmt: skip
+    """Levers of a point at (ox, oy) from an element, along (ux, uy), of three freedoms.
+
+    (mx, my): lever of the spin. ``c``, ``s``: cosine and sine of the angle from these axes to those of the levers ``m``.
+    """
+    vx, vy = c * ux + s * uy, c * uy - s * ux
+    turning = ox * uy - oy * ux
+    row[column] = sign * (vx * m[0] + vy * m[3] + turning * m[6])
+    row[column + 1] = sign * (vx * m[1] + vy * m[4] + turning * m[7])
+    row[column + 2] = sign * (ux * mx + uy * my + turning * m[8])
 
 
 @kernel
@@ -496,8 +505,9 @@ def update_faces(
         a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
         unloading = unloading_rate(min(faces.thickness[i], faces.thickness[j]), law)
         closing = _speed(row, ROW_N, work.new[a], work.new[b])
+        state[CLOSING_SPEED] = closing
         approach_speed = _speed(row, ROW_N, work.path_twist[a], work.path_twist[b])
-        area = row[AREA] + (h if state[PHASE] == REST else 0.5 * h) * closing * state[CHORD]
+        area = row[AREA] + (h if state[PHASE] == REST else 0.25 * h) * closing * state[CHORD]
         force, slide = state[FORCE], state[FRICTION]
         result.touched[k] = result.touched[k] or force > 0.0
         for n in range(3):
@@ -548,7 +558,7 @@ def update_faces(
 def _crushed_by_loading(state: Floats, area: float, unloading: float, law: CrushingLaw) -> float:
     """Overlap (m2) to which a face is crushed that has been loaded to ``area``; ``unloading``: see `unloading_rate`."""
     loading = unloading / law.ratio
-    return area - min(loading * (area - state[TOUCHED]), loading * law.depth * state[CHORD]) / unloading
+    return float(area - min(loading * (area - state[TOUCHED]), loading * law.depth * state[CHORD]) / unloading)
 
 
 @borrower

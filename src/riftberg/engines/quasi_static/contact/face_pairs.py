@@ -93,16 +93,17 @@ class CrushingWorkspace(NamedTuple):
 
 
 @kernel
-def face_gaps(first: Ints, second: Ints, separation: Floats, faces: Faces) -> Floats:
+def face_gaps(first: Ints, second: Ints, separation: Floats, turn: Floats, faces: Faces) -> Floats:
     """Gap (m) between the faces of each pair, below 0 where they overlap, and its normal from first to second; shape (pairs, 3).
 
-    ``separation``: from the second to the first element, m.
+    ``separation``, ``turn``: of the pairs, as in `Island`.
     """
     pair, gaps = allocate_pair(faces), np.empty((first.size, 3))
     for k in range(first.size):
         i, j = first[k], second[k]
-        _place(faces, i, separation[k, 0], separation[k, 1], 1.0, 0.0, pair.corners_1, pair.box_1)
-        _place(faces, j, 0.0, 0.0, 1.0, 0.0, pair.corners_2, pair.box_2)
+        c, s = turn[k, 0], turn[k, 1]
+        _place(faces, i, separation[k, 0], separation[k, 1], c, s, pair.corners_1, pair.box_1)
+        _place(faces, j, 0.0, 0.0, c, -s, pair.corners_2, pair.box_2)
         gaps[k, 0], gaps[k, 1], gaps[k, 2] = _find_least_gap(faces, i, j, pair)
     return gaps
 
@@ -178,13 +179,19 @@ def find_pair_overlap(
 
 @borrower
 def locate_pair(island: Island, path: Floats, k: int) -> tuple[float, float, float, float, float, float, float, float]:
-    """Cosine and sine of the rotation of both bodies of a pair, and places (m) of its elements, with bodies moved by ``path``."""
+    """Cosine and sine of the rotation of both elements of a pair, and their positions (m), with bodies moved by ``path``.
+
+    Rotations from the axes of each element at the start to those half-way between both (`Island.turn`).
+    """
     i, j = island.first[k], island.second[k]
-    a, b = island.body_of[i], island.body_of[j]
+    a, b, c, s = island.body_of[i], island.body_of[j], island.turn[k, 0], island.turn[k, 1]
     ca, sa, cb, sb = math.cos(path[a, 2]), math.sin(path[a, 2]), math.cos(path[b, 2]), math.sin(path[b, 2])
     px, py = element_path(island.levers[i], path[a], ca, sa)
     qx, qy = element_path(island.levers[j], path[b], cb, sb)
-    return ca, sa, cb, sb, island.separation[k, 0] + px, island.separation[k, 1] + py, qx, qy
+    return (
+        c * ca - s * sa, s * ca + c * sa, c * cb + s * sb, c * sb - s * cb,
+        island.separation[k, 0] + c * px - s * py, island.separation[k, 1] + s * px + c * py, c * qx + s * qy, c * qy - s * qx,
+    )  # fmt: skip
 
 
 @kernel

@@ -8,10 +8,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from riftberg.bergs.bonding import separations
 from riftberg.engines.common.broad_phase import NO_PAIRS, SEARCH_MARGIN, candidate_pairs
 from riftberg.engines.common.forces.sizes import Sizes
-from riftberg.engines.common.land import NearPairs, kernel_metric, movable
+from riftberg.engines.common.land import NearPairs, movable
 from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, tangent_coordinates
@@ -141,19 +140,19 @@ class FaceContact:
         if first.size == 0:
             return None
         faces = self._orient_polygons(polygons, el, op.levers)
-        separation = pair_separations(el, first, second, c)
+        separation, turn = pair_separations(el.shown.lon_pair, el.shown.lat_pair, first, second, c)
         # As far as both can come in the step by their velocities and their driving forces.
         # The spin of the state may come from a trial step that was rolled back.
         turning = np.einsum("ek,ek->e", op.levers[:, 6:9], bodies.twist[op.body])
         velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, turning])
         u, v, spin = np.abs(velocity[first] - velocity[second]).T
         approach = h * (np.hypot(u, v) + spin * (polygons.reach[first] + polygons.reach[second]) + 0.5 * DRIVEN * h)
-        may_touch = face_gaps(first, second, separation, faces)[:, 0] <= approach
+        may_touch = face_gaps(first, second, separation, turn, faces)[:, 0] <= approach
         if not may_touch.any():
             return None
         order = np.flatnonzero(may_touch)[np.argsort(_sweep_position(el, first[may_touch], second[may_touch]))]
         first, second = first[order], second[order]
-        lists, island = gather_islands(op, first, second, separation[order])
+        lists, island = gather_islands(op, first, second, separation[order], turn[order])
         ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
         pair_state, rows = _recall_states(previous_pairs, ids), lists.rows
         faces = faces._replace(
@@ -179,8 +178,8 @@ class FaceContact:
                 lon[free], lat[free], bodies.body[free], SEARCH_MARGIN * reach, c.latlon, c.earth_radius, c.period
             )
         first, second = free[first], free[second]
-        separation = np.column_stack(separations(kernel_metric(c), lon[first], lat[first], lon[second], lat[second]))
-        gaps = face_gaps(first, second, separation, self._orient_polygons(polygons, el, levers))
+        separation, turn = pair_separations(lon, lat, first, second, c)
+        gaps = face_gaps(first, second, separation, turn, self._orient_polygons(polygons, el, levers))
         selected = gaps[:, 0] <= within
         return NearPairs(first[selected], second[selected], gaps[selected, 0], gaps[selected, 1:])
 

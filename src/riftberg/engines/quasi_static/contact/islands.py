@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.compiled.kernels import borrower, kernel
+from riftberg.constants import DEGREE
 from riftberg.engines.common.forces.media import CORIOLIS, FORCES, MEDIA, SEA_FLOOR, WATER
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.engines.quasi_static.bodies.dynamics import (
@@ -40,7 +41,8 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 from riftberg.engines.quasi_static.contact.anchors import ANCHOR_X, ANCHOR_Y, ARM_X, ARM_Y, SLOPE_X, SLOPE_Y, STIFFNESS
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import multiply, solve, times
-from riftberg.state import Elements, Floats, Ints
+from riftberg.plane import near
+from riftberg.state import Floats, Ints
 
 REFRESH_FRACTION: Final = 1.0 / 32.0
 """Part of the step after which the forces of the media are evaluated anew; between, they are linear in the velocities.
@@ -76,7 +78,10 @@ class Island(NamedTuple):
     bonded: NDArray[np.bool_]  # Whether a body has more than one element; shape (bodies,)
     first: Ints  # Elements of the candidate pairs
     second: Ints
-    separation: Floats  # From the second to the first element at the start, east and north, m; shape (pairs, 2)
+    separation: (
+        Floats  # From the second to the first element at the start, east and north half-way, m; shape (pairs, 2)
+    )
+    turn: Floats  # Cosine and sine of the angle from these axes to those at the first element, as meridians converge; (pairs, 2)
 
 
 class IslandResult(NamedTuple):
@@ -180,17 +185,22 @@ def _sort_by_group(group: Ints) -> tuple[Ints, Ints, Ints]:
     return entries, start, rank
 
 
-def pair_separations(el: Elements, first: Ints, second: Ints, p: KernelParameters) -> Floats:
-    """Vectors from the second to the first element of each pair, east and north, m; shape (pairs, 2)."""
-    metric, positions = Metric(p.latlon, p.earth_radius, p.period), el.shown
-    first_position, second_position = (
-        (positions.lon_pair[first], positions.lat_pair[first]),
-        (positions.lon_pair[second], positions.lat_pair[second]),
-    )
-    return np.column_stack(separations(metric, *first_position, *second_position))
+def pair_separations(lon: Floats, lat: Floats, first: Ints, second: Ints, p: KernelParameters) -> tuple[Floats, Floats]:
+    """Find vectors from the second to the first element of each pair, and cosine and sine of the angle between their axes.
+
+    Vectors are east and north half-way between both, m, from where the axes of the first lie at that angle, and those of the
+    second at minus it; two arrays of shape (pairs, 2). ``lon``, ``lat``: of the elements.
+    """
+    metric, angle = Metric(p.latlon, p.earth_radius, p.period), np.zeros(first.size)
+    separation = np.column_stack(separations(metric, lon[first], lat[first], lon[second], lat[second]))
+    if p.latlon:
+        angle = 0.5 * DEGREE * near(lon[first] - lon[second], 0.0) * np.sin(0.5 * DEGREE * (lat[first] + lat[second]))
+    return separation, np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def gather_islands(op: BodyOperators, first: Ints, second: Ints, separation: Floats) -> tuple[Islands, Island]:
+def gather_islands(
+    op: BodyOperators, first: Ints, second: Ints, separation: Floats, turn: Floats
+) -> tuple[Islands, Island]:
     """Return the islands of the candidate pairs of elements, and the arrays of all of them for compiled code."""
     count = op.matrices.mobility.shape[0]
     islands = find_islands(op.body, count, first, second)
@@ -198,7 +208,7 @@ def gather_islands(op: BodyOperators, first: Ints, second: Ints, separation: Flo
     return islands, Island(
         islands.body_of, op.levers[rows], select_forcing(rows, op.forcing),
         BodyMatrices(*(m[islands.members] for m in op.matrices)), np.bincount(op.body, minlength=count)[islands.members] > 1,
-        islands.first, islands.second, separation[islands.order],
+        islands.first, islands.second, separation[islands.order], turn[islands.order],
     )  # fmt: skip
 
 
@@ -311,7 +321,7 @@ def select_island(lists: Islands, k: int, all_islands: Island) -> Island:
     return Island(
         all_islands.body_of[e], all_islands.levers[e], take_elements(all_islands.forcing, e),
         BodyMatrices(m.inertia[b], m.mobility[b]), all_islands.bonded[b], all_islands.first[n], all_islands.second[n],
-        all_islands.separation[n],
+        all_islands.separation[n], all_islands.turn[n],
     )  # fmt: skip
 
 
