@@ -57,9 +57,6 @@ from riftberg.errors import RunError
 from riftberg.ocean.cells import settle_elements
 from riftberg.state import Floats, Ints
 
-LONGEST_PUSHED_STEP = 60.0
-"""Longest trial step (s) in which others push a fragment to where the bed holds it otherwise, or down onto it."""
-
 LARGEST_TURN_ON_ROLLERS = 0.02
 """Sine of the angle by which a fragment may turn on supports that are free eastward: they stay across its own axis."""
 

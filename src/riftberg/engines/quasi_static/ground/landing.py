@@ -53,14 +53,21 @@ from riftberg.state.variables import Keel
 VELOCITY_CHANGE: Final = 0.1
 """Largest relative change of a fragment's speed by the floor in a sub-step, unless the floor holds the fragment."""
 
-CARRIED_CHANGE: Final = 0.1
-"""Part by which the floor may change its hold on a fragment that others push over it, in a step longer than `TOUCH_STEP`."""
+CARRIED_CHANGE: Final = 0.03
+"""The same in a step of contact, which knows the friction at its start alone, by how that has changed at its end."""
+
+HOLD_CHANGE: Final = 0.05
+"""Part of its hold, or of what others push with, by which the floor may change its hold in a step of contact in any case: a
+crumb goes with those that push it."""
 
 SLOW: Final = 1e-3
 """Speed (m s-1) below which changes are measured by this one."""
 
 TOUCH_STEP: Final = 60.0
 """Touching and coming free are met within this time, s."""
+
+SHORTEST_PUSHED_STEP: Final = 10.0
+"""Shortest step (s) to which a change of hold under a fragment that others push leads; then it goes as the floor says."""
 
 LEAST_STEP: Final = 0.01
 """Shortest sub-step, s."""
@@ -85,9 +92,9 @@ sub-step, velocity at the end of this one (m s-1), force of others and of the fl
 ) = range(18)  # fmt: skip
 """Columns of `Landing.number`: time since the start and length of the sub-step (s), radii of fragment and gyration (m), speed at
 the start (m s-1), shortest sub-step (s), largest force of the floor (N), spin and time then, work of friction so far and in the
-sub-step (J), clearance at least (m), friction that can hold in its middle (N), by how many times `CARRIED_CHANGE` the floor holds
-it otherwise where contact has taken it, way for which pads are watched (m), bending length and thickness of the ice (m), and the
-level at the start, in the middle and at the end of the step (m)."""
+sub-step (J), clearance at least (m), friction that can hold in its middle (N), by how many times what it may the floor
+has changed its hold in a step of contact, way for which pads are watched (m), bending length and thickness of the
+ice (m), and the level at the start, in the middle and at the end of the step (m)."""
 
 NUMBERS: Final = LEVEL + 3
 
@@ -411,11 +418,11 @@ def _is_held(fragments: Landing, a: int, bed: Bed, dt: float) -> bool:
 
 
 @kernel
-def _change(fragments: Landing, a: int, dt: float, touches: bool) -> float:
-    """Change of velocity (m s-1) by a sub-step at the rim, with the greater of the forces in its middle and at its end."""
+def _change(fragments: Landing, a: int, dt: float, touches: bool) -> Floats:
+    """Change of velocity by a sub-step, with the greater of the forces in its middle and at its end."""
     motion, number, friction, more = fragments.motion[a], fragments.number[a], 0.0, np.zeros(3)
     if not (touches or fragments.flag[a, MIDDLE_TOUCHES]):
-        return 0.0
+        return more
     for e in range(fragments.pads.row_start[a], fragments.pads.row_start[a + 1]):
         friction += fragments.loads[e, HOLD]
     if fragments.flag[a, MIDDLE_TOUCHES]:
@@ -427,7 +434,7 @@ def _change(fragments: Landing, a: int, dt: float, touches: bool) -> float:
     acceleration = times(fragments.mobility[a], more)
     for k in range(3):
         more[k] = motion[NEXT, k] - motion[VELOCITY, k] + dt * acceleration[k]
-    return float(math.hypot(more[0], more[1]) + number[ARM] * abs(more[2]))
+    return more
 
 
 @kernel
@@ -447,6 +454,15 @@ def _go_through_end(
 
 
 @kernel
+def relative_change(fragments: Landing, a: int, change: Floats) -> float:
+    """Return a change of the velocity of a fragment as a part of its speed."""
+    number, v = fragments.number[a], fragments.motion[a, VELOCITY]
+    speed = math.hypot(v[0], v[1]) + number[ARM] * abs(v[2])
+    size = math.hypot(change[0], change[1]) + number[ARM] * abs(change[2])
+    return float(size / max(speed, 0.5 * number[SPEED], SLOW))
+
+
+@kernel
 def _end_substep(
     fragments: Landing, a: int, forcing: ElementForcing, bed: Bed, h: float, touches: bool, latlon: bool, radius: float
 ) -> None:  # fmt: skip
@@ -458,12 +474,7 @@ def _end_substep(
         _refuse(fragments, a, dt, 0.5, h, latlon, radius)
         return
     v0, is_held = motion[VELOCITY], _is_held(fragments, a, bed, dt)
-    speed = math.hypot(v0[0], v0[1]) + number[ARM] * abs(v0[2])
-    ratio = (
-        0.0
-        if is_held
-        else _change(fragments, a, dt, touches) / (VELOCITY_CHANGE * max(speed, 0.5 * number[SPEED], SLOW))
-    )
+    ratio = 0.0 if is_held else relative_change(fragments, a, _change(fragments, a, dt, touches)) / VELOCITY_CHANGE
     if ratio > 1.0:
         _refuse(fragments, a, dt, min(max(0.85 / ratio, 0.05), 0.7), h, latlon, radius)
         return
@@ -554,42 +565,59 @@ def carry(
 @kernel
 def _set_down(fragments: Landing, a: int, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float) -> None:
     """Find the forces of the floor on a fragment where contact has taken it."""
-    number, flag, first, last, friction = (
-        fragments.number[a],
-        fragments.flag[a],
-        fragments.pads.row_start[a],
-        fragments.pads.row_start[a + 1],
-        0.0,
-    )
-    held = fragments.loads[first:last, HOLD].copy()
-    _press(fragments, a, bed, h, h, depth)
+    number, flag, push = fragments.number[a], fragments.flag[a], fragments.motion[a, PUSH]
+    held = fragments.loads[fragments.pads.row_start[a] : fragments.pads.row_start[a + 1], HOLD].copy()
+    touches = _press(fragments, a, bed, h, h, depth)
     if flag[STATUS] == UNSETTLED:
         return
-    none = np.empty((0, 3))
-    bodies = Bodies(
-        np.zeros(last - first, np.int64), fragments.reference[first:last], fragments.sounded_pose[a : a + 1], none, none
-    )
+    if not touches and not flag[TOUCHES]:
+        flag[STATUS] = AFLOAT
+        return
+    hold, change = _find_friction(fragments, a, held, fragments.sounded_pose[a], latlon, radius)
+    acceleration = times(fragments.mobility[a], change)
+    for k in range(3):
+        change[k] = h * acceleration[k]
+    by_hold = abs(hold - number[HELD]) / (HOLD_CHANGE * max(number[HELD], math.hypot(push[0], push[1]), 1e-30))
+    number[CHANGE] = min(relative_change(fragments, a, change) / CARRIED_CHANGE, by_hold)
+    flag[ACCEPTED], flag[STATUS] = 1, DONE
+
+
+@kernel
+def _find_friction(
+    fragments: Landing, a: int, held: Floats, pose: Floats, latlon: bool, radius: float
+) -> tuple[float, Floats]:
+    """Find the friction of a fragment by its loads, where that of its elements hung on what they have ``held`` (N) so far.
+
+    Returns what it can hold, N, and by how much its friction has changed, N, N, N m.
+    """
+    first, last, hold, change = fragments.pads.row_start[a], fragments.pads.row_start[a + 1], 0.0, np.zeros(3)
+    none, poses = np.empty((0, 3)), np.empty((1, 3, 3))
+    for i in range(3):
+        for j in range(3):
+            poses[0, i, j] = pose[i, j]
+    bodies = Bodies(np.zeros(last - first, np.int64), fragments.reference[first:last], poses, none, none)
     fill_levers(bodies, latlon, radius, fragments.levers[first:last])
     for e in range(first, last):
         m, anchor, load = fragments.levers[e], fragments.anchors[e], fragments.loads[e]
-        friction += load[HOLD]
+        hold += load[HOLD]
         fragments.yielded[e] = max(fragments.yielded[e], load[YIELD])
         anchor[LARGEST] = max(anchor[LARGEST], load[HOLD])
-        # Contact has taken the hold to be that of the start: friction that slides is the hold now, as the next step finds it.
-        size = math.hypot(anchor[ANCHOR_X], anchor[ANCHOR_Y])
+        # Friction that slides is the hold now, as the next step finds it.
+        size, offset, x, y = (
+            math.hypot(anchor[ANCHOR_X], anchor[ANCHOR_Y]),
+            _load_from_centre(fragments, a, e),
+            0.0,
+            0.0,
+        )
         if size > min(GIVES_WAY * held[e - first], load[HOLD]):
-            anchor[ANCHOR_X] *= load[HOLD] / size
-            anchor[ANCHOR_Y] *= load[HOLD] / size
+            excess = load[HOLD] / size - 1.0
+            x, y = excess * anchor[ANCHOR_X], excess * anchor[ANCHOR_Y]
+            _add_force(m, offset[0], offset[1], x, y, change)
+        anchor[ANCHOR_X], anchor[ANCHOR_Y] = anchor[ANCHOR_X] + x, anchor[ANCHOR_Y] + y
         x, y = _turned(m, load[PUSH_X], load[PUSH_Y])
         anchor[FORCE_X], anchor[FORCE_Y] = anchor[ANCHOR_X] + x, anchor[ANCHOR_Y] + y
-        offset = _load_from_centre(fragments, a, e)
         anchor[ARM_X], anchor[ARM_Y] = _turned(m, offset[0], offset[1])
-    distance = math.hypot(fragments.motion[a, PATH, 0], fragments.motion[a, PATH, 1]) + number[ARM] * abs(
-        fragments.motion[a, PATH, 2]
-    )
-    if distance > bed.anchor_way:
-        number[CHANGE] = abs(friction - number[HELD]) / max(CARRIED_CHANGE * number[HELD], 1e-30)
-    flag[ACCEPTED], flag[STATUS] = 1, DONE
+    return hold, change
 
 
 @kernel
@@ -679,11 +707,13 @@ def press_all(
     """Write the points where all fragments need the depth as they stand, or press them by it; returns the number of points."""
     at = 0
     for a in range(len(fragments.flag)):
-        polygons, first = fragments.polygons[fragments.polygon_start[a] : fragments.polygon_start[a + 1]], at
+        polygons, begin = fragments.polygons[fragments.polygon_start[a] : fragments.polygon_start[a + 1]], at
         at = write_points(fragments.pads, a, polygons, fragments.pose[a], latlon, radius, at, lon, lat)
         if depth.size and fragments.flag[a, STATUS] == BEGINS:
-            fragments.flag[a, STATUS] = DONE
-            _press(fragments, a, bed, 1.0, 0.0, depth[first:at])
+            first, last = fragments.pads.row_start[a], fragments.pads.row_start[a + 1]
+            fragments.flag[a, STATUS], held = DONE, fragments.loads[first:last, HOLD].copy()
+            _press(fragments, a, bed, 1.0, 0.0, depth[begin:at])
+            _find_friction(fragments, a, held, fragments.pose[a], latlon, radius)
     return at
 
 

@@ -268,13 +268,13 @@ class Seabed:
             fragments, numbers = prepared
             beyond = (fragments.flag[:, landing.STATUS] == landing.BEYOND).any()
             changed = fragments.number[:, landing.CHANGE] > 1.0
-            if not beyond and changed.any() and h <= landing.TOUCH_STEP * (1.0 + 1e-9):
+            if not beyond and changed.any() and h <= landing.SHORTEST_PUSHED_STEP * (1.0 + 1e-9):
                 # The floor changes faster than others push: those go as it says, pushed by the mean force.
                 by_the_floor = np.union1d(by_the_floor, numbers[changed])
                 continue
             if not beyond:
                 model.bonds.flexural_stress[:] = flexure
-                return self._finish(model, *prepared, h), _largest_hold_change(contact, *prepared)
+                return self._finish(model, *prepared, h), _largest_change(contact, *prepared)
             further *= 8.0  # a light berg may be taken up by the water
             if further > FARTHEST:
                 raise RunError(
@@ -367,7 +367,7 @@ class Seabed:
 
         Of all fragments in the first step, of those that have come since the last one later.
         """
-        el, c, new = model.elements, model.constants, None
+        el, new = model.elements, None
         if model.step_number > 0:
             if self.familiar is None or np.array_equal(self.familiar, el.body.id):
                 return
@@ -382,20 +382,33 @@ class Seabed:
         if new is not None:  # others have been there
             old = np.isin(numbers, bodies.body[~new])
             fragments.flag[old, landing.STATUS] = landing.AFLOAT
-        points = _count_points(fragments.pads, fragments.polygons)
+        self._press(model, fragments)
+        if model.parameters.grounding.start == "refuse":
+            self._refuse_deep_keels(model, fragments)
+        landing.write_loads(fragments, el.keel)
+        landing.write_friction(fragments, el.keel)
+        landed = fragments.flag[:, landing.STATUS] == landing.DONE
+        self.clearance[0] = min(
+            self.clearance[0], max(fragments.number[landed, landing.CLEARANCE].min(initial=np.inf), 0.0)
+        )
+
+    def settle_pieces(self, model: RunState, bodies: Bodies, time: float) -> None:
+        """Find the loads of the floor after fragments have parted: each piece floats and bends by itself now."""
+        prepared = self._landing(model, bodies, time, 0.0, 1.0)
+        if prepared is not None:
+            self._press(model, prepared[0])
+        landing.lift_off(model.elements.keel)
+        if prepared is not None:
+            landing.write_loads(prepared[0], model.elements.keel)
+            landing.write_friction(prepared[0], model.elements.keel)
+
+    def _press(self, model: RunState, fragments: landing.Landing) -> None:
+        """Press fragments onto the floor where they stand."""
+        c, points = model.constants, _count_points(fragments.pads, fragments.polygons)
         lon, lat = np.empty(points), np.empty(points)
         landing.press_all(fragments, self.bed, c.latlon, c.earth_radius, np.zeros(0), lon, lat)
         landing.press_all(fragments, self.bed, c.latlon, c.earth_radius, self.depth(lon, lat), lon, lat)
         self._check_settled(model, fragments)
-        if model.parameters.grounding.start == "refuse":
-            self._refuse_deep_keels(model, fragments)
-        landing.write_loads(fragments, el.keel)
-        landed = fragments.flag[:, landing.STATUS] == landing.DONE
-        rows = fragments.pads.rows[np.repeat(landed, np.diff(fragments.pads.row_start))]
-        el.keel.anchor_capacity[rows] = el.keel.floor_hold[rows]
-        self.clearance[0] = min(
-            self.clearance[0], max(fragments.number[landed, landing.CLEARANCE].min(initial=np.inf), 0.0)
-        )
 
     def _refuse_deep_keels(self, model: RunState, fragments: landing.Landing) -> None:
         """Refuse keels that start deep below the floor, but for pieces off a berg aground, which lay there before."""
@@ -427,14 +440,14 @@ class Seabed:
 def _carry(
     fragments: landing.Landing, numbers: Ints, contact: SubcycledMotion, by_the_floor: Ints, body: Ints, h: float
 ) -> None:
-    """Let contact take the fragments on the floor through the step, but push those that come down on it and ``by_the_floor``.
+    """Let contact take the fragments that may touch the floor through the step, and push those ``by_the_floor``.
 
     ``body``: of the elements.
     """
     _, on_floor, in_contact = np.intersect1d(numbers, contact.bodies, return_indices=True)
     for a, c in zip(on_floor.tolist(), in_contact.tolist(), strict=True):
-        if not fragments.flag[a, landing.TOUCHES] or numbers[a] in by_the_floor:
-            fragments.motion[a, landing.PUSH] = contact.impulse[c] / h
+        fragments.motion[a, landing.PUSH] = contact.impulse[c] / h
+        if numbers[a] in by_the_floor:
             continue
         # The elements of a fragment stand in the order of the state in both.
         rows = np.flatnonzero(body[contact.rows] == numbers[a])
@@ -444,13 +457,17 @@ def _carry(
         )  # fmt: skip
 
 
-def _largest_hold_change(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> float:
-    """Largest `landing.CHANGE` of the fragments; endless where contact has taken one down onto the floor."""
+def _largest_change(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> float:
+    """Largest `landing.CHANGE` of the fragments in contact; of those that come down onto the floor by their velocity after it."""
     if contact is None:
         return 0.0
-    touched = (fragments.flag[:, landing.STATUS] == landing.DONE) & (fragments.flag[:, landing.CARRIED] == 0)
-    landed = (touched & np.isin(numbers, contact.bodies)).any()
-    return math.inf if landed else float(fragments.number[:, landing.CHANGE].max())
+    largest = float(fragments.number[:, landing.CHANGE].max())
+    landed = (fragments.flag[:, landing.STATUS] == landing.DONE) & (fragments.flag[:, landing.CARRIED] == 0)
+    for a in np.flatnonzero(landed & np.isin(numbers, contact.bodies)).tolist():
+        in_contact = contact.twist[contact.bodies == numbers[a]][0]
+        change = fragments.motion[a, landing.VELOCITY] - in_contact
+        largest = max(largest, landing.relative_change(fragments, a, change) / landing.CARRIED_CHANGE)
+    return largest
 
 
 @kernel
