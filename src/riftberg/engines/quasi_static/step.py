@@ -306,22 +306,13 @@ class TimeStep:
 
     def _accept(self, trial: Trial, cracks: bool = False) -> None:
         """Make a trial step the state: record its forces, its contacts and, unless a crack follows, its peak stresses."""
-        start, end, contact, work = self.state, trial.state, trial.contact, self.motion.workspace(trial.state.bodies)
+        start, end, contact = self.state, trial.state, trial.contact
         self.state = end
         previous = self.applied[contact.rows] if contact else self.applied[:0]
-        weight = 0.5 * trial.h / self.dt
-        middle = np.empty_like(start.bodies.twist)
         accumulate_step_forces(
-            start.operators,
-            start.terms,
-            end.terms,
-            start.bodies.twist,
-            0.5 * trial.h,
-            weight,
-            middle,
+            start.operators, start.terms, end.terms, start.bodies.twist, trial.kick, 0.5 * trial.h, 0.5 * trial.h / self.dt,
             self.applied,
-            work,
-        )
+        )  # fmt: skip
         if contact is not None:
             # In contact the impulses of all forces were summed over the sub-steps instead.
             self.applied[contact.rows] = previous + contact.applied / self.dt
