@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,8 +136,8 @@ class TimeStep:
     def remember(self) -> Memory:
         """Return the memory for the next step."""
         lattice = self.lattice
-        return replace(
-            self._memory, bodies=self.state.bodies, cells=lattice.elastic_cells, tips=self.tips, lattice=lattice,
+        return self._memory._replace(
+            bodies=self.state.bodies, cells=lattice.elastic_cells, tips=self.tips, lattice=lattice,
             longest_trial=self._max_dt if self._max_dt < self._longest else math.inf,
             # After a crack the loads are those of a lattice that has been renumbered since: the next step finds them anew, as a
             # restarted run does.

@@ -114,7 +114,7 @@ class FragmentMotion:
     def __init__(self, model: RunState, laws: LawsWithMemory, sizes: Sizes) -> None:
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.laws, self.sizes = laws, sizes
-        self._work = allocate_body_workspace(0, 0)
+        self._work: BodyWorkspace | None = None
         self.seabed, self.faces, self._sides = laws
 
     def trial(self, start: BodyState, h: float) -> Trial:
@@ -324,6 +324,7 @@ class FragmentMotion:
 
     def workspace(self, bodies: Bodies) -> BodyWorkspace:
         """Return a workspace for the fragments."""
-        if self._work.residual.shape != bodies.twist.shape or self._work.direction.shape[0] != bodies.body.size:
+        # All elements are in it, however the fragments part.
+        if self._work is None or self._work.residual.shape != bodies.twist.shape:
             self._work = allocate_body_workspace(bodies.pose.shape[0], bodies.body.size)
         return self._work

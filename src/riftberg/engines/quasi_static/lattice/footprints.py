@@ -194,7 +194,7 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
     The ice beyond a line goes to the nearest element there.
     """
     parted = np.flatnonzero((bonds.crack > 0) & (el.berg[bonds.first] != el.berg[bonds.second]))
-    new = parted[~np.isin(bonds.id[parted], footprints.cracked)]
+    new = parted[~np.isin(bonds.id[parted], footprints.cracked)] if parted.size else parted
     if new.size == 0:
         return footprints
     rings: list[list[Floats]] = [[] for _ in footprints.element]
