@@ -130,8 +130,9 @@ class TimeStep:
     def _begins_touching(self) -> bool:
         """Whether fragments press each other at the start, or one moves on the bed."""
         faces, keel = self.laws.faces, self.el.keel
-        moves_on_bed = (keel.floor_load > 0.0) & (keel.floor_substep < self.dt)
-        return (faces is not None and faces.pairs.pair.size > 0) or bool(moves_on_bed.any())
+        if faces is not None and faces.pairs.pair.size > 0:
+            return True
+        return self.laws.seabed is not None and bool(((keel.floor_load > 0.0) & (keel.floor_substep < self.dt)).any())
 
     def remember(self) -> Memory:
         """Return the memory for the next step."""

@@ -193,9 +193,9 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
 
     The ice beyond a line goes to the nearest element there.
     """
-    parted = np.flatnonzero((bonds.crack > 0) & (el.berg[bonds.first] != el.berg[bonds.second]))
-    new = parted[~np.isin(bonds.id[parted], footprints.cracked)] if parted.size else parted
-    if new.size == 0:
+    crossed = np.flatnonzero(bonds.crack > 0)
+    parted = crossed[el.berg[bonds.first[crossed]] != el.berg[bonds.second[crossed]]]
+    if parted.size == 0 or (new := parted[~np.isin(bonds.id[parted], footprints.cracked)]).size == 0:
         return footprints
     rings: list[list[Floats]] = [[] for _ in footprints.element]
     for owner, ring in zip(footprints.owner, np.split(footprints.corner, footprints.start[1:-1]), strict=True):
