@@ -332,7 +332,7 @@ def spin_torque(forcing: ElementForcing, e: int, w: float) -> tuple[float, float
     return -drag * spin, 2.0 * drag
 
 
-@kernel
+@borrower
 def add_forces(
     body: Ints,
     levers: Floats,
@@ -396,7 +396,7 @@ def scatter_velocities(
         motion.spin[e] = w
 
 
-@kernel
+@borrower
 def assemble_force_and_jacobian(
     body: Ints,
     levers: Floats,
