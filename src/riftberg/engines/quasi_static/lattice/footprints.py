@@ -270,7 +270,10 @@ def body_footprint(
     body = np.zeros(rows.size, np.int64) if body is None else body
     count, number = int(body.max(initial=0)) + 1, np.bincount(body)
     # A fragment has turned from the plane of its footprints by the angle that fits the centres best.
-    old_centre, new_centre = footprints.centre[footprint_row] @ (1.0, 1.0j), xy[rows] @ (1.0, 1.0j)
+    # Without a product of matrices, for which BLAS would wake its threads.
+    old_centre, new_centre, old_corner = (
+        x + 1j * y for x, y in (footprints.centre[footprint_row].T, xy[rows].T, footprints.corner.T)
+    )
 
     def total(values: Any) -> Any:
         return np.bincount(body, values.real, count) + 1j * np.bincount(body, values.imag, count)
@@ -296,10 +299,7 @@ def body_footprint(
         if shrinks
         else np.ones(rows.size)
     )
-    corner = (
-        new_centre[corner_row]
-        + (footprints.corner[index] @ (1.0, 1.0j) - old_centre[corner_row]) * (turn * shrunk)[corner_row]
-    )
+    corner = new_centre[corner_row] + (old_corner[index] - old_centre[corner_row]) * (turn * shrunk)[corner_row]
     return BodyFootprint(rows, owner, start, np.column_stack([corner.real, corner.imag]))
 
 
