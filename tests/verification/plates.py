@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -75,7 +74,7 @@ class Plate:
     def refresh(self, **memory: Any) -> None:
         """Describe and factor the ice as it is bonded and lies now, with other tips or cells in the memory if they are given."""
         if memory:
-            self.model._stepper.memory = replace(self.memory, lattice=None, state=None, **memory)  # type: ignore[attr-defined]
+            self.model._stepper.memory = self.memory._replace(lattice=None, state=None, **memory)  # type: ignore[attr-defined]
         self.model.step()
 
     def under(self, east: Any, north: Any = 0.0) -> Any:

@@ -258,12 +258,6 @@ def changed_rows(
     """Return which elements have other values than before; the newly born count as changed."""
     if ids_before.size == 0:
         return np.ones(ids.size, bool)
-    changed: NDArray[np.bool_]
-    if np.array_equal(ids, ids_before):  # as in most steps: then there is nothing to sort
-        changed = np.zeros(ids.size, bool)
-        for current, old in zip(values, values_before, strict=True):
-            changed |= current != old
-        return changed
     row, existed = find_rows(ids_before, ids)
     changed = ~existed
     for current, old in zip(values, values_before, strict=True):
@@ -283,6 +277,8 @@ def find_rows(ids: Ints, requested: Ints) -> tuple[Ints, NDArray[np.bool_]]:
     """Return the row of each wanted identifier, any one where it is not there, and whether it is there."""
     if ids.size == 0:
         return np.zeros(requested.size, np.int64), np.zeros(requested.size, np.bool_)
+    if np.array_equal(ids, requested):  # as in most steps: then there is nothing to sort
+        return np.arange(ids.size), np.ones(ids.size, np.bool_)
     order = np.argsort(ids, kind="stable")
     # Beyond the last identifier the last row is taken, and found to be another one.
     row = order[np.minimum(np.searchsorted(ids[order], requested), ids.size - 1)]

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import config
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.common.broad_phase import candidate_pairs
 from riftberg.engines.common.forces.media import CORIOLIS, LIMIT, MEDIA, QUADRATIC, SEA_ICE, ForcedElements
 from riftberg.engines.common.forces.pack import corner_slope, next_direction
@@ -273,7 +273,7 @@ def _acceleration(
     return ax + forcing.push_x[e] / mass[e], ay + forcing.push_y[e] / mass[e], jxx, jxy, jyy, f, rate, quadratic
 
 
-@kernel
+@borrower
 def _kick(
     rows: Ints, twist: Floats, forcing: ElementForcing, half_dt: float, weight: float, new: Floats, applied: Floats
 ) -> None:

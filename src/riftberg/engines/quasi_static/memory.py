@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,8 +65,7 @@ class LawsWithMemory(NamedTuple):
             self.faces.pairs = pairs
 
 
-@dataclass(frozen=True)
-class Memory:
+class Memory(NamedTuple):
     """Fragments, ice and laws at the end of a time step, for the next one; a step makes a new one of it.
 
     A restart file holds the first seven; the others are found anew. What the laws keep changes within a step (`LawsWithMemory`).
@@ -77,7 +75,7 @@ class Memory:
     snapshot: StepSnapshot | None = None  # The elements at the end of the step
     cells: ElasticCells | None = None  # Of bonded ice, made at the start of a run
     tips: CrackTips = NO_TIPS
-    laws: LawsWithMemory = field(default_factory=LawsWithMemory)
+    laws: LawsWithMemory = LawsWithMemory()
     longest_trial: float = math.inf  # Next trial step, s, while others push fragments over the bed
 
     footprints: FootprintBook | None = None  # Of the fragments, for the laws
@@ -134,8 +132,7 @@ class Memory:
             if law is not None:
                 law.load_state_dict(saved)
         longest_trial = float(np.asarray(saved.get("longest_trial", math.inf)).item())
-        return replace(
-            self,
+        return self._replace(
             bodies=bodies,
             snapshot=snapshot,
             cells=cells,

@@ -27,6 +27,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
     Booleans,
     ElementForcing,
     ForceTerms,
+    HalfKick,
     accumulate_excess_drag,
     accumulate_forces,
     add_forces,
@@ -76,14 +77,17 @@ class BodyState(NamedTuple):
 def predict(
     new: Bodies, bodies: Bodies, op: BodyOperators, terms: ForceTerms, frozen_displacement: Floats, h: float, latlon: bool,
     radius: float, period: float, lon: Floats, lat: Floats, static: Floats, rotation: Floats, contact_bodies: Ints,
-    contact_mean: Floats, work: BodyWorkspace,
+    contact_mean: Floats, kick: HalfKick, work: BodyWorkspace,
 ) -> None:  # fmt: skip
-    """Take the first half kick and drift over ``h`` s: fill twist and pose of ``new``, and place the elements.
+    """Take the first half ``kick`` and drift over ``h`` s: fill it, twist and pose of ``new``, and place the elements.
 
     ``contact_bodies`` drift with the mean twists ``contact_mean`` of their sub-steps in contact instead.
     """
     body, twist = bodies.body, new.twist
-    first_half_kick(op, bodies.twist, terms, 0.5 * h, twist, work)
+    first_half_kick(op, bodies.twist, terms, 0.5 * h, kick, work)
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            twist[b, i] = kick.twist[b, i]
     for k in range(contact_bodies.size):
         for i in range(3):
             twist[contact_bodies[k], i] = contact_mean[k, i]
@@ -178,13 +182,15 @@ def remove_rigid_modes(
 
 @borrower
 def accumulate_step_forces(
-    op: BodyOperators, terms: ForceTerms, end_terms: ForceTerms, twist: Floats, half_dt: float, weight: float, middle: Floats,
-    applied: Floats, work: BodyWorkspace,
+    op: BodyOperators, terms: ForceTerms, end_terms: ForceTerms, twist: Floats, kick: HalfKick, half_dt: float, weight: float,
+    applied: Floats,
 ) -> None:  # fmt: skip
-    """Add to ``applied`` the accelerations of a step by the trapezoidal rule: ``weight`` of those at each of its ends."""
-    first_half_kick(op, twist, terms, half_dt, middle, work)
+    """Add to ``applied`` the accelerations of a step by the trapezoidal rule: ``weight`` of those at each of its ends.
+
+    ``twist``: at its start; ``kick``: the first half kick from there.
+    """
     accumulate_forces(terms.accelerations, weight, applied)
-    accumulate_excess_drag(op, twist, terms, middle, half_dt, weight, applied, work)
+    accumulate_excess_drag(op, twist, kick, half_dt, weight, applied)
     accumulate_forces(end_terms.accelerations, weight, applied)
 
 

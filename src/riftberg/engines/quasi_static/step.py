@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,14 +131,15 @@ class TimeStep:
     def _begins_touching(self) -> bool:
         """Whether fragments press each other at the start, or one moves on the bed."""
         faces, keel = self.laws.faces, self.el.keel
-        moves_on_bed = (keel.floor_load > 0.0) & (keel.floor_substep < self.dt)
-        return (faces is not None and faces.pairs.pair.size > 0) or bool(moves_on_bed.any())
+        if faces is not None and faces.pairs.pair.size > 0:
+            return True
+        return self.laws.seabed is not None and bool(((keel.floor_load > 0.0) & (keel.floor_substep < self.dt)).any())
 
     def remember(self) -> Memory:
         """Return the memory for the next step."""
         lattice = self.lattice
-        return replace(
-            self._memory, bodies=self.state.bodies, cells=lattice.elastic_cells, tips=self.tips, lattice=lattice,
+        return self._memory._replace(
+            bodies=self.state.bodies, cells=lattice.elastic_cells, tips=self.tips, lattice=lattice,
             longest_trial=self._max_dt if self._max_dt < self._longest else math.inf,
             # After a crack the loads are those of a lattice that has been renumbered since: the next step finds them anew, as a
             # restarted run does.
@@ -307,22 +307,13 @@ class TimeStep:
 
     def _accept(self, trial: Trial, cracks: bool = False) -> None:
         """Make a trial step the state: record its forces, its contacts and, unless a crack follows, its peak stresses."""
-        start, end, contact, work = self.state, trial.state, trial.contact, self.motion.workspace(trial.state.bodies)
+        start, end, contact = self.state, trial.state, trial.contact
         self.state = end
         previous = self.applied[contact.rows] if contact else self.applied[:0]
-        weight = 0.5 * trial.h / self.dt
-        middle = np.empty_like(start.bodies.twist)
         accumulate_step_forces(
-            start.operators,
-            start.terms,
-            end.terms,
-            start.bodies.twist,
-            0.5 * trial.h,
-            weight,
-            middle,
+            start.operators, start.terms, end.terms, start.bodies.twist, trial.kick, 0.5 * trial.h, 0.5 * trial.h / self.dt,
             self.applied,
-            work,
-        )
+        )  # fmt: skip
         if contact is not None:
             # In contact the impulses of all forces were summed over the sub-steps instead.
             self.applied[contact.rows] = previous + contact.applied / self.dt

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,7 +90,7 @@ class QuasiStaticStepper:
         """Advance by one time step."""
         check_concentration(model.elements)
         memory = self.memory
-        self._last_start = model.time, replace(memory, lattice=None, state=None), memory.laws.checkpoint()
+        self._last_start = model.time, memory._replace(lattice=None, state=None), memory.laws.checkpoint()
         if memory.footprints is not None:
             memory.footprints.begin_step(model)
         if memory.laws.seabed is not None and memory.snapshot is not None:
@@ -100,10 +99,10 @@ class QuasiStaticStepper:
         if self._step_population(model, unknown):
             return
         step = TimeStep(model, self.memory, unknown)
-        self.memory = replace(self.memory, lattice=None, state=None)  # a step that fails leaves them half changed
+        self.memory = self.memory._replace(lattice=None, state=None)  # a step that fails leaves them half changed
         step.run()
-        memory = replace(step.remember(), snapshot=take_snapshot(model.elements))
-        self.memory = replace(memory, topology_key=_topology_key(model)) if step.cracked else memory
+        key = _topology_key(model) if step.cracked else self.memory.topology_key
+        self.memory = step.remember()._replace(snapshot=take_snapshot(model.elements), topology_key=key)
         self.applied, self.touched = step.applied, concatenate_pairs(step.touched)
         model.time = step.start + model.parameters.time_step
 
@@ -125,7 +124,7 @@ class QuasiStaticStepper:
         if lone_bergs is None:
             return False
         lone, unreachable = lone_bergs
-        memory = self.memory = replace(memory, lattice=None, state=None, sizes=None)
+        memory = self.memory = memory._replace(lattice=None, state=None, sizes=None)
         applied = np.zeros((model.elements.size, len(FORCES), 2))
         groups: list[tuple[Ints, Bodies]] = []
         touched: list[tuple[Ints, Ints]] = []
@@ -137,14 +136,14 @@ class QuasiStaticStepper:
             group_bodies, numbers = select_bodies(bodies, rows)
             new = None if unknown is None else unknown[numbers]
             step = TimeStep(
-                group, replace(memory, bodies=group_bodies, laws=laws, topology=topology), new, highest_crack
+                group, memory._replace(bodies=group_bodies, laws=laws, topology=topology), new, highest_crack
             )
             step.run()
             applied[rows] = step.applied
             touched.extend((rows[first], rows[second]) for first, second in step.touched)
             groups.append((rows, step.state.bodies))
             after, cracked = step.remember(), cracked or step.cracked
-            memory = replace(memory, cells=after.cells, tips=after.tips)
+            memory = memory._replace(cells=after.cells, tips=after.tips)
             highest_crack = max(highest_crack, int(group.bonds.crack.max(initial=0)))
             return after
 
@@ -161,10 +160,10 @@ class QuasiStaticStepper:
             lone_steps = beside.submit(step_lone_bergs, model, forcing, bodies, unknown, lone, sizes, applied)
             if isolated[0].size:
                 after = step_group(*isolated[:2], LawsWithMemory(sides=sides), memory.topology)
-                memory = replace(memory, topology=after.topology)
+                memory = memory._replace(topology=after.topology)
             if meeting[0].size:
                 after = step_group(*meeting[:2], memory.laws, memory.meeting_topology)
-                memory = replace(memory, meeting_topology=after.topology)
+                memory = memory._replace(meeting_topology=after.topology)
             else:
                 faces.forget_pairs()
             blocks = lone_steps.result()
@@ -176,8 +175,8 @@ class QuasiStaticStepper:
             put_back(model.elements, bonds, rows, bond_rows, group.elements, group.bonds)
         groups += [(block.rows, block.bodies) for block in blocks]
         body = connected_parts(model.elements.size, bonds.first, bonds.second, bonds.status)
-        self.memory = replace(
-            memory, bodies=join_bodies(body, tuple(groups)), snapshot=take_snapshot(model.elements), sizes=sizes,
+        self.memory = memory._replace(
+            bodies=join_bodies(body, tuple(groups)), snapshot=take_snapshot(model.elements), sizes=sizes,
             topology_key=_topology_key(model) if cracked else memory.topology_key,
         )  # fmt: skip
         self.applied, self.touched = applied, concatenate_pairs(touched)
@@ -193,18 +192,19 @@ class QuasiStaticStepper:
         previous_key = self.memory.topology_key
         same_connectivity = previous_key[:N_CONNECTIVITY] == key[:N_CONNECTIVITY]
         if previous_key and previous_key != key:
-            self.memory = replace(self.memory, lattice=None, state=None, sizes=None)
-        self.memory = replace(self.memory, topology_key=key)
+            self.memory = self.memory._replace(lattice=None, state=None, sizes=None)
+        if previous_key != key:
+            self.memory = self.memory._replace(topology_key=key)
         bodies, snapshot = self.memory.bodies, self.memory.snapshot
         if bodies is None:
             return None
         if snapshot is None or snapshot.id.size != bodies.body.size:
-            self.memory = self.memory if bodies.body.size == count else replace(self.memory, bodies=None)
+            self.memory = self.memory if bodies.body.size == count else self.memory._replace(bodies=None)
         elif not (same_connectivity and snapshot.is_current(model.elements)):
             synced, unknown = sync_bodies(model.elements, model.bonds, bodies, snapshot, model.constants)
-            self.memory = replace(self.memory, state=None)  # given forces may have changed
+            self.memory = self.memory._replace(state=None)  # given forces may have changed
             if unknown.any() or not np.array_equal(synced.body, bodies.body):
-                self.memory = replace(self.memory, bodies=synced, lattice=None)
+                self.memory = self.memory._replace(bodies=synced, lattice=None)
                 return unknown
         return None
 

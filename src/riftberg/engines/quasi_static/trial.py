@@ -28,6 +28,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
     BodyOperators,
     BodyWorkspace,
     ForceTerms,
+    HalfKick,
     allocate_body_workspace,
     check_converged,
     half_kick_newton,
@@ -88,6 +89,7 @@ class Trial:
 
     h: float  # s
     state: BodyState  # At its end
+    kick: HalfKick  # The first one of both
     contact: SubcycledMotion | None  # What contact and the bed did on the way
     touching: bool = False  # Whether fragments have touched each other, or the bed has caught, turned or freed one
     hold_change: float = (
@@ -109,7 +111,7 @@ class FragmentMotion:
     def __init__(self, model: RunState, laws: LawsWithMemory, sizes: Sizes) -> None:
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.laws, self.sizes = laws, sizes
-        self._work = allocate_body_workspace(0, 0)
+        self._work: BodyWorkspace | None = None
         self.seabed, self.faces, self._sides = laws
 
     def trial(self, start: BodyState, h: float) -> Trial:
@@ -124,9 +126,10 @@ class FragmentMotion:
 
         # Predictor: first half kick and drift. Bodies in contact drift with the mean twist of their sub-steps.
         new = bodies._replace(pose=np.empty_like(bodies.pose), twist=np.empty_like(bodies.twist))
+        kick = HalfKick(np.empty_like(bodies.twist), np.empty((el.size, 2)))
         predict(
             new, bodies, start.operators, start.terms, self.frozen_displacement, h, c.latlon, c.earth_radius, c.period,
-            el.place.lon, el.place.lat, el.body.static, el.motion.rotation, drifting, mean, work,
+            el.place.lon, el.place.lat, el.body.static, el.motion.rotation, drifting, mean, kick, work,
         )  # fmt: skip
         new, ashore = self._constrained_by_land(new)
         self.model.forcing.sample(el, time)
@@ -155,7 +158,7 @@ class FragmentMotion:
         # A fragment that the bed holds goes through the step at once; where it catches, turns or frees one sub-steps are shorter.
         lands = ground is not None and ground.shortest_substep < h
         touching = lands or (contact is not None and contact.first.size > 0)
-        return Trial(h, state, join_motions(contact, ground, bodies.body), touching, hold_change)
+        return Trial(h, state, kick, join_motions(contact, ground, bodies.body), touching, hold_change)
 
     def _resolve_contacts_and_bed(
         self, start: BodyState, h: float
@@ -318,6 +321,7 @@ class FragmentMotion:
 
     def workspace(self, bodies: Bodies) -> BodyWorkspace:
         """Return a workspace for the fragments."""
-        if self._work.residual.shape != bodies.twist.shape or self._work.direction.shape[0] != bodies.body.size:
+        # All elements are in it, however the fragments part.
+        if self._work is None or self._work.residual.shape != bodies.twist.shape:
             self._work = allocate_body_workspace(bodies.pose.shape[0], bodies.body.size)
         return self._work

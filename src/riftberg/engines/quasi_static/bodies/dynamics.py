@@ -36,7 +36,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.constants import EARTH_ROTATION
 from riftberg.engines.common.forces.media import (
     CORIOLIS,
@@ -125,6 +125,13 @@ class ForceTerms(NamedTuple):
     # Drag of all media per velocity through them, the same of the spin (s-1), and the growth of the first with the velocity
     # (m-1); shape (elements, 3)
     drag_rate: Floats
+
+
+class HalfKick(NamedTuple):
+    """A first half kick of all fragments."""
+
+    twist: Floats  # Velocities at mid-step; shape (fragments, 3)
+    drag: Floats  # On elements of which a part is taken implicitly, see `drag_rates`; 0 on others; shape (elements, 2)
 
 
 class BodyMatrices(NamedTuple):
@@ -325,7 +332,7 @@ def spin_torque(forcing: ElementForcing, e: int, w: float) -> tuple[float, float
     return -drag * spin, 2.0 * drag
 
 
-@kernel
+@borrower
 def add_forces(
     body: Ints,
     levers: Floats,
@@ -389,7 +396,7 @@ def scatter_velocities(
         motion.spin[e] = w
 
 
-@kernel
+@borrower
 def assemble_force_and_jacobian(
     body: Ints,
     levers: Floats,
@@ -498,6 +505,8 @@ def excess_spin_rate(rate: float, half_dt: float) -> float:
 @kernel
 def medium_drag_rate(row: Floats, u: float, v: float, least: float) -> float:
     """Drag (s-1) of a medium per velocity through it, at ``least`` m s-1 or more; a hold that yields takes the true speed."""
+    if row[LINEAR] == 0.0 and row[QUADRATIC] == 0.0 and row[LIMIT] == 0.0:  # most media, which need no root
+        return 0.0
     speed = math.hypot(u - row[U], v - row[V])
     rate = row[LINEAR] + row[QUADRATIC] * max(speed, least)
     if row[LIMIT] > 0.0:
@@ -562,9 +571,13 @@ def accumulate_excess(
 
 @kernel
 def add_excess_drag(
-    op: BodyOperators, twist: Floats, terms: ForceTerms, half_dt: float, acceleration: Floats, excess_drag: Floats
-) -> None:
-    """Add D of the text above to the matrices of the fragments, shape (fragments, 3, 3); fill their ``acceleration``."""
+    op: BodyOperators, twist: Floats, terms: ForceTerms, half_dt: float, acceleration: Floats, excess_drag: Floats,
+    element_drag: Floats,
+) -> None:  # fmt: skip
+    """Add D of the text above to the matrices of the fragments, shape (fragments, 3, 3).
+
+    Fill their ``acceleration``, and ``element_drag`` as `HalfKick` has it.
+    """
     forcing, limit = op.forcing, EXPLICIT_PART / half_dt
     for b in range(twist.shape[0]):
         acceleration[b, 0], acceleration[b, 1], acceleration[b, 2] = times(op.matrices.mobility[b], terms.net_force[b])
@@ -572,6 +585,7 @@ def add_excess_drag(
         b, m, drag = op.body[e], op.levers[e], terms.drag_rate[e]
         rate_at_start, spin_rate_at_start, quadratic = drag[0], drag[1], drag[2]
         au, av, aw = element_velocity(m, acceleration[b])
+        element_drag[e, 0] = element_drag[e, 1] = 0.0
         if (
             is_resolved(rate_at_start, quadratic, au, av, half_dt)
             and spin_rate_at_start <= limit
@@ -579,7 +593,8 @@ def add_excess_drag(
         ):
             continue
         u, v, _ = element_velocity(m, twist[b])
-        rate, _ = drag_rates(forcing, e, u, v, math.hypot(au, av), quadratic)
+        rate, least = drag_rates(forcing, e, u, v, math.hypot(au, av), quadratic)
+        element_drag[e, 0], element_drag[e, 1] = rate, least
         spin_rate = max(spin_rate_at_start, math.sqrt(forcing.spin_drag[e] * abs(aw)))
         mass, inertia = forcing.mass[e], forcing.inertia[e]
         if rate > limit:
@@ -591,31 +606,26 @@ def add_excess_drag(
 
 @kernel
 def accumulate_excess_drag(
-    op: BodyOperators, twist: Floats, terms: ForceTerms, new: Floats, half_dt: float, weight: float, applied: Floats,
-    work: BodyWorkspace,
-) -> None:  # fmt: skip
-    """Add `accumulate_excess` of all elements, right after `first_half_kick` from ``twist`` to ``new``."""
+    op: BodyOperators, twist: Floats, kick: HalfKick, half_dt: float, weight: float, applied: Floats
+) -> None:
+    """Add `accumulate_excess` of all elements by a first half kick from ``twist``."""
     for e in range(op.body.size):
-        b, m = op.body[e], op.levers[e]
-        if _is_zero(work.jacobian[b]):  # nearly all: no element of the fragment has excess drag
+        rate, least = kick.drag[e, 0], kick.drag[e, 1]
+        if rate == 0.0:  # nearly all elements of a large berg
             continue
-        (u, v, _), (u_new, v_new, _) = element_velocity(m, twist[b]), element_velocity(m, new[b])
-        au, av, _ = element_velocity(m, work.increment[b])
-        rates = drag_rates(op.forcing, e, u, v, math.hypot(au, av), terms.drag_rate[e, 2])
-        accumulate_excess(op.forcing, e, (u, v), (u_new - u, v_new - v), rates, half_dt, weight, applied)
+        b, m = op.body[e], op.levers[e]
+        (u, v, _), (u_new, v_new, _) = element_velocity(m, twist[b]), element_velocity(m, kick.twist[b])
+        accumulate_excess(op.forcing, e, (u, v), (u_new - u, v_new - v), (rate, least), half_dt, weight, applied)
 
 
 @kernel
 def first_half_kick(
-    op: BodyOperators, twist: Floats, terms: ForceTerms, half_dt: float, new: Floats, work: BodyWorkspace
+    op: BodyOperators, twist: Floats, terms: ForceTerms, half_dt: float, kick: HalfKick, work: BodyWorkspace
 ) -> None:
-    """Find the velocities ``new`` at mid-step from those at the start, at which the forces are ``terms``.
-
-    Leaves its excess drag D in ``work.jacobian``, and in ``work.increment`` the acceleration at the start.
-    """
-    matrices, net_force, excess_drag = op.matrices, work.net_force, work.jacobian
+    """Fill a first half ``kick`` from the velocities at the start, at which the forces are ``terms``."""
+    matrices, net_force, excess_drag, new = op.matrices, work.net_force, work.jacobian, kick.twist
     excess_drag[:, :, :] = 0.0
-    add_excess_drag(op, twist, terms, half_dt, work.increment, excess_drag)
+    add_excess_drag(op, twist, terms, half_dt, work.increment, excess_drag, kick.drag)
     matrix, right = work.scratch[0], work.scratch[1, 0]
     for b in range(twist.shape[0]):
         resolved = _is_zero(excess_drag[b])
@@ -713,7 +723,7 @@ def has_converged(change: float, previous: float) -> bool:
     return change <= NEWTON_RTOL or change**3 <= NEWTON_PREDICTED_RTOL * previous**2
 
 
-@kernel
+@borrower
 def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: float, work: BodyWorkspace) -> int:
     """Second half kick: velocities ``new`` at the end from those at mid-step, by Newton's method from a first guess.
 

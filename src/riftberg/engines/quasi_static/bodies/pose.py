@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.constants import DEGREE
 from riftberg.physics.geometry import multiply, nearest_image
 from riftberg.state import Floats, Ints
@@ -86,7 +86,7 @@ def tangent_coordinates(reference: Floats, latlon: bool, radius: float) -> Float
     return xy
 
 
-@kernel
+@borrower
 def fill_levers(bodies: Bodies, latlon: bool, radius: float, levers: Floats) -> None:
     """Find how each element moves with its fragment, and how its axes lie; ``levers`` has shape (elements, 11).
 
@@ -169,7 +169,7 @@ def _spin(q: Floats, angle: float) -> None:
     _rotate_about(q, angle * q[0, 2], angle * q[1, 2], angle * q[2, 2])
 
 
-@kernel
+@borrower
 def move_poses(
     pose: Floats, twist: Floats, dt: float, latlon: bool, radius: float, new: Floats, midpoint: Floats
 ) -> None:
@@ -198,7 +198,7 @@ def move_poses(
         new[k, 1, 2] += dt * twist[k, 1]
 
 
-@kernel
+@borrower
 def place_elements(
     bodies: Bodies, lon: Floats, lat: Floats, static: Floats, latlon: bool, radius: float, period: float
 ) -> None:

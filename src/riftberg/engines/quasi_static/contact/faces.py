@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from riftberg.compiled.kernels import borrower
 from riftberg.engines.common.broad_phase import NO_PAIRS, SEARCH_MARGIN, candidate_pairs
 from riftberg.engines.common.forces.sizes import Sizes
 from riftberg.engines.common.land import NearPairs, movable
@@ -186,9 +187,8 @@ class FaceContact:
     @staticmethod
     def _orient_polygons(polygons: _Polygons, el: Elements, levers: Floats) -> Faces:
         """Turn the footprints to where the axes of the bodies stand."""
-        axis = levers[:, 9:11][polygons.element]
-        x, y = polygons.corner.T
-        corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
+        corner = np.empty_like(polygons.corner)
+        _turn_corners(polygons.corner, polygons.element, levers, corner)
         return Faces(
             polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
         )  # fmt: skip
@@ -211,6 +211,14 @@ class FaceContact:
             begin = np.searchsorted(owner, np.arange(el.size + 1)).astype(np.int64)
             self._polygons = _Polygons(begin, ring, corner, element, reach)
         return self._polygons
+
+
+@borrower
+def _turn_corners(corner: Floats, element: Ints, levers: Floats, turned: Floats) -> None:
+    """Turn corners of footprints (m) from the axes of their fragments to east and north; ``element``: of each corner."""
+    for n in range(element.size):
+        x, y, c, s = corner[n, 0], corner[n, 1], levers[element[n], 9], levers[element[n], 10]
+        turned[n, 0], turned[n, 1] = c * x - s * y, s * x + c * y
 
 
 def _sweep_position(el: Elements, first: Ints, second: Ints) -> Floats:

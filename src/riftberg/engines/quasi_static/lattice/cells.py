@@ -193,7 +193,7 @@ def outline_ties(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
     following[start], leading[end] = end, start
     tie = mesh.edge_tie.ravel()[at]
     start, end, tie = start[tie >= 0], end[tie >= 0], tie[tie >= 0]
-    position, cells = mesh.xy @ np.array([1.0, 1.0j]), mesh.owner[np.column_stack([start, end])]
+    position, cells = mesh.xy[:, 0] + 1j * mesh.xy[:, 1], mesh.owner[np.column_stack([start, end])]
     first_centre, second_centre = position[cells].T
     reach = REACH * abs(second_centre - first_centre)
     along = position[end] - position[start]
@@ -229,7 +229,7 @@ def faces_across(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Floats
     at, bond = at[order], bond[order]
     once = np.flatnonzero(np.bincount(bond, minlength=mesh.bonds) == 2)
     pair = np.searchsorted(bond, once)[:, None] + [0, 1]
-    position, (start, end) = mesh.xy @ np.array([1.0, 1.0j]), np.moveaxis(ends[at[pair]], -1, 0)
+    position, (start, end) = mesh.xy[:, 0] + 1j * mesh.xy[:, 1], np.moveaxis(ends[at[pair]], -1, 0)
     cells = np.sort(mesh.owner[ends[at[pair]]], axis=-1)
     left, right = _parting_points(position, start, end, cells).T
     first, second = position[cells[:, 0]].T

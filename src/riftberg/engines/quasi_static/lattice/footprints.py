@@ -200,9 +200,9 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
 
     The ice beyond a line goes to the nearest element there.
     """
-    parted = np.flatnonzero((bonds.crack > 0) & (el.berg[bonds.first] != el.berg[bonds.second]))
-    new = parted[~np.isin(bonds.id[parted], footprints.cracked)]
-    if new.size == 0:
+    crossed = np.flatnonzero(bonds.crack > 0)
+    parted = crossed[el.berg[bonds.first[crossed]] != el.berg[bonds.second[crossed]]]
+    if parted.size == 0 or (new := parted[~np.isin(bonds.id[parted], footprints.cracked)]).size == 0:
         return footprints
     rings: list[list[Floats]] = [[] for _ in footprints.element]
     for owner, ring in zip(footprints.owner, np.split(footprints.corner, footprints.start[1:-1]), strict=True):
@@ -287,7 +287,10 @@ def body_footprint(
     count, number = int(body.max(initial=0)) + 1, np.bincount(body)
     # A fragment has turned from the plane of its footprints by the angle that fits the centres best; one of a single element
     # by the angle of the fragment of the start, as axes are carried along where a fragment parts.
-    old_centre, new_centre = footprints.centre[footprint_row] @ (1.0, 1.0j), xy[rows] @ (1.0, 1.0j)
+    # Without a product of matrices, for which BLAS would wake its threads.
+    old_centre, new_centre, old_corner = (
+        x + 1j * y for x, y in (footprints.centre[footprint_row].T, xy[rows].T, footprints.corner.T)
+    )
 
     def total(values: Any) -> Any:
         return np.bincount(body, values.real, count) + 1j * np.bincount(body, values.imag, count)
@@ -314,10 +317,7 @@ def body_footprint(
         if shrinks
         else np.ones(rows.size)
     )
-    corner = (
-        new_centre[corner_row]
-        + (footprints.corner[index] @ (1.0, 1.0j) - old_centre[corner_row]) * (turn * shrunk)[corner_row]
-    )
+    corner = new_centre[corner_row] + (old_corner[index] - old_centre[corner_row]) * (turn * shrunk)[corner_row]
     return BodyFootprint(rows, owner, start, np.column_stack([corner.real, corner.imag]))
 
 

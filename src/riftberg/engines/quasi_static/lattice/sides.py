@@ -41,8 +41,8 @@ class FragmentSides:
     def __init__(self, footprints: FootprintBook) -> None:
         self._footprints = footprints
         self._fragments: dict[tuple[int, bytes, bytes], tuple[Ints, Floats]] = {}
-        # Of the groups that a population is stepped in.
-        self._latest: dict[tuple[int, bytes, bytes, bytes], Floats] = {}
+        # Of the groups that a population is stepped in. Their keys are compared, which is quicker than to hash them.
+        self._latest: list[tuple[tuple[int, bytes, bytes, bytes], Floats]] = []
 
     def find(self, model: RunState, body: Ints, xy: Floats) -> Floats:
         """Return the points of all elements as `riftberg.engines.quasi_static.bodies.dynamics.ElementForcing` has them.
@@ -52,11 +52,12 @@ class FragmentSides:
         el = model.elements
         # A piece that a crack has divided has the elements that it had, and another outline.
         key = self._footprints.divided, el.body.id.tobytes(), body.tobytes(), xy.tobytes()
-        if key not in self._latest:
-            if len(self._latest) == MOST_GROUPS:
-                del self._latest[next(iter(self._latest))]
-            self._latest[key] = self._find_sides(model, body, xy)
-        return self._latest[key]
+        for latest_key, sides in self._latest:
+            if latest_key == key:
+                return sides
+        sides = self._find_sides(model, body, xy)
+        self._latest = [*self._latest[1 - MOST_GROUPS :], (key, sides)]
+        return sides
 
     def _find_sides(self, model: RunState, body: Ints, xy: Floats) -> Floats:
         """Find the points, of fragments that are new alone."""
