@@ -219,7 +219,7 @@ def _invert(matrix: Floats, rows: Ints, out: Floats) -> None:
     Overwrites the lower half of the matrix; ``out``: takes the rows, which are in rising order, at their own columns.
     """
     n = len(matrix)
-    first, y = np.empty(n, np.int64), np.empty(n)
+    first, y = np.empty(n, np.int64), np.zeros((n, rows.size))
     for i in range(n):
         first[i] = i
         for j in range(i - 1, -1, -1):
@@ -230,19 +230,25 @@ def _invert(matrix: Floats, rows: Ints, out: Floats) -> None:
             for k in range(max(first[i], first[j]), j):
                 value -= matrix[i, k] * matrix[j, k]
             matrix[i, j] = math.sqrt(value) if i == j else value / matrix[j, j]
+    # All columns that have begun by a row go through it together: one by one they took three times as long.
+    begun = np.searchsorted(rows, np.arange(n), side="right")
     for r in range(rows.size):
-        c = rows[r]
-        for i in range(c, n):
-            value = 1.0 if i == c else 0.0
-            for k in range(max(first[i], c), i):
-                value -= matrix[i, k] * y[k]
-            y[i] = value / matrix[i, i]
-        for i in range(n - 1, c - 1, -1):
-            y[i] /= matrix[i, i]
-            for k in range(max(first[i], c), i):
-                y[k] -= matrix[i, k] * y[i]
-        for s in range(r, rows.size):
-            out[r, s] = out[s, r] = y[rows[s]]
+        y[rows[r], r] = 1.0
+    for i in range(n):
+        for k in range(first[i], i):
+            for r in range(begun[k]):
+                y[i, r] -= matrix[i, k] * y[k, r]
+        for r in range(begun[i]):
+            y[i, r] /= matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        for r in range(begun[i]):
+            y[i, r] /= matrix[i, i]
+        for k in range(first[i], i):
+            for r in range(begun[k]):
+                y[k, r] -= matrix[i, k] * y[i, r]
+    for s in range(rows.size):
+        for r in range(s + 1):
+            out[r, s] = out[s, r] = y[rows[s], r]
 
 
 @kernel
