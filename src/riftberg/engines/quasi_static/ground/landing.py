@@ -33,7 +33,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 )
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, move_poses
 from riftberg.engines.quasi_static.contact.anchors import GIVES_WAY
-from riftberg.engines.quasi_static.ground.pads import ORIGIN_X, ORIGIN_Y, Pads, fill_hulls, place_points
+from riftberg.engines.quasi_static.ground.pads import Pads, fill_hulls, place_points
 from riftberg.engines.quasi_static.ground.plate import Plates
 from riftberg.engines.quasi_static.ground.press import (
     HOLD,
@@ -242,8 +242,8 @@ def _turned(m: Floats, x: float, y: float) -> tuple[float, float]:
 def _set_slope_force(f: Landing, a: int, e: int, anchor: Floats) -> None:
     """Find where the floor acts on an element, and how its slope pushes it."""
     m, load = f.levers[e], f.loads[e]
-    x = load[LOAD_X] - f.pads.element[e, 0] - f.pads.frame[a, ORIGIN_X]
-    y = load[LOAD_Y] - f.pads.element[e, 1] - f.pads.frame[a, ORIGIN_Y]
+    x = load[LOAD_X] - f.pads.element[e, 0] - f.pads.origin[a, 0]
+    y = load[LOAD_Y] - f.pads.element[e, 1] - f.pads.origin[a, 1]
     anchor[ARM_X], anchor[ARM_Y] = _turned(m, x, y)
     anchor[FORCE_X], anchor[FORCE_Y] = _turned(m, load[PUSH_X], load[PUSH_Y])
 
@@ -557,7 +557,7 @@ def _set_down(f: Landing, a: int, step: Step, depth: Floats) -> None:
 @kernel
 def _write_points(f: Landing, a: int, step: Step, pose: Floats, at: int, lon: Floats, lat: Floats) -> int:
     """Write where a fragment asks for the depth, from ``at`` on: the corners of its polygons, then their centroids."""
-    pads, ox, oy = f.pads, f.pads.frame[a, ORIGIN_X], f.pads.frame[a, ORIGIN_Y]
+    pads, (ox, oy) = f.pads, f.pads.origin[a]
     polygons = f.polygons[f.polygon_start[a] : f.polygon_start[a + 1]]
     for k in polygons:
         for n in range(pads.start[k], pads.start[k + 1]):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.engines.quasi_static.ground.pads import LOW_X, LOW_Y, SIDE, Pads
+from riftberg.engines.quasi_static.ground.pads import Pads
 from riftberg.physics.geometry import solve
 from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS
 from riftberg.state import Floats, Ints
@@ -62,7 +62,7 @@ PER_SIDE, COLUMNS, UNKNOWNS = range(3)
 
 def unmade_plates(pads: Pads) -> Plates:
     """Return plates of the fragments of some pads that are still to be made."""
-    count, elements = len(pads.frame), (pads.raster[:, 1:] - 1) // int(SIDES_PER_LAMBDA) + 1
+    count, elements = pads.side.size, (pads.shape - 1) // int(SIDES_PER_LAMBDA) + 1
     nodes = (elements + 1).prod(axis=1)
     element_start, node_start = (np.concatenate([[0], np.cumsum(size)]) for size in (elements.prod(axis=1), nodes))
     # Room for all that may ever be loaded: memory is taken up by what is written.
@@ -108,7 +108,7 @@ def _mark_around(
 ) -> None:
     """Mark the elements with ice within ``reach`` elements of loaded ones."""
     rows, columns = marked.shape
-    first, high, wide = pads.raster[b, 0], pads.raster[b, 1], pads.raster[b, 2]
+    first, high, wide = pads.square_start[b], pads.shape[b, 0], pads.shape[b, 1]
     band = np.zeros((rows, columns), np.bool_)
     for j in range(rows):
         for i in range(columns):
@@ -168,7 +168,7 @@ def _assemble(
     pads: Pads, b: int, marked: NDArray[np.bool_], node: Ints, per: int, length: float, poisson: float, matrix: Floats
 ) -> None:  # fmt: skip
     """Sum up the stiffness of ice and water (N m-1) over the squares of the marked elements."""
-    side, first, high, wide = pads.frame[b, SIDE], pads.raster[b, 0], pads.raster[b, 1], pads.raster[b, 2]
+    side, first, high, wide = pads.side[b], pads.square_start[b], pads.shape[b, 0], pads.shape[b, 1]
     h, which = per * side, np.empty(16, np.int64)
     x, y, shape, slope = np.empty((3, 4)), np.empty((3, 4)), np.empty((4, 16)), (length / (per * side)) ** 4
     points = np.empty((4, 2))
@@ -185,15 +185,15 @@ def _assemble(
                     if count == 0:
                         area, count = EMPTY_SQUARE * side * side, 1
                         points[0, 0], points[0, 1] = (
-                            pads.frame[b, LOW_X] + (column + 0.5) * side,
-                            pads.frame[b, LOW_Y] + (row + 0.5) * side,
+                            pads.low[b, 0] + (column + 0.5) * side,
+                            pads.low[b, 1] + (row + 0.5) * side,
                         )
                     else:
                         area = pads.ice[first + row * wide + column, 0] / count
                     for p in range(count):
                         s, t = (
-                            (points[p, 0] - pads.frame[b, LOW_X]) / h - i,
-                            (points[p, 1] - pads.frame[b, LOW_Y]) / h - j,
+                            (points[p, 0] - pads.low[b, 0]) / h - i,
+                            (points[p, 1] - pads.low[b, 1]) / h - j,
                         )
                         for d in range(3):
                             cubics(s, d, x[d])
@@ -254,11 +254,11 @@ def _invert(matrix: Floats, rows: Ints, out: Floats) -> None:
 @kernel
 def _fill_rigid(pads: Pads, b: int, out: Floats) -> None:
     """Find the compliance of a whole fragment against heave and tilts by its water plane."""
-    first, squares = pads.raster[b, 0], pads.raster[b, 1] * pads.raster[b, 2]
+    first, squares = pads.square_start[b], pads.shape[b, 0] * pads.shape[b, 1]
     moments, points = np.zeros((3, 3)), np.empty((4, 2))
     for s in range(first, first + squares):
         # By the points of the plate: what this takes from its compliance must not be more than it has.
-        count = _place_points(pads.ice[s], pads.frame[b, SIDE], points)
+        count = _place_points(pads.ice[s], pads.side[b], points)
         for p in range(count):
             area, x, y = WATER_STIFFNESS * pads.ice[s, 0] / count, points[p, 0], points[p, 1]
             moments[0, 0] += area
@@ -286,7 +286,7 @@ def fit_plate(
     while per < merged:
         per *= 2
     while True:
-        rows, columns = (pads.raster[b, 1] - 1) // per + 1, (pads.raster[b, 2] - 1) // per + 1
+        rows, columns = (pads.shape[b, 0] - 1) // per + 1, (pads.shape[b, 1] - 1) // per + 1
         loaded, marked = np.zeros((rows, columns), np.bool_), np.empty((rows, columns), np.bool_)
         for k in polygons:
             loaded[pads.square[k, 0] // per, pads.square[k, 1] // per] = True
@@ -294,7 +294,7 @@ def fit_plate(
         same = plates.shape[b, PER_SIDE] == per and plates.length[b] == rounded
         if same and np.array_equal(previous_loaded, loaded):
             return
-        reach = math.floor(math.sqrt(2.0) * REACH * rounded / (per * pads.frame[b, SIDE]) + 0.5)
+        reach = math.floor(math.sqrt(2.0) * REACH * rounded / (per * pads.side[b]) + 0.5)
         _mark_around(pads, b, loaded, per, max(reach, 1), marked)
         numbers = np.empty((rows + 1) * (columns + 1), np.int64)
         count = _number_nodes(marked, numbers)

@@ -24,9 +24,6 @@ from riftberg.compiled.kernels import kernel
 from riftberg.engines.common.bed import Bed
 from riftberg.engines.quasi_static.ground.pads import (
     CORNERS,
-    LOW_X,
-    LOW_Y,
-    SIDE,
     Pads,
     measure_ice_share,
 )
@@ -152,7 +149,7 @@ def _lay_planes(pads: Pads, footing: Footing, depth: Floats, draft: Floats, leve
 def _group_in_squares(pads: Pads, b: int, footing: Footing, margin: float, bends: bool) -> tuple[Squares, int]:
     """Group polygons that are clear by less than ``margin`` m in squares that bend as one, and return their sides in pads too."""
     polygons = np.flatnonzero(footing.highest > -margin)
-    square, rows, columns = np.zeros(polygons.size, np.int64), pads.raster[b, 1], pads.raster[b, 2]
+    square, rows, columns = np.zeros(polygons.size, np.int64), pads.shape[b, 0], pads.shape[b, 1]
     merged = count = 1
     while bends:
         wide = (columns - 1) // merged + 1
@@ -202,9 +199,9 @@ def _bears(sums: Floats, highest: float, side: float) -> bool:
 @kernel
 def _add_shape(pads: Pads, b: int, k: int, per: int, x: float, y: float, weight: float, shape: Floats) -> None:
     """Add the share of the unknowns of the element of polygon ``k`` in the rise at a point in it, times a weight."""
-    of_x, of_y, h = np.empty(4), np.empty(4), per * pads.frame[b, SIDE]
-    cubics((x - pads.frame[b, LOW_X]) / h - pads.square[k, 1] // per, 0, of_x)
-    cubics((y - pads.frame[b, LOW_Y]) / h - pads.square[k, 0] // per, 0, of_y)
+    of_x, of_y, h = np.empty(4), np.empty(4), per * pads.side[b]
+    cubics((x - pads.low[b, 0]) / h - pads.square[k, 1] // per, 0, of_x)
+    cubics((y - pads.low[b, 1]) / h - pads.square[k, 0] // per, 0, of_y)
     for n in range(16):
         shape[n] += weight * of_x[n // 4] * of_y[n % 4]
 
@@ -442,7 +439,7 @@ def _share_out(
     bent: Floats,
 ) -> None:  # fmt: skip
     """Write the loads on the elements (``loads``) and the polygons (``bent``)."""
-    sums, share, (origin_x, origin_y) = np.zeros(10), np.full(sq.load.size, -1.0), pads.frame[b, :2]
+    sums, share, (origin_x, origin_y) = np.zeros(10), np.full(sq.load.size, -1.0), pads.origin[b]
     for m in range(sq.polygons.size):
         i, p = sq.square[m], sq.polygons[m]
         size, highest = _press_polygon(footing, p, q, sq.bending[i], footing.top, sums)
@@ -504,7 +501,7 @@ def press(
     bent[:, 0] = 0.0
     footing = Footing(
         polygons, start, np.empty((start[-1], 3)), np.empty((polygons.size, 2)), np.empty(polygons.size), hull, bed.stiffness,
-        bed.strength / bed.stiffness, pads.frame[b, SIDE], np.empty((most, 3)), np.empty((most, 3)),
+        bed.strength / bed.stiffness, pads.side[b], np.empty((most, 3)), np.empty((most, 3)),
     )  # fmt: skip
     largest, iterations, bends = _lay_planes(pads, footing, depth, draft, level), 0, length > 0.0
     q[:] = 0.0

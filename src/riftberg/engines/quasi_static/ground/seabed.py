@@ -22,8 +22,6 @@ from riftberg.engines.quasi_static.contact import anchors
 from riftberg.engines.quasi_static.contact.islands import PeakContactLoad, SubcycledMotion, select_forcing
 from riftberg.engines.quasi_static.ground import landing
 from riftberg.engines.quasi_static.ground.pads import (
-    ORIGIN_X,
-    ORIGIN_Y,
     choose_pad_sides,
     cut_into_pads,
     melt_pads,
@@ -77,11 +75,11 @@ def make_depth_sampler(forcing: Forcing, middle: float = 0.0, period: float = 0.
 
 
 @kernel
-def _place_middles(frame: Floats, pose: Floats, latlon: bool, radius: float) -> tuple[Floats, Floats]:
+def _place_middles(origin: Floats, pose: Floats, latlon: bool, radius: float) -> tuple[Floats, Floats]:
     """Find the positions of the middles of fragments."""
-    lon, lat = np.empty(len(frame)), np.empty(len(frame))
-    for b in range(len(frame)):
-        lon[b], lat[b] = place_points(frame[b, ORIGIN_X], frame[b, ORIGIN_Y], pose[b], latlon, radius)
+    lon, lat = np.empty(len(origin)), np.empty(len(origin))
+    for b in range(len(origin)):
+        lon[b], lat[b] = place_points(origin[b, 0], origin[b, 1], pose[b], latlon, radius)
     return lon, lat
 
 
@@ -191,7 +189,7 @@ class Seabed:
         thickness = np.bincount(bodies.body, el.body.thickness, near_floor.size)[numbers] / count
         side = choose_pad_sides(self.bed.modulus or UNBENT_MODULUS, POISSON, thickness)
         shoal.ice = ice
-        if keels is not None and np.array_equal(numbers, keels.bodies) and np.array_equal(side, keels.side):
+        if keels is not None and np.array_equal(numbers, keels.bodies) and np.array_equal(side, keels.pads.side):
             return keels
         index = np.full(near_floor.size, -1)
         index[numbers] = np.arange(numbers.size)
@@ -201,8 +199,8 @@ class Seabed:
         prints = self._footprints.follow(model)
         footprint = body_footprint(prints, el, rows, xy, body, shrinks=False)
         size = prints.size[find_rows(prints.element, el.body.id[rows])[0]]
-        pads = cut_into_pads(footprint, body, numbers.size, xy[rows], side)
-        shoal.keels = Keels(numbers, side, pads, size, shoal.survey, bodies.pose[numbers])
+        pads = cut_into_pads(footprint, body, xy[rows], side)
+        shoal.keels = Keels(numbers, pads, size, shoal.survey, bodies.pose[numbers])
         return shoal.keels
 
     def _landing(
@@ -226,7 +224,7 @@ class Seabed:
         watch = keels.watch(shoal, pose, c.earth_radius if c.latlon else 1.0)
         pads = melt_pads(keels.pads, np.sqrt(el.body.length[rows] * el.body.width[rows] / keels.size))
         draft, level = draft_of(thickness, c.rho_ice), np.empty((3, count))
-        middle = _place_middles(pads.frame, pose, c.latlon, c.earth_radius)
+        middle = _place_middles(pads.origin, pose, c.latlon, c.earth_radius)
         for n in range(3):
             level[n] = forcing.sea_level(*middle, time + 0.5 * n * h)
         lowest, chosen, (lon, lat) = level.min(axis=0), np.empty_like(watch.square), np.empty((2, watch.square.size))
@@ -326,7 +324,7 @@ class Seabed:
             first, second = index[bonds.first[intact]], index[bonds.second[intact]]
             own_polygons = slice(fragments.polygon_start[a], fragments.polygon_start[a + 1])
             owner, bent = pads.owner[fragments.polygons[own_polygons]] - pads.row_start[a], fragments.bent[own_polygons]
-            xy = pads.element[pads.row_start[a] : pads.row_start[a + 1]] + pads.frame[a, :2]
+            xy = pads.element[pads.row_start[a] : pads.row_start[a + 1]] + pads.origin[a]
             cracks = bent_bonds(owner, bent, fragments.length[a], fragments.thickness[a], xy, first, second)
             for cut, stress in cracks:
                 flexure[intact[cut]] = np.maximum(flexure[intact[cut]], stress)
