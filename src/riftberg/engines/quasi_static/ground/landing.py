@@ -22,7 +22,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.engines.common.bed import Bed
 from riftberg.engines.common.forces.media import FORCES, SEA_FLOOR
 from riftberg.engines.quasi_static.bodies.dynamics import (
@@ -201,7 +201,7 @@ def begin_step(
     )  # fmt: skip
 
 
-@kernel
+@borrower
 def _interpolate_level(level: Floats, fraction: float) -> float:
     """Sea level (m) at a part of the step, by a parabola."""
     first, middle, last = level[0], level[1], level[2]
@@ -232,13 +232,13 @@ def _set_levers(f: Landing, a: int, step: Step) -> None:
     fill_levers(bodies, step.latlon, step.earth, f.levers[first:last])
 
 
-@kernel
+@borrower
 def _turned(m: Floats, x: float, y: float) -> tuple[float, float]:
     """Return a vector along the axes of the fragment east and north at an element; ``m``: its levers."""
     return m[9] * x - m[10] * y, m[10] * x + m[9] * y
 
 
-@kernel
+@borrower
 def _set_slope_force(f: Landing, a: int, e: int, anchor: Floats) -> None:
     """Find where the floor acts on an element, and how its slope pushes it."""
     m, load = f.levers[e], f.loads[e]
@@ -248,7 +248,7 @@ def _set_slope_force(f: Landing, a: int, e: int, anchor: Floats) -> None:
     anchor[FORCE_X], anchor[FORCE_Y] = _turned(m, load[PUSH_X], load[PUSH_Y])
 
 
-@kernel
+@borrower
 def _add_force(m: Floats, anchor: Floats, net: Floats) -> None:
     """Add the force of the floor on an element to that on its fragment; ``m``: its levers."""
     x, y = anchor[FORCE_X], anchor[FORCE_Y]
@@ -257,7 +257,7 @@ def _add_force(m: Floats, anchor: Floats, net: Floats) -> None:
         net[k] += m[k] * x + m[3 + k] * y + m[6 + k] * torque
 
 
-@kernel
+@borrower
 def _pull(anchor: Floats, lever: Floats, spring: float, v: Floats) -> tuple[float, float]:
     """Force (N) of an anchor that holds while its fragment moves; ``lever``: velocity of the keel by that of the fragment."""
     x = anchor[ANCHOR_X] - spring * (lever[0] * v[0] + lever[1] * v[1] + lever[2] * v[2])
@@ -266,7 +266,7 @@ def _pull(anchor: Floats, lever: Floats, spring: float, v: Floats) -> tuple[floa
 
 
 # Many arguments: the sums of Newton's method.
-@kernel
+@borrower
 def _add_friction(
     f: Landing, loaded: Ints, lever: Floats, spring: Floats, v: Floats, may_slide: bool, friction: Floats, slides: Booleans,
     total: Floats, tangent: Floats,
@@ -290,7 +290,7 @@ def _add_friction(
                 tangent[k, j] += p * w[j] + q * w[3 + j]
 
 
-@kernel
+@stage
 def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: float) -> bool:
     """Solve for the velocity at the end of a sub-step with the anchors, by Newton's method; False where it does not settle.
 
@@ -319,34 +319,46 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
     mobility, arm, previous_size, scale, passes = f.mobility[a], f.arm[a], math.inf, 1.0, 0
     while True:
         # Media at the mean velocity, as the ledger has them: momentum closes to round-off.
-        twist[0], net[:], jacobian[:] = 0.5 * (v0 + new), 0.0, 0.0
+        for k in range(3):
+            twist[0, k], net[0, k] = 0.5 * (v0[k] + new[k]), 0.0
+            for j in range(3):
+                jacobian[0, k, j] = 0.0
         assemble_force_and_jacobian(body, levers, twist, mass, always, net, jacobian)
-        total[:], tangent[:] = net[0] + constant, 0.5 * jacobian[0]
+        for k in range(3):
+            total[k] = net[0, k] + constant[k]
+            for j in range(3):
+                tangent[k, j] = 0.5 * jacobian[0, k, j]
         # As if all anchors held at first: a fragment that turns about one of them seems to slide by its last velocity.
         _add_friction(f, loaded, lever, spring, new, passes > 0, friction, slides, total, tangent)
-        r[:] = new - v0 - dt * np.array(times(mobility, total))
+        acceleration = times(mobility, total)
+        for k in range(3):
+            r[k] = new[k] - v0[k] - dt * acceleration[k]
         size = math.hypot(r[0], r[1]) + arm * abs(r[2])
         if passes > 1 and size >= previous_size and scale >= 1e-3:
             scale *= 0.5
-            new[:] = v + scale * step
+            for k in range(3):
+                new[k] = v[k] + scale * step[k]
             continue
-        v[:] = new
         previous_size = size
-        if passes == PASSES:
-            return False
         for k in range(3):
+            v[k], r[k] = new[k], -r[k]
             for j in range(3):
                 matrix[k, j] = 1.0 if k == j else 0.0
                 for i in range(3):
                     matrix[k, j] += dt * mobility[k, i] * tangent[i, j]
-        step[0], step[1], step[2] = solve(matrix, -r)
+        if passes == PASSES:
+            return False
+        step[0], step[1], step[2] = solve(matrix, r)
         change, speed = math.hypot(step[0], step[1]) + arm * abs(step[2]), math.hypot(v[0], v[1]) + arm * abs(v[2])
         if passes > 0 and change <= 1e-12 * max(speed, 1e-6):
             break
-        new[:] = v + step
+        for k in range(3):
+            new[k] = v[k] + step[k]
         scale, passes = 1.0, passes + 1
 
-    f.slides[a], f.hold[a], f.rubs[a], f.net[a] = False, 0.0, 0.0, 0.0
+    for k in range(3):
+        f.net[a, k], twist[0, k] = 0.0, v0[k] + v[k]
+    f.slides[a], f.hold[a], f.rubs[a] = False, 0.0, 0.0
     for i in range(loaded.size):
         anchor, limit = f.next_anchors[loaded[i]], f.loads[loaded[i], HOLD]
         anchor[ANCHOR_X], anchor[ANCHOR_Y] = friction[i, 0], friction[i, 1]
@@ -357,7 +369,7 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
         if slides[i]:
             # The anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
             f.slides[a] = True
-            x, y = _pull(f.anchors[loaded[i]], lever[i], 0.5 * spring[i], v0 + v)
+            x, y = _pull(f.anchors[loaded[i]], lever[i], 0.5 * spring[i], twist[0])
             f.rubs[a] += limit * max(math.hypot(x, y) - limit, 0.0) * bed.anchor_way / max(anchor[LARGEST], 1e-30)
     return True
 
@@ -366,13 +378,14 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
 def _request_depth(f: Landing, a: int, step: Step, t: float, status: int) -> None:
     """Ask for the depth after the way in ``way`` and ``t`` s, as far as the pads are watched."""
     twist = np.empty((1, 3))
-    twist[0] = f.way[a] / t
+    for k in range(3):
+        twist[0, k] = f.way[a, k] / t
     move_poses(f.pose[a : a + 1], twist, t, step.latlon, step.earth, f.sounded_pose[a : a + 1], np.empty((3, 3)))
     gone = math.hypot(f.way[a, 0], f.way[a, 1]) + f.radius[a] * abs(f.way[a, 2])
     f.status[a] = status if gone <= f.reach[a] else BEYOND
 
 
-@kernel
+@borrower
 def _substep_length(f: Landing, a: int, h: float) -> float:
     """Length (s) of the sub-step that is tried, in a step of ``h`` s."""
     left = h - f.time[a]
@@ -383,7 +396,8 @@ def _substep_length(f: Landing, a: int, h: float) -> float:
 def _begin_substep(f: Landing, a: int, step: Step) -> None:
     """Ask for the depth in the middle of a sub-step, where the acceleration of the last one would take the fragment."""
     dt = _substep_length(f, a, step.h)
-    f.way[a] = f.path[a] + 0.5 * dt * f.velocity[a] + 0.125 * dt * dt * f.acceleration[a]
+    for k in range(3):
+        f.way[a, k] = f.path[a, k] + 0.5 * dt * f.velocity[a, k] + 0.125 * dt * dt * f.acceleration[a, k]
     _request_depth(f, a, step, f.time[a] + 0.5 * dt, MIDDLE)
 
 
@@ -397,7 +411,7 @@ def _refuse(f: Landing, a: int, step: Step, dt: float, fraction: float) -> None:
         _begin_substep(f, a, step)
 
 
-@kernel
+@stage
 def _go_through_middle(f: Landing, a: int, step: Step, forcing: ElementForcing, depth: Floats) -> None:
     """Find the forces in the middle of a sub-step and the velocity after it; ask for the depth at its end."""
     dt = _substep_length(f, a, step.h)
@@ -407,7 +421,9 @@ def _go_through_middle(f: Landing, a: int, step: Step, forcing: ElementForcing, 
         return
     if dt == step.h and dt > TOUCH_STEP and not (f.touches[a] or f.touches_in_middle[a]):
         # Nothing touches so far: where it goes afloat is where to look.
-        f.next_velocity[a], f.net[a], f.slides[a] = f.velocity[a], 0.0, False
+        f.slides[a] = False
+        for k in range(3):
+            f.next_velocity[a, k], f.net[a, k] = f.velocity[a, k], 0.0
     else:
         _set_levers(f, a, step)
         if not _solve_friction(f, a, forcing, step.bed, dt):
@@ -418,11 +434,12 @@ def _go_through_middle(f: Landing, a: int, step: Step, forcing: ElementForcing, 
         # A berg that stands still in water that does not rise or fall is pressed at the end as it is in the middle.
         _end_substep(f, a, step, forcing, True)
         return
-    f.way[a] = f.path[a] + 0.5 * dt * (f.velocity[a] + f.next_velocity[a])
+    for k in range(3):
+        f.way[a, k] = f.path[a, k] + 0.5 * dt * (f.velocity[a, k] + f.next_velocity[a, k])
     _request_depth(f, a, step, f.time[a] + dt, END)
 
 
-@kernel
+@stage
 def _go_through_end(f: Landing, a: int, step: Step, forcing: ElementForcing, depth: Floats) -> None:
     """Find the forces at the end of a sub-step, and end it."""
     dt = _substep_length(f, a, step.h)
@@ -435,29 +452,32 @@ def _go_through_end(f: Landing, a: int, step: Step, forcing: ElementForcing, dep
         _end_substep(f, a, step, forcing, touches)
 
 
-@kernel
+@borrower
 def _is_held(f: Landing, a: int, bed: Bed, dt: float) -> bool:
     """Whether no anchor slides in the middle of a sub-step, and the fragment goes no farther in it than an anchor gives way."""
-    twice = f.velocity[a] + f.next_velocity[a]
-    speed = math.hypot(twice[0], twice[1]) + f.arm[a] * abs(twice[2])
+    v, w = f.velocity[a], f.next_velocity[a]
+    speed = math.hypot(v[0] + w[0], v[1] + w[1]) + f.arm[a] * abs(v[2] + w[2])
     return bool(not f.slides[a] and 0.5 * dt * speed <= bed.anchor_way)
 
 
-@kernel
+@stage
 def _measure_change(f: Landing, a: int, dt: float, touches: bool) -> float:
     """Change of velocity (m s-1) by a sub-step at the rim, with the greater of the forces in its middle and at its end."""
     if not (touches or f.touches_in_middle[a]):
         return 0.0
-    friction, first = 0.0, f.velocity[a]
+    friction, v, more = 0.0, f.velocity[a], np.zeros(3)
     for e in range(f.pads.row_start[a], f.pads.row_start[a + 1]):
         friction += f.loads[e, HOLD]
     if f.touches_in_middle[a]:
-        more = max(0.0, friction / max(f.hold[a], 1e-30) - 1.0) * f.net[a]
+        for k in range(3):
+            more[k] = max(0.0, friction / max(f.hold[a], 1e-30) - 1.0) * f.net[a, k]
     else:
-        more = -friction * first / max(math.hypot(first[0], first[1]), 1e-12)
-        more[2] = 0.0
-    change = f.next_velocity[a] - first + dt * np.array(times(f.mobility[a], more))
-    return float(math.hypot(change[0], change[1]) + f.arm[a] * abs(change[2]))
+        speed = max(math.hypot(v[0], v[1]), 1e-12)
+        more[0], more[1] = -friction * v[0] / speed, -friction * v[1] / speed
+    acceleration = times(f.mobility[a], more)
+    for k in range(3):
+        more[k] = f.next_velocity[a, k] - v[k] + dt * acceleration[k]
+    return float(math.hypot(more[0], more[1]) + f.arm[a] * abs(more[2]))
 
 
 @kernel
@@ -493,15 +513,16 @@ def _end_substep(f: Landing, a: int, step: Step, forcing: ElementForcing, touche
         f.status[a] = DONE
 
 
-@kernel
+@stage
 def _accept(f: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
     """Make a sub-step the state of a fragment."""
     first, last = f.pads.row_start[a], f.pads.row_start[a + 1]
     count, mean = last - first, np.empty((1, 3))
-    mean[0] = 0.5 * (f.velocity[a] + f.next_velocity[a])
-    f.acceleration[a] = (f.next_velocity[a] - f.velocity[a]) / dt
-    f.velocity[a] = f.next_velocity[a]
-    f.path[a] += dt * mean[0]
+    for k in range(3):
+        mean[0, k] = 0.5 * (f.velocity[a, k] + f.next_velocity[a, k])
+        f.acceleration[a, k] = (f.next_velocity[a, k] - f.velocity[a, k]) / dt
+        f.velocity[a, k] = f.next_velocity[a, k]
+        f.path[a, k] += dt * mean[0, k]
     f.time[a] += dt
     f.shortest[a] = min(f.shortest[a], dt)
     f.rubbed[a] += f.rubs[a]
@@ -514,8 +535,11 @@ def _accept(f: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
         anchor, e = f.next_anchors[first + n], first + n
         accelerations[n, SEA_FLOOR, 0] += anchor[FORCE_X] / mass.mass[n]
         accelerations[n, SEA_FLOOR, 1] += anchor[FORCE_Y] / mass.mass[n]
-        f.applied[e] += dt * accelerations[n]
-        f.anchors[e] = anchor
+        for k in range(len(FORCES)):
+            f.applied[e, k, 0] += dt * accelerations[n, k, 0]
+            f.applied[e, k, 1] += dt * accelerations[n, k, 1]
+        for k in range(ANCHORS):
+            f.anchors[e, k] = anchor[k]
         f.yielded[e] = max(f.yielded[e], f.loads[e, YIELD])
         size += math.hypot(anchor[FORCE_X], anchor[FORCE_Y])
     if size > f.peak[a]:
@@ -527,7 +551,7 @@ def _accept(f: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
             f.peak_force[e, 2], f.peak_axes[e, 0], f.peak_axes[e, 1] = force[n, 2] + torque, levers[n, 9], levers[n, 10]
 
 
-@kernel
+@stage
 def _set_down(f: Landing, a: int, step: Step, depth: Floats) -> None:
     """Find the forces of the floor on a fragment where contact has taken it."""
     first, last, path, friction = f.pads.row_start[a], f.pads.row_start[a + 1], f.path[a], 0.0
@@ -554,7 +578,7 @@ def _set_down(f: Landing, a: int, step: Step, depth: Floats) -> None:
     f.accepted[a], f.status[a] = True, DONE
 
 
-@kernel
+@borrower
 def _write_points(f: Landing, a: int, step: Step, pose: Floats, at: int, lon: Floats, lat: Floats) -> int:
     """Write where a fragment asks for the depth, from ``at`` on: the corners of its polygons, then their centroids."""
     pads, (ox, oy) = f.pads, f.pads.origin[a]
@@ -593,7 +617,8 @@ def advance(f: Landing, step: Step, forcing: ElementForcing, depth: Floats, lon:
     for a in range(f.status.size):
         f.accepted[a] = False
         if f.status[a] == BEGINS and f.carried[a]:
-            f.way[a] = f.path[a]
+            for k in range(3):
+                f.way[a, k] = f.path[a, k]
             _request_depth(f, a, step, step.h, END)
         elif f.status[a] == BEGINS:
             _begin_substep(f, a, step)

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.common.bed import Bed
 from riftberg.engines.quasi_static.ground.pads import (
     CORNERS,
@@ -72,6 +72,7 @@ class Footing(NamedTuple):
     side: float  # Of the pads, m
     piece: Floats  # Room for the corners of a polygon
     room: Floats  # Room for those of what is cut off it
+    sums: Floats  # Its integrals (`pressed`); shape (10,)
 
 
 class Squares(NamedTuple):
@@ -94,7 +95,7 @@ LOAD, LOAD_X, LOAD_Y, HOLD, PUSH_X, PUSH_Y, LIFT, STRESS, YIELD = range(PRESSED)
 the slope of the floor (N, the same axes), largest lift of the keel (m), bending stress (Pa), and how deep the bed yields (m)."""
 
 
-@kernel
+@borrower
 def _lay_planes(pads: Pads, footing: Footing, depth: Floats, draft: Floats, level: float) -> float:
     """Lay a plane through the overlap of each polygon without rise; returns the largest overlap, or minus the clearance (m).
 
@@ -171,26 +172,26 @@ def _group_in_squares(pads: Pads, b: int, footing: Footing, margin: float, bends
     return squares, merged
 
 
-@kernel
+@borrower
 def _rise(q: Floats, x: float, y: float) -> float:
     """Rise (m) of a point by heave and tilts."""
     return float(q[0] + q[1] * y - q[2] * x)
 
 
-@kernel
-def _press_polygon(footing: Footing, p: int, q: Floats, bending: float, top: float, sums: Floats) -> tuple[int, float]:
-    """Integrals (`pressed`) of the overlap that rise and bending leave of a polygon; returns its corners and the largest (m)."""
+@borrower
+def _press_polygon(footing: Footing, p: int, q: Floats, bending: float, top: float) -> tuple[int, float]:
+    """Find the integrals of the overlap that rise and bending leave of a polygon; returns its corners and the largest (m)."""
     a, piece, highest = footing.start[p], footing.piece, -math.inf
     size = footing.start[p + 1] - a
     for n in range(size):
         x, y = footing.corner[a + n, 0], footing.corner[a + n, 1]
         piece[n, 0], piece[n, 1], piece[n, 2] = x, y, footing.corner[a + n, 2] - _rise(q, x, y) - bending
         highest = max(highest, piece[n, 2])
-    pressed(piece, size, top, footing.room, sums)
+    pressed(piece, size, top, footing.room, footing.sums)
     return size, highest
 
 
-@kernel
+@borrower
 def _bears(sums: Floats, highest: float, side: float) -> bool:
     """Whether a pad with these integrals of the overlap bears load: one that grazes the floor along an edge has no area there."""
     return bool(highest > 0.0 and sums[0] > SLIVER * highest * side * side)
@@ -214,11 +215,11 @@ def _place_loads(
 
     ``top``: overlap from which the pressure grows no more, m, infinite at first, where the overlap stands for the load.
     """
-    count, per, sums, piece = sq.load.size, plates.shape[b, PER_SIDE], np.zeros(10), footing.piece
+    count, per, sums, piece = sq.load.size, plates.shape[b, PER_SIDE], footing.sums, footing.piece
     weight, nearest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
     for m in range(sq.polygons.size):
         i, k = sq.square[m], footing.polygons[sq.polygons[m]]
-        size, highest = _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top, sums)
+        size, highest = _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top)
         polygon[i] = k
         if _bears(sums, min(highest, top), footing.side):
             _add_shape(pads, b, k, per, sums[1] / sums[0], sums[2] / sums[0], sums[0], shape[i])
@@ -273,7 +274,7 @@ def _set_compliance(
     _apply(sq.compliance, sq.coefficient, sq.bending)
 
 
-@kernel
+@borrower
 def _apply(matrix: Floats, vector: Floats, out: Floats) -> None:
     """``out = matrix vector``."""
     for i in range(out.size):
@@ -284,10 +285,10 @@ def _apply(matrix: Floats, vector: Floats, out: Floats) -> None:
         out[i] = total
 
 
-@kernel
+@borrower
 def _sum_up(footing: Footing, sq: Squares, q: Floats, top: float, gradient: Floats, hessian: Floats) -> float:
     """Find loads and stiffness of the squares, gradient and Hessian by the rise; returns the energy (J)."""
-    energy, sums, hull = 0.0, np.zeros(10), footing.hull
+    energy, sums, hull = 0.0, footing.sums, footing.hull
     for i in range(3):
         gradient[i] = 0.0
         for j in range(3):
@@ -299,7 +300,7 @@ def _sum_up(footing: Footing, sq: Squares, q: Floats, top: float, gradient: Floa
         sq.load[i] = sq.elastic[i] = sq.mixed[i, 0] = sq.mixed[i, 1] = sq.mixed[i, 2] = 0.0
     for m in range(sq.polygons.size):
         i = sq.square[m]
-        if _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top, sums)[1] <= 0.0:
+        if _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top)[1] <= 0.0:
             continue
         for n in range(10):
             sums[n] *= footing.stiffness
@@ -325,7 +326,7 @@ def _sum_up(footing: Footing, sq: Squares, q: Floats, top: float, gradient: Floa
     return energy
 
 
-@kernel
+@borrower
 def _solve_loaded(matrix: Floats, right: Floats) -> None:
     """Solve for several right-hand sides in place by Cholesky's factors, which overwrite the lower half of the matrix."""
     n = len(matrix)
@@ -439,10 +440,10 @@ def _share_out(
     bent: Floats,
 ) -> None:  # fmt: skip
     """Write the loads on the elements (``loads``) and the polygons (``bent``)."""
-    sums, share, (origin_x, origin_y) = np.zeros(10), np.full(sq.load.size, -1.0), pads.origin[b]
+    sums, share, (origin_x, origin_y) = footing.sums, np.full(sq.load.size, -1.0), pads.origin[b]
     for m in range(sq.polygons.size):
         i, p = sq.square[m], sq.polygons[m]
-        size, highest = _press_polygon(footing, p, q, sq.bending[i], footing.top, sums)
+        size, highest = _press_polygon(footing, p, q, sq.bending[i], footing.top)
         if not _bears(sums, min(highest, footing.top), footing.side):
             continue
         load, x, y = bed.stiffness * sums[0], sums[1] / sums[0], sums[2] / sums[0]
@@ -469,7 +470,7 @@ def _share_out(
             loads[e, LOAD_Y] /= loads[e, LOAD]
 
 
-@kernel
+@borrower
 def _stay_clear(footing: Footing, margin: float, q: Floats) -> bool:
     """Whether polygons that are clear by more than ``margin`` m stay so: rigid rise alone is the least of theirs."""
     for p in range(footing.polygons.size):
@@ -501,7 +502,7 @@ def press(
     bent[:, 0] = 0.0
     footing = Footing(
         polygons, start, np.empty((start[-1], 3)), np.empty((polygons.size, 2)), np.empty(polygons.size), hull, bed.stiffness,
-        bed.strength / bed.stiffness, pads.side[b], np.empty((most, 3)), np.empty((most, 3)),
+        bed.strength / bed.stiffness, pads.side[b], np.empty((most, 3)), np.empty((most, 3)), np.empty(10),
     )  # fmt: skip
     largest, iterations, bends = _lay_planes(pads, footing, depth, draft, level), 0, length > 0.0
     q[:] = 0.0
