@@ -173,6 +173,7 @@ def begin_step(
     anchors, loads = np.zeros((elements, ANCHORS)), np.zeros((elements, PRESSED))
     anchors[:, ANCHOR_X], anchors[:, ANCHOR_Y] = keel.anchor_x[rows], keel.anchor_y[rows]
     anchors[:, LARGEST], loads[:, HOLD] = keel.anchor_capacity[rows], keel.floor_hold[rows]
+    hold = np.asarray(np.bincount(fragment, loads[:, HOLD]), np.float64)
     stands = (keel.floor_load[rows] > 0.0) | (anchors[:, :2] != 0.0).any(axis=1)
     touches, substep = np.bincount(fragment, stands) > 0.0, keel.floor_substep[rows[pads.row_start[:-1]]]
     hull, mean_thickness, length = np.empty((count, 3, 3)), np.empty(count), np.empty(count)
@@ -192,7 +193,7 @@ def begin_step(
         substep=np.where(touches & (substep > 0.0), substep, HELD_STEP), path=zeros(3), velocity=bodies.twist[numbers],
         acceleration=zeros(3), touches=touches, anchors=anchors,
         way=zeros(3), sounded_pose=zeros(3, 3), levers=np.empty((elements, 11)), rise=zeros(3), loads=loads,
-        bent=np.zeros((polygons.size, 5)), touches_in_middle=no(), hold=np.bincount(fragment, loads[:, HOLD]), slides=no(),
+        bent=np.zeros((polygons.size, 5)), touches_in_middle=no(), hold=hold, slides=no(),
         net=zeros(3), rubs=zeros(), next_velocity=zeros(3), next_anchors=np.zeros_like(anchors),
         push=zeros(3), carried=no(), hold_change=zeros(),
         accepted=no(), shortest=np.full(count, math.inf), clearance=np.full(count, math.inf), rubbed=zeros(),

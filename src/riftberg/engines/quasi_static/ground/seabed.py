@@ -28,7 +28,7 @@ from riftberg.engines.quasi_static.ground.pads import (
     place_points,
 )
 from riftberg.engines.quasi_static.ground.press import LIFT
-from riftberg.engines.quasi_static.ground.shoal import Keels, Shoal, choose_squares, find_candidates, find_near
+from riftberg.engines.quasi_static.ground.shoal import Keels, Shoal, find_near
 from riftberg.engines.quasi_static.ground.soundings import DepthSampler, Soundings
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
 from riftberg.errors import InputError, RunError
@@ -215,36 +215,24 @@ class Seabed:
         if not near_floor.any():
             return None
         keels = self._keels(model, bodies, near_floor, shoal)
-        numbers, rows, count = keels.bodies, keels.pads.rows, keels.bodies.size
-        pose, thickness, reach = (
-            bodies.pose[numbers],
-            el.body.thickness[rows],
-            np.where(near_floor, reach, -1.0)[numbers],
-        )
-        watch = keels.watch(shoal, pose, c.earth_radius if c.latlon else 1.0)
+        numbers, rows, pose = keels.bodies, keels.pads.rows, bodies.pose[keels.bodies]
+        thickness, reach = el.body.thickness[rows], np.where(near_floor, reach, -1.0)[numbers]
         pads = melt_pads(keels.pads, np.sqrt(el.body.length[rows] * el.body.width[rows] / keels.size))
-        draft, level = draft_of(thickness, c.rho_ice), np.empty((3, count))
+        draft, level = draft_of(thickness, c.rho_ice), np.empty((numbers.size, 3))
         middle = _place_middles(pads.origin, pose, c.latlon, c.earth_radius)
         for n in range(3):
-            level[n] = forcing.sea_level(*middle, time + 0.5 * n * h)
-        lowest, chosen, (lon, lat) = level.min(axis=0), np.empty_like(watch.square), np.empty((2, watch.square.size))
-        square_count = choose_squares(
-            pads, watch, pose, reach, lowest, np.maximum.reduceat(draft, pads.row_start[:-1]), keels.travelled, c.latlon,
-            c.earth_radius, chosen, lon, lat,
-        )  # fmt: skip
-        polygons, start = np.empty(watch.polygon.size, np.int64), np.zeros(count + 1, np.int64)
-        clearance = np.full(count, np.inf)
-        if square_count:
-            depth = self.depth(lon[:square_count], lat[:square_count])
-            find_candidates(pads, watch, chosen[:square_count], depth, reach, lowest, draft, polygons, start, clearance)
-        if not start[-1]:
+            level[:, n] = forcing.sea_level(*middle, time + 0.5 * n * h)
+        polygons, start, clearance = keels.find_candidates(
+            shoal, pads, pose, reach, level.min(axis=1), draft, self.depth, c
+        )
+        if not polygons.size:
             self.clearance[0] = min(self.clearance[0], max(clearance.min(initial=np.inf), 0.0))
             return None
         fragments = landing.begin_step(
-            pads, keels.plates, polygons[: start[-1]], start, numbers, bodies, el.keel, thickness, draft, self.bed
+            pads, keels.plates, polygons, start, numbers, bodies, el.keel, thickness, draft, self.bed
         )
         radius = shoal.survey.radius[numbers]
-        return fragments._replace(radius=radius, reach=reach, level=level.T.copy(), clearance=clearance), numbers
+        return fragments._replace(radius=radius, reach=reach, level=level, clearance=clearance), numbers
 
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: SubcycledMotion | None
@@ -499,9 +487,13 @@ def join_motions(contact: SubcycledMotion | None, ground: SubcycledMotion | None
     hard = PeakContactLoad(
         hard.rows[rows], hard.force[rows], hard.axes[rows], hard.bodies[alone], hard.spin[alone], hard.time[alone]
     )
-    *arrays, shortest, peak = zip(contact, ground, strict=True)
-    peak = PeakContactLoad(*map(np.concatenate, zip(contact.peak_load, hard, strict=True)))
-    return SubcycledMotion(*map(np.concatenate, arrays), min(shortest), peak)
+    peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(contact.peak_load, hard, strict=True)))
+    arrays: Any = {
+        name: np.concatenate([getattr(contact, name), getattr(ground, name)]) for name in SubcycledMotion._fields[:-2]
+    }
+    return SubcycledMotion(
+        **arrays, shortest_substep=min(contact.shortest_substep, ground.shortest_substep), peak_load=peak
+    )
 
 
 def drop_fragments(contact: SubcycledMotion, bodies: Ints, body: Ints) -> SubcycledMotion:

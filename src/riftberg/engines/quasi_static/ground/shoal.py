@@ -12,7 +12,8 @@ from riftberg.compiled.kernels import kernel
 from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
 from riftberg.engines.quasi_static.ground.pads import Pads, place_points
 from riftberg.engines.quasi_static.ground.plate import unmade_plates
-from riftberg.engines.quasi_static.ground.soundings import Floor, Soundings
+from riftberg.engines.quasi_static.ground.soundings import DepthSampler, Floor, Soundings
+from riftberg.parameters import KernelParameters
 from riftberg.physics.floating import draft_of
 from riftberg.state import Floats, Ints
 from riftberg.state.variables import Body, Environment
@@ -160,7 +161,7 @@ def _watch_squares(
 
 # Many arguments: what is asked for goes into arrays of the caller.
 @kernel
-def choose_squares(
+def _choose_squares(
     pads: Pads, watch: Watch, pose: Floats, reach: Floats, level: Floats, draft: Floats, travelled: Floats,
     latlon: bool, radius: float, chosen: Ints, lon: Floats, lat: Floats,
 ) -> int:  # fmt: skip
@@ -186,7 +187,7 @@ def choose_squares(
 
 # Many arguments: as above.
 @kernel
-def find_candidates(
+def _list_candidates(
     pads: Pads, watch: Watch, chosen: Ints, depth: Floats, reach: Floats, level: Floats, draft: Floats, polygons: Ints,
     start: Ints, clearance: Floats,
 ) -> None:  # fmt: skip
@@ -226,7 +227,33 @@ class Keels:
         self.travelled, self._pose, self._times = np.zeros(bodies.size), pose.copy(), np.zeros(bodies.size, np.int64)
         self._watch: Watch | None = None
 
-    def watch(self, shoal: Shoal, pose: Floats, scale: float) -> Watch:
+    # Many arguments: where the fragments are, and how deep.
+    def find_candidates(
+        self, shoal: Shoal, pads: Pads, pose: Floats, reach: Floats, level: Floats, draft: Floats, depth: DepthSampler,
+        c: KernelParameters,
+    ) -> tuple[Ints, Ints, Floats]:  # fmt: skip
+        """Return the polygons that may touch the floor in a step, where those of each fragment begin, and its clearance (m).
+
+        ``pads``: as they have melted; ``reach``: way of the step, negative for fragments that stay clear; ``level``: the least in
+        the step, m; ``draft``: of the elements, m.
+        """
+        watch = self._update_watch(shoal, pose, c.earth_radius if c.latlon else 1.0)
+        chosen, (lon, lat), count = np.empty_like(watch.square), np.empty((2, watch.square.size)), self.bodies.size
+        deepest = np.maximum.reduceat(draft, pads.row_start[:-1])
+        squares = _choose_squares(
+            pads, watch, pose, reach, level, deepest, self.travelled, c.latlon, c.earth_radius, chosen, lon, lat
+        )
+        polygons, start, clearance = (
+            np.empty(watch.polygon.size, np.int64),
+            np.zeros(count + 1, np.int64),
+            np.full(count, np.inf),
+        )
+        if squares:
+            asked = depth(lon[:squares], lat[:squares])
+            _list_candidates(pads, watch, chosen[:squares], asked, reach, level, draft, polygons, start, clearance)
+        return polygons[: start[-1]], start, clearance
+
+    def _update_watch(self, shoal: Shoal, pose: Floats, scale: float) -> Watch:
         """Return the squares that are looked at, after the fragments have come to ``pose``."""
         survey, pads = shoal.survey, self.pads
         _add_distances(pose, self._pose, survey.radius[self.bodies], scale, self.travelled)
