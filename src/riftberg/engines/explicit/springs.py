@@ -1,4 +1,4 @@
-"""The sub-steps of a long step with KID's bonds as springs, or without bonds (equations 6.4, part 3).
+"""The sub-steps of a long step with KID's bonds as springs, or without bonds (docs/explanation/equations.md, 6.4).
 
 Explicit sub-steps kick by the forces at the positions reached. Implicit ones (explicit_inner_mts off) solve for the damping
 at the new velocities, and repeat that until the velocities of each group of bergs settle.
@@ -202,7 +202,7 @@ def _accumulate_floor_impulse(el: Elements, fields: SubstepFields) -> None:
 
 @kernel
 def _kick(el: Elements, fields: SubstepFields, dt: float, implicit_floor: bool) -> None:
-    """Update velocities by half the old and half the new inner acceleration (equations 6.4, 3b)."""
+    """Update velocities by half the old and half the new inner acceleration (docs/explanation/equations.md, 6.4)."""
     motion, kicks = el.motion, el.kicks
     half = 0.5 * dt
     for e in range(el.place.lon.size):
@@ -283,7 +283,7 @@ def _norms(el: Elements, group: Ints, change: Floats, norm: Floats, fields: Subs
 
 @stage
 def _rewind(el: Elements, dt: float, group: Ints, unconverged: NDArray[np.bool_], fields: SubstepFields) -> None:
-    """Let pair forces see this iterate, and go back to the velocity before the kick (equations 6.4, 3b)."""
+    """Let pair forces see this iterate, and go back to the velocity before the kick (docs/explanation/equations.md, 6.4)."""
     shown, motion, kicks = el.shown, el.motion, el.kicks
     half = 0.5 * dt
     for e in range(motion.u.size):
