@@ -58,8 +58,8 @@ class Laws:
         ones; None for a process leaves it as it is. It needs ``melt.enabled``.
     fracture : callable, optional
         ``fracture(equilibrium, strengths)`` returns stress over strength of each intact bond; above 1 a bond breaks. It takes the
-        place of ``fracture.criterion`` in the scheme ``quasi_static``. ``equilibrium.stress`` is the tension and shear (Pa) of the
-        intact bonds, ``equilibrium.tensor`` the stress of elastic cells there (xx, yy, xy; tension is positive);
+        place of ``fracture.criterion`` in the scheme ``quasi_static``. ``equilibrium.stress`` is the tension and shear (Pa) of
+        the intact bonds, ``equilibrium.tensor`` the stress of elastic cells there (xx, yy, xy; tension is positive);
         ``strengths.normal`` and ``strengths.shear`` are what damage has left of the strengths (Pa).
     """
 

@@ -146,7 +146,7 @@ class BrittleLattice:
     # Which bond breaks
 
     def overload(self, equilibrium: Equilibrium | None) -> float:
-        """Event function of fracture: stress over strength in the most critical place, less 1; negative without an equilibrium."""
+        """Event function of fracture: stress over strength in the most critical place, less 1; negative without one."""
         return -1.0 if equilibrium is None else self.critical_bond(equilibrium)[1] - 1.0
 
     def critical_bond(self, equilibrium: Equilibrium) -> tuple[int, float]:
