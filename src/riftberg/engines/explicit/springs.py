@@ -107,7 +107,7 @@ def take_substeps_of_springs(
 
 @kernel
 def _drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
-    """Move the elements by their mid-step velocity and let pair forces see both (equations 6.4, 3a)."""
+    """Move the elements by their mid-step velocity and let pair forces see both (equations 6.4)."""
     place, shown, motion, kicks = el.place, el.shown, el.motion, el.kicks
     half = 0.5 * dt
     step = dt * (1.0 / (DEGREE * radius if latlon else 1.0))
