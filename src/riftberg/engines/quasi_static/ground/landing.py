@@ -80,6 +80,9 @@ ANCHOR_X, ANCHOR_Y, LARGEST, FORCE_X, FORCE_Y, ARM_X, ARM_Y = range(ANCHORS)
 """Columns of `Landing.anchors`: friction that anchors an element (N), the largest that could since it touched, force of the floor
 with that of its slope (N), and where it acts, from the centre of the element (m, east and north)."""
 
+ANCHOR_NAMES: Final = ("anchor_x", "anchor_y", "anchor_capacity", "floor_x", "floor_y", "floor_arm_x", "floor_arm_y")
+"""The same among the variables of `Keel`."""
+
 BEGINS, MIDDLE, END, DONE, AFLOAT, BEYOND, TOO_SHORT, UNSETTLED = range(8)
 """Status of a fragment: what it needs the depth for, or how it ended: it touched the floor, or nothing; it went beyond the pads
 that are watched; no sub-step was short enough; no rise balances it."""
@@ -171,8 +174,9 @@ def begin_step(
     fragment = np.repeat(np.arange(count), np.diff(pads.row_start))
     corners = np.concatenate([[0], np.cumsum(pads.start[polygons + 1] - pads.start[polygons])])[polygon_start]
     anchors, loads = np.zeros((elements, ANCHORS)), np.zeros((elements, PRESSED))
-    anchors[:, ANCHOR_X], anchors[:, ANCHOR_Y] = keel.anchor_x[rows], keel.anchor_y[rows]
-    anchors[:, LARGEST], loads[:, HOLD] = keel.anchor_capacity[rows], keel.floor_hold[rows]
+    for column, name in enumerate(ANCHOR_NAMES[:FORCE_X]):
+        anchors[:, column] = getattr(keel, name)[rows]
+    loads[:, HOLD] = keel.floor_hold[rows]
     hold = np.asarray(np.bincount(fragment, loads[:, HOLD]), np.float64)
     stands = (keel.floor_load[rows] > 0.0) | (anchors[:, :2] != 0.0).any(axis=1)
     touches, substep = np.bincount(fragment, stands) > 0.0, keel.floor_substep[rows[pads.row_start[:-1]]]
@@ -605,6 +609,8 @@ def press_all(f: Landing, step: Step, depth: Floats, lon: Floats, lat: Floats) -
         if depth.size and f.status[a] == BEGINS:
             f.status[a] = DONE
             _press(f, a, step.bed, 0.0, depth[first:at])
+            for e in range(f.pads.row_start[a], f.pads.row_start[a + 1]):
+                f.anchors[e, LARGEST] = f.loads[e, HOLD]
 
 
 @kernel
@@ -638,33 +644,21 @@ def advance(f: Landing, step: Step, forcing: ElementForcing, depth: Floats, lon:
 
 
 def lift_off(keel: Keel) -> None:
-    """Clear the loads of the floor on all keels; the yield of the bed stays."""
+    """Clear the effect of the floor on all keels; the yield of the bed stays."""
     for name, array in keel._asdict().items():
         if name != "floor_yield":
             array[:] = 0.0
 
 
-@kernel
-def write_loads(f: Landing, keel: Keel) -> None:
-    """Write the loads of the press to the keels of the fragments that touched the floor."""
-    for a in range(f.status.size):
-        if f.status[a] == DONE:
-            for n in range(f.pads.row_start[a], f.pads.row_start[a + 1]):
-                e, load = f.pads.rows[n], f.loads[n]
-                keel.floor_load[e], keel.floor_hold[e] = load[LOAD], load[HOLD]
-                keel.floor_lift[e], keel.floor_stress[e] = load[LIFT], load[STRESS]
-                keel.floor_yield[e] = max(f.yielded[n], load[YIELD])
-
-
-@kernel
-def write_friction(f: Landing, keel: Keel) -> None:
-    """Write friction and length of the next sub-step to the same keels."""
-    for a in range(f.status.size):
-        if f.status[a] == DONE:
-            for n in range(f.pads.row_start[a], f.pads.row_start[a + 1]):
-                e, anchor = f.pads.rows[n], f.anchors[n]
-                if f.loads[n, LOAD] > 0.0:
-                    keel.anchor_x[e], keel.anchor_y[e], keel.anchor_capacity[e] = anchor[0], anchor[1], anchor[LARGEST]
-                    keel.floor_x[e], keel.floor_y[e] = anchor[FORCE_X], anchor[FORCE_Y]
-                    keel.floor_arm_x[e], keel.floor_arm_y[e] = anchor[ARM_X], anchor[ARM_Y]
-                keel.floor_substep[e] = f.substep[a]
+def write_keels(f: Landing, keel: Keel) -> None:
+    """Write what the floor does to the keels of the fragments that touched it."""
+    elements = np.diff(f.pads.row_start)
+    landed = np.repeat(f.status == DONE, elements)
+    rows, loads, anchors = f.pads.rows[landed], f.loads[landed], f.anchors[landed]
+    keel.floor_load[rows], keel.floor_hold[rows] = loads[:, LOAD], loads[:, HOLD]
+    keel.floor_lift[rows], keel.floor_stress[rows] = loads[:, LIFT], loads[:, STRESS]
+    keel.floor_yield[rows] = np.maximum(f.yielded[landed], loads[:, YIELD])
+    keel.floor_substep[rows] = np.repeat(f.substep, elements)[landed]
+    bears = loads[:, LOAD] > 0.0
+    for name, column in zip(ANCHOR_NAMES, anchors[bears].T, strict=True):
+        getattr(keel, name)[rows[bears]] = column

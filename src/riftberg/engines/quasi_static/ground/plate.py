@@ -47,17 +47,13 @@ class Plates(NamedTuple):
     loaded: NDArray[np.bool_]  # Whether loads may act on them; rows and columns of a raster
     node_start: Ints  # Where the nodes of each fragment begin
     node: Ints  # Their numbers, -1 for those of no loaded element; rows and columns of a raster
-    shape: Ints  # Of each fragment the columns below; shape (fragments, 3)
+    per_side: Ints  # Squares along the side of an element of each fragment; none before its plate is made
+    columns: Ints  # Of nodes
+    unknowns: Ints  # Their number
     length: Floats  # Bending length for which it was made, m
     start: Ints  # Where the compliance of each fragment begins
     compliance: Floats  # m N-1; (unknowns, unknowns) of each fragment
-    rigid: (
-        Floats  # Compliance of each whole fragment against heave and tilts by its water plane; shape (fragments, 3, 3)
-    )
-
-
-PER_SIDE, COLUMNS, UNKNOWNS = range(3)
-"""Columns of `Plates.shape`: squares along the side of an element (none before a plate is made), columns of nodes, unknowns."""
+    rigid: Floats  # Compliance of whole fragments against heave and tilts by their water plane; shape (fragments, 3, 3)
 
 
 def unmade_plates(pads: Pads) -> Plates:
@@ -65,12 +61,12 @@ def unmade_plates(pads: Pads) -> Plates:
     count, elements = pads.side.size, (pads.shape - 1) // int(SIDES_PER_LAMBDA) + 1
     nodes = (elements + 1).prod(axis=1)
     element_start, node_start = (np.concatenate([[0], np.cumsum(size)]) for size in (elements.prod(axis=1), nodes))
+    per_side, columns, unknowns = np.zeros((3, count), np.int64)
     # Room for all that may ever be loaded: memory is taken up by what is written.
     start = np.concatenate([[0], np.cumsum((4 * np.minimum(nodes, MOST_NODES)) ** 2)])
     plates = Plates(
-        element_start, np.zeros(element_start[-1], np.bool_), node_start,
-        np.empty(node_start[-1], np.int64), np.zeros((count, 3), np.int64), np.zeros(count), start, np.empty(start[-1]),
-        np.empty((count, 3, 3)),
+        element_start, np.zeros(element_start[-1], np.bool_), node_start, np.empty(node_start[-1], np.int64),
+        per_side, columns, unknowns, np.zeros(count), start, np.empty(start[-1]), np.empty((count, 3, 3)),
     )  # fmt: skip
     for b in range(count):
         _fill_rigid(pads, b, plates.rigid[b])
@@ -291,7 +287,7 @@ def fit_plate(
         for k in polygons:
             loaded[pads.square[k, 0] // per, pads.square[k, 1] // per] = True
         previous_loaded = plates.loaded[first : first + rows * columns].reshape(rows, columns)
-        same = plates.shape[b, PER_SIDE] == per and plates.length[b] == rounded
+        same = plates.per_side[b] == per and plates.length[b] == rounded
         if same and np.array_equal(previous_loaded, loaded):
             return
         reach = math.floor(math.sqrt(2.0) * REACH * rounded / (per * pads.side[b]) + 0.5)
@@ -312,5 +308,5 @@ def fit_plate(
     out = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
     _invert(matrix, unknown_rows, out)
     previous_loaded[:, :] = loaded
-    plates.shape[b, PER_SIDE], plates.shape[b, COLUMNS], plates.shape[b, UNKNOWNS] = per, columns + 1, unknowns
+    plates.per_side[b], plates.columns[b], plates.unknowns[b] = per, columns + 1, unknowns
     plates.length[b] = rounded

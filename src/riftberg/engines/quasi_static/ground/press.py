@@ -28,9 +28,6 @@ from riftberg.engines.quasi_static.ground.pads import (
     measure_ice_share,
 )
 from riftberg.engines.quasi_static.ground.plate import (
-    COLUMNS,
-    PER_SIDE,
-    UNKNOWNS,
     Plates,
     cubics,
     fit_plate,
@@ -215,7 +212,7 @@ def _place_loads(
 
     ``top``: overlap from which the pressure grows no more, m, infinite at first, where the overlap stands for the load.
     """
-    count, per, sums, piece = sq.load.size, plates.shape[b, PER_SIDE], footing.sums, footing.piece
+    count, per, sums, piece = sq.load.size, plates.per_side[b], footing.sums, footing.piece
     weight, nearest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
     for m in range(sq.polygons.size):
         i, k = sq.square[m], footing.polygons[sq.polygons[m]]
@@ -238,7 +235,7 @@ def _place_loads(
         else:
             _add_shape(pads, b, k, per, sq.position[i, 0], sq.position[i, 1], 1.0, shape[i])
         j, n, nodes = pads.square[k, 0] // per, pads.square[k, 1] // per, plates.node[plates.node_start[b] :]
-        list_unknowns(nodes, plates.shape[b, COLUMNS], j, n, which[i])
+        list_unknowns(nodes, plates.columns[b], j, n, which[i])
 
 
 @kernel
@@ -249,11 +246,11 @@ def _set_compliance(
 
     ``single``: whether squares are single pads; ``top``: as above.
     """
-    count, unknowns, rigid = sq.load.size, plates.shape[b, UNKNOWNS], plates.rigid[b]
+    count, unknowns, rigid = sq.load.size, plates.unknowns[b], plates.rigid[b]
     shape, which, bent, heaved = np.zeros((count, 16)), np.empty((count, 16), np.int64), np.empty(unknowns), np.empty(3)
     _place_loads(pads, plates, b, footing, sq, q, top, shape, which)
     matrix = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
-    narrow = DIMPLE * min(plates.shape[b, PER_SIDE] * footing.side, math.sqrt(2.0) * length)
+    narrow = DIMPLE * min(plates.per_side[b] * footing.side, math.sqrt(2.0) * length)
     dimple, beyond = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length), (10.0 * narrow) ** 2
     for i in range(count):
         bent[:] = 0.0

@@ -319,16 +319,15 @@ class Seabed:
 
     def _finish(self, model: RunState, fragments: landing.Landing, numbers: Ints, h: float) -> SubcycledMotion | None:
         """Write the final loads to the keels; return the motion of the fragments that touched it, as contact."""
-        keel, elements = model.elements.keel, np.diff(fragments.pads.row_start)
-        landing.lift_off(keel)
+        landing.lift_off(model.elements.keel)
         self.clearance[0] = min(self.clearance[0], max(fragments.clearance.min(), 0.0))
         landed = fragments.status == landing.DONE
         if not landed.any():
             return None
-        landing.write_loads(fragments, keel)
-        landing.write_friction(fragments, keel)
+        landing.write_keels(fragments, model.elements.keel)
         self.rubbed += fragments.rubbed[landed].sum()
         # What contact presses has its loads from there, or from the equilibrium at the end.
+        elements = np.diff(fragments.pads.row_start)
         bonded = landed & (elements > 1) & ~fragments.carried
         touched, pressed = np.repeat(landed, elements), np.repeat(bonded, elements)
         peak = PeakContactLoad(
@@ -369,11 +368,9 @@ class Seabed:
         self._check_settled(model, fragments)
         if model.parameters.grounding.start == "refuse":
             self._refuse_deep_keels(model, fragments)
-        landing.write_loads(fragments, el.keel)
-        landed = fragments.status == landing.DONE
-        rows = fragments.pads.rows[np.repeat(landed, np.diff(fragments.pads.row_start))]
-        el.keel.anchor_capacity[rows] = el.keel.floor_hold[rows]
-        self.clearance[0] = min(self.clearance[0], max(fragments.clearance[landed].min(initial=np.inf), 0.0))
+        landing.write_keels(fragments, el.keel)
+        clearance = fragments.clearance[fragments.status == landing.DONE]
+        self.clearance[0] = min(self.clearance[0], max(clearance.min(initial=np.inf), 0.0))
 
     def _refuse_deep_keels(self, model: RunState, fragments: landing.Landing) -> None:
         """Refuse keels that start deep below the floor, but for pieces off a berg aground, which lay there before."""
