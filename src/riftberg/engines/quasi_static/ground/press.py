@@ -409,10 +409,10 @@ def _minimise(footing: Footing, sq: Squares, q: Floats, top: float) -> int:
                 sq.coefficient[i] += change * dc[i]
                 sq.bending[i] += change * du[i]
             new = _sum_up(footing, sq, q, top, gradient, hessian)
-            scale = abs(change)
-            if new <= energy - 1e-4 * scale * decrement or scale < 1e-3 or decrement < 1e-9 * abs(energy):
+            # The energy is convex: a correction that is short enough lowers it, as far as round-off lets that be seen.
+            if not new > energy - 1e-4 * abs(change) * decrement or decrement < 1e-9 * abs(energy):
                 break
-            change = -0.5 * scale
+            change = -0.5 * abs(change)
         energy = new
     return -1
 
