@@ -93,23 +93,32 @@ def _cut_strip(polygon: Floats, size: int, column: int, low: float, high: float,
     return int(cut(room, cut(polygon, size, column, low, 1.0, room), column, high, -1.0, out))
 
 
+@kernel
+def _double(table: Any) -> Any:
+    """Return a table with room for twice as many rows."""
+    out = np.empty((2 * table.shape[0], table.shape[1]), table.dtype)
+    for n in range(table.shape[0]):
+        for k in range(table.shape[1]):
+            out[n, k] = table[n, k]
+    return out
+
+
 # Many arguments: the polygons come as flat lists, without an object for each.
 @kernel
 def _cut_by_squares(
-    order: Ints, first: Ints, start: Ints, corner: Floats, origin: Floats, side: Floats, low: Floats, shape: Ints
-) -> tuple[Ints, Ints, Ints, Ints, Floats]:  # fmt: skip
-    """Cut polygons, in ``order`` and of each fragment from ``first`` on, by the squares.
+    order: Ints, first: Ints, start: Ints, corner: Floats, most: int, origin: Floats, side: Floats, low: Floats, shape: Ints,
+    piece_start: Ints,
+) -> tuple[Ints, Floats]:  # fmt: skip
+    """Cut polygons, in ``order`` and of each fragment from ``first`` on, by the squares; ``most``: room for corners of one.
 
-    Returns where the pieces of each fragment begin, from which polygon each is, row and column of its square, where its corners
-    begin, and these.
+    Returns of each piece its polygon, row and column of its square and where its corners begin, with a row for the end, and
+    these. ``piece_start`` takes where those of each fragment begin.
     """
-    most = 2 * np.diff(start).max() + CORNERS
     polygon, band, room, piece = np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2))
-    count, piece_start = 0, np.zeros(first.size, np.int64)
-    source, square = np.empty(CORNERS, np.int64), np.empty((CORNERS, 2), np.int64)
-    out_start, out = np.zeros(CORNERS + 1, np.int64), np.empty((8 * most, 2))
+    count, pieces, corners = 0, np.zeros((CORNERS, 4), np.int64), np.empty((most, 2))
     for b in range(first.size - 1):
-        for k in order[first[b] : first[b + 1]]:
+        for at in range(first[b], first[b + 1]):
+            k = order[at]
             size = start[k + 1] - start[k]
             for n in range(size):
                 polygon[n, 0] = corner[start[k] + n, 0] - origin[b, 0]
@@ -123,40 +132,45 @@ def _cut_by_squares(
                 leftmost, end_column = _reach_strips(band, band_size, 0, low[b, 0], side[b], shape[b, 1])
                 for i in range(leftmost, end_column):
                     x = low[b, 0] + i * side[b], low[b, 0] + (i + 1) * side[b]
-                    corners = _cut_strip(band, band_size, 0, x[0], x[1], room, piece)
+                    piece_size = _cut_strip(band, band_size, 0, x[0], x[1], room, piece)
                     # Round-off leaves slivers along the lines of the raster.
-                    if corners < 3 or _centroid(piece, 0, corners)[0] < 1e-9 * side[b] * side[b]:
+                    if piece_size < 3 or _centroid(piece, 0, piece_size)[0] < 1e-9 * side[b] * side[b]:
                         continue
-                    if count == source.size:
-                        source, square = np.append(source, source), np.concatenate((square, square))
-                        out_start = np.append(out_start, out_start[1:])
-                    if out_start[count] + corners > len(out):
-                        out = np.concatenate((out, out))
-                    out[out_start[count] : out_start[count] + corners] = piece[:corners]
-                    source[count], square[count, 0], square[count, 1] = k, j, i
+                    if count + 1 == len(pieces):
+                        pieces = _double(pieces)
+                    while pieces[count, 3] + piece_size > len(corners):
+                        corners = _double(corners)
+                    for n in range(piece_size):
+                        corners[pieces[count, 3] + n, 0], corners[pieces[count, 3] + n, 1] = piece[n, 0], piece[n, 1]
+                    pieces[count, 0], pieces[count, 1], pieces[count, 2] = k, j, i
+                    pieces[count + 1, 3] = pieces[count, 3] + piece_size
                     count += 1
-                    out_start[count] = out_start[count - 1] + corners
         piece_start[b + 1] = count
-    return piece_start, source[:count], square[:count], out_start[: count + 1], out[: out_start[count]]
+    return pieces[: count + 1], corners[: pieces[count, 3]]
 
 
 @kernel
-def _sum_up_ice(pads: Pads) -> None:
-    """Find the centroids of polygons, the ice of each square, and the moments of each element."""
-    ice, variances, room = pads.ice, pads.ice[:, 3:], np.ones((np.diff(pads.start).max(), 3))
+def _sum_up_ice(pads: Pads, most: int) -> None:
+    """Find the centroids of polygons, the ice of each square, and the moments of each element; ``most``: room for corners."""
+    ice, variances, room, sums = pads.ice, pads.ice[:, 3:], np.ones((most, 3)), np.zeros(10)
     for b in range(pads.side.size):
         for k in range(pads.polygon_start[b], pads.polygon_start[b + 1]):
-            first, last, sums = pads.start[k], pads.start[k + 1], np.zeros(10)
-            area, x, y = _centroid(pads.corner, first, last)
+            first, size = pads.start[k], pads.start[k + 1] - pads.start[k]
+            area, x, y = _centroid(pads.corner, first, first + size)
             s = pads.square_start[b] + pads.square[k, 0] * pads.shape[b, 1] + pads.square[k, 1]
             pads.centre[k, 0], pads.centre[k, 1] = x, y
             ice[s, 0] += area
             ice[s, 1] += area * x
             ice[s, 2] += area * y
-            room[: last - first, :2] = pads.corner[first:last]
-            add_moments(room, last - first, 0.0, 1.0, sums)
-            pads.moments[pads.owner[k]] += sums[3:9]
-            variances[s] += sums[6:9]
+            for n in range(size):
+                room[n, 0], room[n, 1] = pads.corner[first + n, 0], pads.corner[first + n, 1]
+            for n in range(10):
+                sums[n] = 0.0
+            add_moments(room, size, 0.0, 1.0, sums)
+            for n in range(6):
+                pads.moments[pads.owner[k], n] += sums[3 + n]
+            for n in range(3):
+                variances[s, n] += sums[6 + n]
     for s in range(len(ice)):
         if ice[s, 0] > 0.0:
             for n in range(1, 6):
@@ -184,17 +198,16 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats
     low -= 0.25 * side[:, None]  # a berg that is smaller than a pad lies in one square
     shape = np.floor((high - low) / side[:, None]).astype(np.int64)[:, ::-1] + 1
     square_start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))])
-    polygon_start, source, square, corner_start, corners = _cut_by_squares(
-        order, np.searchsorted(fragment[order], numbers), start, corner, origin, side, low, shape
-    )
+    most, polygon_start = 2 * int(np.diff(start).max()) + CORNERS, np.zeros(side.size + 1, np.int64)
+    first = np.searchsorted(fragment[order], numbers)
+    pieces, corners = _cut_by_squares(order, first, start, corner, most, origin, side, low, shape, polygon_start)
     pads = Pads(
         rows=footprint.rows, row_start=np.searchsorted(body, numbers), element=xy - origin[body],
         moments=np.zeros((body.size, 6)), origin=origin, side=side, low=low, shape=shape, square_start=square_start[:-1],
-        ice=np.zeros((square_start[-1], 6)),
-        polygon_start=polygon_start, owner=footprint.owner[source], square=square, centre=np.empty((source.size, 2)),
-        start=corner_start, corner=corners,
+        ice=np.zeros((square_start[-1], 6)), polygon_start=polygon_start, owner=footprint.owner[pieces[:-1, 0]],
+        square=pieces[:-1, 1:3].copy(), centre=np.empty((len(pieces) - 1, 2)), start=pieces[:, 3].copy(), corner=corners,
     )  # fmt: skip
-    _sum_up_ice(pads)
+    _sum_up_ice(pads, most)
     return pads
 
 

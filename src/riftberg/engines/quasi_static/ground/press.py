@@ -8,9 +8,9 @@ the end, minimise
     q K q / 2 + c G c / 2 + sum over pads k_v integral (<d>^2 - <d - q_u / k_v>^2) / 2
 
 which is convex: Newton's method, with its exact tangent and corrections halved until the energy falls, finds them from zero,
-or from the balance on a bed that does not yield. Where the load of a pad acts follows from the overlap without rise first, then
-from the pressure that was found; of a pad that bears nothing it is the point that would touch first. Ice that does not bend is
-one square without compliance.
+or from the balance on a bed that does not yield. Where the load of a pad acts follows from the overlap without rise at first and
+then from the pressure that was found; of a pad that bears nothing it is the point that would touch first. Ice that does not bend
+is one square without compliance.
 """
 
 from __future__ import annotations
