@@ -393,6 +393,29 @@ def test_stiff_ice_deep_in_rock_finds_its_balance(columns: int, rows: int, turn:
     assert there.total == pytest.approx(here.total, rel=0.06)
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("seed", range(12))
+def test_a_floor_that_rises_bears_more_by_no_more_than_it_rises(seed: int) -> None:
+    """The energy of a press is convex and has one least value, however little of a pad grazes the floor.
+
+    On slopes, dimples and cliffs, with ice of up to 50 GPa up to 20 m deep in rock and sand.
+    """
+    rng = np.random.default_rng(seed)
+    columns, rows, deep = *rng.integers(4, 13, 2).tolist(), 10.0 ** rng.uniform(-1.0, 1.3)
+    turn, modulus, sediment = rng.uniform(0.0, 1.5), rng.choice([1e9, 9e9, 5e10]), rng.choice(["rock", "sand"])
+    shape = (
+        lambda x, y: 1e-3 * x,
+        lambda x, y: 0.3 * deep * np.cos(x / 700.0) * np.cos(y / 900.0),
+        lambda x, y: np.where(x > 200.0 * columns, 0.0, -40.0),
+    )[seed % 3]
+    how = {"sediment": str(sediment), "ice_modulus": float(modulus), "start": "aground"}
+    low, high = (
+        Berg(columns, rows, 2e3, turn=turn).press(lambda x, y, up=up: DRAFT - up * deep - shape(x, y), how).total
+        for up in (1.0, 1.1)
+    )
+    assert 1.0 < high / low < 1.1 * (1.0 + 1e-6)
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_a_bank_under_the_whole_berg_bears_the_water_of_its_volume(turn: float) -> None:
     """A uniform and a linear overlap bend nothing, wherever the edges lie on the raster of elements."""

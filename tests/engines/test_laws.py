@@ -161,8 +161,8 @@ def test_a_melt_law_of_ones_own_is_in_the_ledger_and_the_rest_stays() -> None:
 def test_a_criterion_of_ones_own_decides_what_breaks() -> None:
     """The ice's own criterion written as a function breaks the same bonds; one of half the strength breaks more of the bar."""
 
-    def largest(moment, strengths):
-        return np.maximum(moment.stress[:, 0] / strengths.normal, moment.stress[:, 1] / strengths.shear)
+    def largest(equilibrium, strengths):
+        return np.maximum(equilibrium.stress[:, 0] / strengths.normal, equilibrium.stress[:, 1] / strengths.shear)
 
     def bar(laws: Laws | None) -> Model:
         at = pulled()
@@ -173,7 +173,7 @@ def test_a_criterion_of_ones_own_decides_what_breaks() -> None:
     plain = pulled()
     plain.step()
     same, weak, strong = (
-        bar(Laws(fracture=lambda moment, strengths, factor=factor: factor * largest(moment, strengths)))
+        bar(Laws(fracture=lambda equilibrium, strengths, factor=factor: factor * largest(equilibrium, strengths)))
         for factor in (1.0, 1.2, 0.9)
     )
     np.testing.assert_array_equal(np.isfinite(same.bonds.break_time), np.isfinite(plain.bonds.break_time))
@@ -184,11 +184,11 @@ def test_a_criterion_of_ones_own_decides_what_breaks() -> None:
 
 @pytest.mark.parametrize("name", ["stress", "displacement"])
 def test_a_criterion_that_changes_the_equilibrium_is_refused(name: str) -> None:
-    """Bug: one that halved `moment.stress` changed what was stored and recorded."""
+    """Bug: one that halved `equilibrium.stress` changed what was stored and recorded."""
 
-    def halving(moment, strengths):
-        getattr(moment, name)[:] *= 0.5
-        return moment.stress[:, 0] / strengths.normal
+    def halving(equilibrium, strengths):
+        getattr(equilibrium, name)[:] *= 0.5
+        return equilibrium.stress[:, 0] / strengths.normal
 
     at = pulled()
     model = Model.from_state(
@@ -271,7 +271,10 @@ def test_a_law_that_changes_elements_is_refused_and_changes_nothing() -> None:
 
 def test_a_run_with_laws_is_not_resumed_without_them(tmp_path: Path) -> None:
     """Bug: it went on without the force, to another place."""
-    laws, sea = Laws(force=towed, fracture=lambda moment, strengths: np.zeros(len(moment.stress))), Forcing.uniform()
+    laws, sea = (
+        Laws(force=towed, fracture=lambda equilibrium, strengths: np.zeros(len(equilibrium.stress))),
+        Forcing.uniform(),
+    )
     model = Model(berg(), sea, laws=laws)
     model.advance(steps=1)
     file = model.save(tmp_path / "it.restart.nc")

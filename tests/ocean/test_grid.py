@@ -183,7 +183,7 @@ def test_an_element_on_land_is_refused():
 
 
 def test_fields_stand_still_beyond_closed_ends_except_wind_and_sea_level():
-    """Wind is 0 on the outermost west and south corner line (equations 3.1 rule 2), currents go on."""
+    """Wind is 0 on the outermost west and south corner line, currents go on."""
     a = Grid.cartesian(6, 6, 10.0)
     fields = a.fields(uo=0.2, ua=5.0, ssh=0.4, depth=300.0)
     assert fields.uo[3, 6] == 0.2

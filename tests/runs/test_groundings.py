@@ -48,6 +48,7 @@ def after(
     east: float = 0.0,
     speed: float = 0.0,
     clearance: float = math.nan,
+    shatters: bool = False,
 ) -> None:
     """Let the log see a step at whose end the floor carries ``loads`` (N, by row); the berg has gone ``east`` (m)."""
     before, began = model.elements.copy(), model.time
@@ -64,6 +65,9 @@ def after(
             2e-11 * load,
         )
     model.time += hours * HOUR
+    if shatters:
+        model.bonds.status[:] = 1
+        model.fragments.update(el, model.bonds, model.time, model.constants)
     forces = np.zeros((el.size, len(FORCES), 2))
     forces[:, FORCES.index("water"), 0], forces[:, FORCES.index("sea_floor"), 0] = 2e6, -1e9
     model.groundings.update(
@@ -145,6 +149,24 @@ def test_small_fragments_have_no_events() -> None:
         model.elements.berg[3] = 2
         after(model, 1, loads={3: 1e9})
         assert len(model.groundings.rows) == told
+
+
+def test_a_berg_that_shatters_in_the_step_in_which_it_touches_has_a_stay(capsys: pytest.CaptureFixture[str]) -> None:
+    """Bug: all its pieces were too small for a stay at the end of that step, and the touch stood nowhere."""
+    berg = Iceberg.rectangle(24e3, 18e3, thickness=200.0, radius=1500.0, placement=(-37.0, -55.0))
+    model = Model(berg, Forcing.uniform(depth=500.0), Parameters(stepping={"time_step": HOUR}), "2025-02-28 06:00")
+    model._long_step.begin(model)
+    el, said = model.elements, Said(model, capsys)
+    after(model, 1.0, loads={20: 3e8, 21: 1e8}, shatters=True)
+    assert np.unique(el.berg).size == el.size == 48
+    (row,) = model.groundings.rows
+    assert (row.number, row.elements, row.load) == (1, 2, pytest.approx(4e8))
+    assert 0.0 == row.time < row.end == HOUR
+    (told,) = (line for line in said.lines() if "aground" in line)
+    assert told.startswith("2025-02-28 06:00  aground at ")
+    assert "2 of 48 elements" in told
+    after(model, 1.0, loads={20: 3e8})
+    assert model.groundings.rows == [row]  # pieces that have been small have no stays
 
 
 def test_what_a_bed_carries_is_the_one_notion_of_aground() -> None:

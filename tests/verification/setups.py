@@ -78,7 +78,7 @@ def inertia(model: Model) -> Any:
 
 
 def spin_now(model: Model) -> Any:
-    """Spin at the time of the positions: that of the state is half a sub-step ahead (equations 6.4, 3c)."""
+    """Spin at the time of the positions: that of the state is half a sub-step ahead (semi-implicit Euler)."""
     started = 1.0 if model.step_number else 0.0
     h = model.parameters.time_step / model.substeps
     return model.elements.spin - started * 0.5 * h * model.elements.spin_rate

@@ -51,14 +51,14 @@ class GroundDrag(Grounding):
         usual=Usual(0.1, 100.0, "KID's h_to_init_grounding: a part of the draft", off=True), trial=50.0, kernel="ground_ramp",
     )  # fmt: skip
     on_substeps: bool = quantity(
-        True, "", "apply in every sub-step (explicit ones of mts) instead of the long step", "equations 6.4 3b"
+        True, "", "apply in every sub-step (explicit ones of mts) instead of the long step", "equations 6.4"
     )
     implicit: bool = quantity(
         True, "", "apply the sub-step drag implicitly (explicit needs c_g A dt_f / m < 2)", "Riftberg",
         kernel="ground_implicit",
     )  # fmt: skip
     torque: bool = quantity(
-        False, "", "sea floor also damps rotation", "equations 6.4 3c use_grounding_torque", kernel="ground_torque"
+        False, "", "sea floor also damps rotation", "equations 6.4, KID's use_grounding_torque", kernel="ground_torque"
     )
 
 
@@ -172,7 +172,7 @@ class ExplicitStepping(Stepping):
         "mts", "", "of quasi_static, mts (multiple time steps), verlet and runge_kutta; quasi_static is of the other engine",
         "equations 6",
     )  # fmt: skip
-    frozen: bool = quantity(False, "", "no element moves", "equations 6.1 Static_icebergs")
+    frozen: bool = quantity(False, "", "no element moves", "equations 6.1, KID's Static_icebergs")
     substeps: int | None = quantity(
         None, "1", "sub-steps in a long step; none means the stable number", "equations 6.4, KID's mts_sub_steps", ge=1,
         le=10**12, trial=400,
@@ -247,7 +247,7 @@ class Compatibility(Group):
         "equations 6.4",
     )
     plain_kid_branch: bool = quantity(
-        False, "", "Q40: repulsion by cell search, attraction by bond", "equations 5.1 branch B", kernel="plain_kid_branch",
+        False, "", "Q40: repulsion by cell search, attraction by bond", "equations 5.1", kernel="plain_kid_branch",
     )  # fmt: skip
     births_at_centre: bool = quirk(
         "bergs are born on others: all of a cell in its middle, footloose children on the rim of their parent",

@@ -81,7 +81,7 @@ CORNER_FIELDS = ("uo", "vo", "ui", "vi", "ua", "va")
 """Fields at north-east corners; all others are values of cells."""
 
 ZERO_OUTSIDE = ("ua", "va", "ssh")
-"""Fields that are 0 beyond a closed boundary (equations 3.1 rule 2, quirk Q23); the others repeat the outermost value."""
+"""Fields that are 0 beyond a closed boundary (quirk Q23); the others repeat the outermost value."""
 
 POLAR_LATITUDE = 89.999
 """Corners at or beyond this latitude (degrees) make a cell polar (equations 2.5)."""

@@ -361,10 +361,10 @@ def cell_areas(lon: Floats, lat: Floats, radius: float, latlon: bool) -> Floats:
 Staggering = Literal["A", "B", "C"]
 
 ZERO_ON_LAND = (*CORNER_FIELDS, "sst", "sss", "ice_fraction", "ice_thickness")
-"""Fields set to 0 in (or at the north-east corner of) land cells (equations 3.1 rule 5)."""
+"""Fields set to 0 in (or at the north-east corner of) land cells (docs/explanation/equations.md, 3.1)."""
 
 KELVIN_ABOVE = 120.0
-"""A sea-surface temperature above this, in whatever unit, is taken as kelvin (equations 3.1 rule 4)."""
+"""A sea-surface temperature above this, in whatever unit, is taken as kelvin."""
 
 
 def _shifted(q: Floats, rows: int, columns: int) -> Floats:
@@ -393,7 +393,7 @@ def wind_from_stress(tau_x: Floats, tau_y: Floats) -> tuple[Floats, Floats]:
 
 
 def celsius(sst: Floats, mask: Floats) -> Floats:
-    """Return a sea-surface temperature in degree Celsius; kelvin is recognised by its size (equations 3.1 rule 4)."""
+    """Return a sea-surface temperature in degree Celsius; kelvin is recognised by its size."""
     wet = sst[(mask > 0.5) & np.isfinite(sst)]
     kelvin = wet.size > 0 and float(wet.max()) > KELVIN_ABOVE
     return sst - 273.15 if kelvin else sst.copy()

@@ -473,7 +473,7 @@ def interpolate_corners(q: Floats, e: Elements, mirrored: bool) -> Floats:
 def add_tidal_drift(
     elements: Elements, grid: GridArrays, draws: tuple[Floats, Floats], amplitude: float, mirrored: bool = False
 ) -> None:
-    """Add the random current near land to sampled currents ``uo vo ui vi`` (equations 3.2 tidal drift).
+    """Add the random current near land to sampled currents ``uo vo ui vi`` (docs/explanation/equations.md, 3.2).
 
     ``draws``: two random numbers in [-1, 1] of each element; ``amplitude``: largest current added, m s-1.
     """

@@ -88,7 +88,7 @@ BY_FIELD: Final = {need.fields[0]: need for need in NEEDS}
 """Needs by the first of their fields: a vector by its eastward component."""
 
 DEFAULTS: Final = {need.variables[0]: need.default for need in NEEDS if need.default}
-"""Values of variables that nothing gives, where not 0 (equations 3.1 rule 4)."""
+"""Values of variables that nothing gives, where not 0."""
 
 OVER_DRAFT: Final = {need.fields[0]: need.over_draft for need in NEEDS if need.over_draft}
 """Variables of the elements that hold the mean of a field over the draft, where it comes on levels."""

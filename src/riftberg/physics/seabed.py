@@ -84,7 +84,7 @@ def quadratic_grounding(coefficient: float, area: float, mass: float, excess: fl
 
 @kernel
 def grounding_spin_rate(coefficient: float, radius: float, mass: float, fraction: float) -> float:
-    """Rate (s-1) at which the sea floor slows rotation in the reference: ``c_g chi pi R^2 / m`` (equations 6.4, 3c)."""
+    """Rate (s-1) at which the sea floor slows rotation in the reference: ``c_g chi pi R^2 / m`` (equations 6.4)."""
     return coefficient * fraction * math.pi * radius * radius / mass
 
 

@@ -370,6 +370,12 @@ def _side(towards: float) -> str:
     return f"{POINTS[round(towards / 45.0) % 8]}ern side"
 
 
+def _count_elements(model: BareModel, row: GroundingEvent) -> int:
+    """Return how many elements a berg had when it touched: some may have broken off in the same step."""
+    pieces = [piece for piece in model.fragments.rows if piece.parent == row.number and piece.birth_time > row.time]
+    return int((model.elements.berg == row.number).sum()) + sum(piece.elements for piece in pieces)
+
+
 class GroundTeller:
     """Says while a run goes on which bergs touch the sea floor and come free, each once."""
 
@@ -393,7 +399,7 @@ class GroundTeller:
         stays, berg, latlon = list_stays(model), model.elements.berg, model.parameters.earth.latlon
         for k in range(self._told, len(rows)):
             if k < MOST_TOLD:
-                news.append(touch_line(stays[k], int((berg == rows[k].number).sum()), latlon=latlon))
+                news.append(touch_line(stays[k], _count_elements(model, rows[k]), latlon=latlon))
                 self._open.add(k)
                 news += self._level_line(model, rows[k])
             elif k == MOST_TOLD:

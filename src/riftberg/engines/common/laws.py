@@ -57,9 +57,9 @@ class Laws:
         ``melt(elements, time)`` returns the rates (m s-1) at which base, sides and waves take ice, in place of the built-in
         ones; None for a process leaves it as it is. It needs ``melt.enabled``.
     fracture : callable, optional
-        ``fracture(moment, strengths)`` returns stress over strength of each intact bond; above 1 a bond breaks. It takes the
-        place of ``fracture.criterion`` in the scheme ``quasi_static``. ``moment.stress`` is the tension and shear (Pa) of the
-        intact bonds, ``moment.tensor`` the stress of elastic cells there (xx, yy, xy; tension is positive);
+        ``fracture(equilibrium, strengths)`` returns stress over strength of each intact bond; above 1 a bond breaks. It takes the
+        place of ``fracture.criterion`` in the scheme ``quasi_static``. ``equilibrium.stress`` is the tension and shear (Pa) of
+        the intact bonds, ``equilibrium.tensor`` the stress of elastic cells there (xx, yy, xy; tension is positive);
         ``strengths.normal`` and ``strengths.shear`` are what damage has left of the strengths (Pa).
     """
 

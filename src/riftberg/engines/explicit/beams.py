@@ -1,4 +1,4 @@
-"""The sub-steps of a long step with bonds as beams (equations 6.4, part 3).
+"""The sub-steps of a long step with bonds as beams (docs/explanation/equations.md, 6.4).
 
 Bonds and elements stand in tiles (`riftberg.engines.explicit.tiles`). A sub-step goes through the elements once: forces of the
 bonds that begin in a tile, and, as soon as all bonds of a tile of elements are done, the sums over them, the kick, and the drift

@@ -1,4 +1,4 @@
-"""The sub-steps of a long step with KID's bonds as springs, or without bonds (equations 6.4, part 3).
+"""The sub-steps of a long step with KID's bonds as springs, or without bonds (docs/explanation/equations.md, 6.4).
 
 Explicit sub-steps kick by the forces at the positions reached. Implicit ones (explicit_inner_mts off) solve for the damping
 at the new velocities, and repeat that until the velocities of each group of bergs settle.
@@ -107,7 +107,7 @@ def take_substeps_of_springs(
 
 @kernel
 def _drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
-    """Move the elements by their mid-step velocity and let pair forces see both (equations 6.4, 3a)."""
+    """Move the elements by their mid-step velocity and let pair forces see both (equations 6.4)."""
     place, shown, motion, kicks = el.place, el.shown, el.motion, el.kicks
     half = 0.5 * dt
     step = dt * (1.0 / (DEGREE * radius if latlon else 1.0))
@@ -202,7 +202,7 @@ def _accumulate_floor_impulse(el: Elements, fields: SubstepFields) -> None:
 
 @kernel
 def _kick(el: Elements, fields: SubstepFields, dt: float, implicit_floor: bool) -> None:
-    """Update velocities by half the old and half the new inner acceleration (equations 6.4, 3b)."""
+    """Update velocities by half the old and half the new inner acceleration (docs/explanation/equations.md, 6.4)."""
     motion, kicks = el.motion, el.kicks
     half = 0.5 * dt
     for e in range(el.place.lon.size):
@@ -283,7 +283,7 @@ def _norms(el: Elements, group: Ints, change: Floats, norm: Floats, fields: Subs
 
 @stage
 def _rewind(el: Elements, dt: float, group: Ints, unconverged: NDArray[np.bool_], fields: SubstepFields) -> None:
-    """Let pair forces see this iterate, and go back to the velocity before the kick (equations 6.4, 3b)."""
+    """Let pair forces see this iterate, and go back to the velocity before the kick (docs/explanation/equations.md, 6.4)."""
     shown, motion, kicks = el.shown, el.motion, el.kicks
     half = 0.5 * dt
     for e in range(motion.u.size):

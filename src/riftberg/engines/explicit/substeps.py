@@ -1,10 +1,10 @@
 """What the sub-steps of a long step share, whatever law the bonds have, and the outer kicks around them.
 
-A sub-step is velocity Verlet with the forces of bonds and contact (equations 6.4, part 3): `mid_step_velocity` and `drifted`
-are its drift (3a), `kicked` is its kick with the drag of the sea floor (3b). Two modules loop over them, one for each way in
-which elements stand in memory: `springs` (arrays of the state) and `tile_kernels` (tiles, bonds as beams).
+A sub-step is velocity Verlet with the forces of bonds and contact (docs/explanation/equations.md, 6.4): `mid_step_velocity`
+and `drifted` are its drift, `kicked` is its kick with the drag of the sea floor. Two modules loop over them, one for each way
+in which elements stand in memory: `springs` (arrays of the state) and `tile_kernels` (tiles, bonds as beams).
 
-The outer kicks are two half kicks per long step (equations 6.4, parts 1 and 2). As in r-RESPA, drag, slope and Coriolis
+The outer kicks are two half kicks per long step (the same section). As in r-RESPA, drag, slope and Coriolis
 force act in half kicks at both ends of the long step, bonds in the sub-steps between. The second half kick of one step and
 the first of the next follow each other at one time, with one evaluation of the forces.
 """
@@ -148,7 +148,7 @@ def floor_drag_rate(linear: float, quadratic: float, u: float, v: float) -> floa
 def begin_substeps(
     el: Elements, surroundings: Surroundings, fields: SubstepFields, sizes: Sizes, dt: float, p: KernelParameters
 ) -> tuple[bool, bool]:
-    """Find what moves, what is aground and how the floor stops it in sub-steps of ``dt`` seconds (equations 6.4, 3b and 3c).
+    """Find what moves, what is aground and how the floor stops it in sub-steps of ``dt`` seconds (equations 6.4).
 
     Depth holds for the long step. Returns whether the sea floor acts in the sub-steps, and whether it grows with the speed.
     """

@@ -196,7 +196,7 @@ def accumulate_first_ends(bond: Floats, scratch: Floats, sums: Floats) -> None:
 
 @kernel
 def drift_tile(elem: Floats, ends: Floats, rotation: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
-    """Move elements by their mid-step velocity, as pair forces see them, and add up how far they turn (equations 6.4, 3a).
+    """Move elements by their mid-step velocity, as pair forces see them, and add up how far they turn (equations 6.4).
 
     ``q1``: see `mid_step_velocity`.
     """
@@ -296,7 +296,7 @@ def start_tile(elem: Floats, ends: Floats, scratch: Floats, dt: float, implicit_
 
 @kernel
 def kick_tile(elem: Floats, ends: Floats, scratch: Floats, dt: float, implicit_floor: bool) -> None:
-    """Update velocities, spins and angles of elements whose forces are summed in the scratch tile (equations 5.3; 6.4, 3b, 3c).
+    """Update velocities, spins and angles of elements whose forces are summed in the scratch tile (equations 5.3, 6.4).
 
     `kicked` has the formulae. Spins leap by the whole sub-step, so they belong to its middle.
     """

@@ -87,11 +87,10 @@ class GroundingLog:
         self.clearance = min(self.clearance, least)
         if not touching.any():
             return
-        numbers = np.unique(el.body.berg[touching])
-        measures = _measured(numbers, touching, previous, el, p, forces())
+        fragment = _reunite_small_pieces(previous.body.berg, el, tree)
+        measures = _measured(fragment, touching, previous, el, p, forces())
         for n, number in enumerate(measures.number):
-            berg = tree.origin(number)
-            if not 0 < berg <= len(tree.rows) or measures.area[n] >= LEAST_SHARE * tree.rows[berg - 1].area:
+            if measures.area[n] >= _least_area(number, tree):
                 self._add(measures, n, *step, sea_level)
 
     def _add(
@@ -121,6 +120,24 @@ class GroundingLog:
             event.seconds + (ended - began), carried, m.load[n], m.capacity[n], m.pressing[n], max(event.lift, m.lift[n]),
             max(event.stress, m.stress[n]), max(event.gouge, m.gouge[n]), way, stopped, held, event.level,
         )  # fmt: skip
+
+
+def _least_area(number: int, tree: FragmentTree) -> float:
+    """Area (m2) from which on a fragment has events of its own."""
+    berg = tree.origin(number)
+    return LEAST_SHARE * tree.rows[berg - 1].area if 0 < berg <= len(tree.rows) else 0.0
+
+
+def _reunite_small_pieces(previous: Ints, el: Elements, tree: FragmentTree) -> Ints:
+    """Return the fragments to which elements count: those of one that has gone to pieces too small for events still to it."""
+    number = el.body.berg
+    if np.array_equal(number, previous):
+        return number
+    pieces, piece = np.unique(number, return_inverse=True)
+    least = np.array([_least_area(n, tree) for n in pieces.tolist()])
+    small = np.bincount(piece, el.body.length * el.body.width) < least
+    # The heaviest piece keeps the number.
+    return np.where(small[piece] & np.isin(previous, pieces[small]), previous, number)
 
 
 def mass_on_floor(el: Elements, p: KernelParameters) -> Floats:
@@ -156,11 +173,12 @@ class _Measures(NamedTuple):
 
 
 def _measured(
-    numbers: Ints, touching: NDArray[np.bool_], previous: Elements, el: Elements, p: KernelParameters, forces: Floats
+    number: Ints, touching: NDArray[np.bool_], previous: Elements, el: Elements, p: KernelParameters, forces: Floats
 ) -> _Measures:
-    """Return the measures of one step for each fragment on the floor."""
-    at = np.minimum(np.searchsorted(numbers, el.body.berg), numbers.size - 1)
-    rows = np.flatnonzero(numbers[at] == el.body.berg)
+    """Return the measures of one step for each fragment on the floor; ``number``: of the fragment of each element."""
+    numbers = np.unique(number[touching])
+    at = np.minimum(np.searchsorted(numbers, number), numbers.size - 1)
+    rows = np.flatnonzero(numbers[at] == number)
     fragment, first = at[rows], np.empty(numbers.size, np.int64)
     first[fragment[::-1]] = rows[::-1]
     mass, place, motion, keel = el.body.mass, el.place, el.motion, el.keel

@@ -91,12 +91,12 @@ class BrittleLattice:
         """The tips of cracks, as the last break has left them."""
         return self._tips if self.paths is None else self.paths.tips
 
-    def tips_with_intensities(self, moment: Equilibrium) -> CrackTips:
+    def tips_with_intensities(self, equilibrium: Equilibrium) -> CrackTips:
         """Return the tips of cracks with their stress intensity in an equilibrium, as far as it can be told."""
         return (
             self.tips
             if self.paths is None or not self.tips.crack.size
-            else self.paths.with_intensities(moment.intensities)
+            else self.paths.with_intensities(equilibrium.intensities)
         )
 
     def anew(self, bodies: Bodies) -> BrittleLattice:
@@ -140,23 +140,23 @@ class BrittleLattice:
         return self._latest
 
     def moment(self, displacement: Floats, load: Floats) -> Equilibrium:
-        """Return an equilibrium of any moment."""
+        """Return the equilibrium with some displacements under some load."""
         return Equilibrium(self.lattice, self.intact, displacement, load, self.cells, self.paths)
 
     # Which bond breaks
 
-    def overload(self, moment: Equilibrium | None) -> float:
-        """Event function of fracture: stress over strength in the most critical place, less 1; negative without a moment."""
-        return -1.0 if moment is None else self.critical_bond(moment)[1] - 1.0
+    def overload(self, equilibrium: Equilibrium | None) -> float:
+        """Event function of fracture: stress over strength in the most critical place, less 1; negative without one."""
+        return -1.0 if equilibrium is None else self.critical_bond(equilibrium)[1] - 1.0
 
-    def critical_bond(self, moment: Equilibrium) -> tuple[int, float]:
+    def critical_bond(self, equilibrium: Equilibrium) -> tuple[int, float]:
         """Row in the state of the bond that breaks next (-1 without bonds), and stress over strength: above 1 it breaks."""
-        row, ratio = self.criterion.most_critical(moment, self.strengths())
-        if self._model.parameters.fracture.flexural_strength is not None and moment.intact.size:
-            bending = self._bending_ratios(moment.intact)
+        row, ratio = self.criterion.most_critical(equilibrium, self.strengths())
+        if self._model.parameters.fracture.flexural_strength is not None and equilibrium.intact.size:
+            bending = self._bending_ratios(equilibrium.intact)
             if (most_bent := float(bending.max())) > max(ratio, 1.0):
-                return int(moment.intact[bending.argmax()]), most_bent
-        return (int(moment.intact[row]) if row >= 0 else -1), ratio
+                return int(equilibrium.intact[bending.argmax()]), most_bent
+        return (int(equilibrium.intact[row]) if row >= 0 else -1), ratio
 
     def _bending_ratios(self, intact: Ints) -> Floats:
         """Bending stress over flexural strength of some bonds; 0 where bending breaks nothing."""
@@ -169,27 +169,36 @@ class BrittleLattice:
             residual > 0.0, stress / np.where(residual > 0.0, residual, 1.0), np.where(stress > 0.0, np.inf, 0.0)
         )
 
-    def exceeded(self, moment: Equilibrium, bond: int) -> int:
+    def exceeded(self, equilibrium: Equilibrium, bond: int) -> int:
         """Which strength a bond exceeds most: normal, shear or flexural."""
-        row, residual = int(np.searchsorted(moment.intact, bond)), self.strengths()
+        row, residual = int(np.searchsorted(equilibrium.intact, bond)), self.strengths()
         ratios = [
-            stress_ratio(moment.stress[row, 0], 0.0, residual.normal[row], residual.shear[row]),
-            stress_ratio(0.0, moment.stress[row, 1], residual.normal[row], residual.shear[row]),
-            self._bending_ratios(moment.intact[row : row + 1])[0],
+            stress_ratio(equilibrium.stress[row, 0], 0.0, residual.normal[row], residual.shear[row]),
+            stress_ratio(0.0, equilibrium.stress[row, 1], residual.normal[row], residual.shear[row]),
+            self._bending_ratios(equilibrium.intact[row : row + 1])[0],
         ]
         return (NORMAL, SHEAR, FLEXURAL)[int(np.argmax(ratios))]
 
-    def next_bond(self, moment: Equilibrium, failing: int) -> int:
+    def next_bond(self, equilibrium: Equilibrium, failing: int) -> int:
         """Return the bond that breaks where one fails: the next one on the way of a crack line."""
-        if self.exceeded(moment, failing) == FLEXURAL:  # bending says itself along which line
+        if self.exceeded(equilibrium, failing) == FLEXURAL:  # bending says itself along which line
             return failing
         assert self.paths is not None
-        row, count = int(np.searchsorted(moment.intact, failing)), self._model.bonds.first.size
+        row, count = int(np.searchsorted(equilibrium.intact, failing)), self._model.bonds.first.size
         strengths, ratio, strength = self.strengths(), np.zeros(count), np.zeros(count)
-        ratio[moment.intact], strength[moment.intact] = overloads(moment.stress, strengths), strengths.normal
-        last = row in moment.bridges
+        ratio[equilibrium.intact], strength[equilibrium.intact] = (
+            overloads(equilibrium.stress, strengths),
+            strengths.normal,
+        )
+        last = row in equilibrium.bridges
         return self.paths.next_bond(
-            failing, last, moment.tensor[row], moment.triangle_stress, ratio, strength, moment.intensities
+            failing,
+            last,
+            equilibrium.tensor[row],
+            equilibrium.triangle_stress,
+            ratio,
+            strength,
+            equilibrium.intensities,
         )
 
     def facet_area(self, bond: int) -> float:

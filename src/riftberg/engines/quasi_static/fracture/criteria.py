@@ -200,12 +200,12 @@ def record_peak_stress(peak: Floats, intact: Ints, stress: Floats) -> None:
 class Criterion(Protocol):
     """A rule by which bonds break; see the text above for how to add one."""
 
-    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+    def most_critical(self, equilibrium: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """Find which bond breaks next.
 
         Parameters
         ----------
-        moment : Equilibrium
+        equilibrium : Equilibrium
             The lattice under its loads.
         strengths : Strengths
             Strengths of its intact bonds.
@@ -213,18 +213,18 @@ class Criterion(Protocol):
         Returns
         -------
         row : int
-            Row among the intact bonds (``moment.intact``) of the one that breaks; -1 without bonds. It counts only where
+            Row among the intact bonds (``equilibrium.intact``) of the one that breaks; -1 without bonds. It counts only where
             the ratio is above 1.
         ratio : float
             Stress over strength in the most critical place; above 1 the bond breaks.
         """
 
-    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
+    def damage_drive(self, equilibrium: Equilibrium, strengths: Strengths) -> Floats:
         """Find the ratio by which the damage of bonds grows.
 
         Parameters
         ----------
-        moment : Equilibrium
+        equilibrium : Equilibrium
             The lattice under its loads, in the middle of a step.
         strengths : Strengths
             Strengths of its intact bonds.
@@ -249,22 +249,28 @@ class OwnRatios:
     def __init__(self, ratios: Ratios) -> None:
         self._ratios = ratios
 
-    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+    def most_critical(self, equilibrium: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
-        ratios = self.damage_drive(moment, strengths)
+        ratios = self.damage_drive(equilibrium, strengths)
         row = int(np.argmax(ratios)) if ratios.size else -1
         return row, float(ratios[row]) if ratios.size else -math.inf
 
-    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
+    def damage_drive(self, equilibrium: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
         where = f"Laws, fracture: {law_name(self._ratios)}"
-        seen = [moment.stress, moment.deformation, moment.displacement, moment.load, moment.intact]
-        seen += [moment.tensor, moment.triangle_stress]
-        with to_read((seen, moment.lattice, strengths), "equilibrium", where):
-            ratios = np.asarray(self._ratios(moment, strengths), np.float64)
-        if ratios.shape != moment.intact.shape or np.isnan(ratios).any():
-            fault = "a value that is no number" if ratios.shape == moment.intact.shape else f"shape {ratios.shape}"
-            raise RunError(f"{where} returns {fault}; there are {moment.intact.size} intact bonds")
+        seen = [
+            equilibrium.stress,
+            equilibrium.deformation,
+            equilibrium.displacement,
+            equilibrium.load,
+            equilibrium.intact,
+        ]
+        seen += [equilibrium.tensor, equilibrium.triangle_stress]
+        with to_read((seen, equilibrium.lattice, strengths), "equilibrium", where):
+            ratios = np.asarray(self._ratios(equilibrium, strengths), np.float64)
+        if ratios.shape != equilibrium.intact.shape or np.isnan(ratios).any():
+            fault = "a value that is no number" if ratios.shape == equilibrium.intact.shape else f"shape {ratios.shape}"
+            raise RunError(f"{where} returns {fault}; there are {equilibrium.intact.size} intact bonds")
         return ratios
 
 
@@ -275,19 +281,21 @@ class IceStress:
     breaks that is the most nearly in line with the tension.
     """
 
-    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+    def most_critical(self, equilibrium: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
-        row, ratio = most_overloaded(moment.stress, strengths, moment.intact, NONE)
+        row, ratio = most_overloaded(equilibrium.stress, strengths, equilibrium.intact, NONE)
         if (
             ratio > 1.0
-            and stress_ratio(moment.stress[row, 0], 0.0, strengths.normal[row], strengths.shear[row]) == ratio
+            and stress_ratio(equilibrium.stress[row, 0], 0.0, strengths.normal[row], strengths.shear[row]) == ratio
         ):
-            row = _most_in_line(moment.lattice, moment.intact, moment.tensor, moment.stress, strengths, row)
+            row = _most_in_line(
+                equilibrium.lattice, equilibrium.intact, equilibrium.tensor, equilibrium.stress, strengths, row
+            )
         return row, ratio
 
-    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
+    def damage_drive(self, equilibrium: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
-        return overloads(moment.stress, strengths)
+        return overloads(equilibrium.stress, strengths)
 
 
 class Toughness(IceStress):
@@ -299,21 +307,23 @@ class Toughness(IceStress):
     def __init__(self, toughness: float) -> None:
         self._toughness = toughness
 
-    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+    def most_critical(self, equilibrium: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
-        at_tips = moment.intensities
+        at_tips = equilibrium.intensities
         if not at_tips:
-            return super().most_critical(moment, strengths)
+            return super().most_critical(equilibrium, strengths)
         # Beside tips the toughness alone decides.
-        row, ratio = most_overloaded(moment.stress, strengths, moment.intact, moment.paths.bonds_beside_tips())
+        row, ratio = most_overloaded(
+            equilibrium.stress, strengths, equilibrium.intact, equilibrium.paths.bonds_beside_tips()
+        )
         for k in sorted(at_tips.values(), key=lambda k: k.hoop, reverse=True):
             share = k.hoop / self._toughness
             if share <= ratio:
                 break
             if share <= 1.0:
                 return row, share  # nothing breaks, so it does not matter which bond the crack would cross
-            if (crossing := moment.paths.find_crossing(k.tip, moment.triangle_stress, k)) is not None:
-                return int(np.searchsorted(moment.intact, crossing.bond)), share
+            if (crossing := equilibrium.paths.find_crossing(k.tip, equilibrium.triangle_stress, k)) is not None:
+                return int(np.searchsorted(equilibrium.intact, crossing.bond)), share
         return row, ratio
 
 

@@ -7,9 +7,11 @@ of the load of each element: what the keel moves on (at V1: backward Euler, so t
 loads it with the stiffness C / anchor way, up to the capacity C. The force is stored, not the way: where a load rises, a stored
 way would push the berg back, and make energy.
 
-A sub-step is cut until the floor changes the velocity by little, or holds the fragment, and until touching and coming free are
-met within a minute. `advance` takes all fragments up to where they need the depth at another place, which Python asks for all of
-them at once.
+A sub-step goes so: ask for the depth in its middle, press the keel onto the floor there, find the velocity after it with the
+friction of that press; ask for the depth at its end, press again. It is accepted if by the greater of both forces the floor
+changes the velocity by little, or if it holds the fragment; else it begins anew with a part of its length, as where touching or
+coming free would not be met within a minute. `advance` takes all fragments up to where they need the depth at another place,
+which Python asks for all of them at once.
 """
 
 from __future__ import annotations
@@ -18,12 +20,12 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.engines.common.bed import Bed
 from riftberg.engines.common.forces.media import FORCES, SEA_FLOOR
 from riftberg.engines.quasi_static.bodies.dynamics import (
-    BodyMatrices,
     ElementForcing,
     add_forces,
     assemble_force_and_jacobian,
@@ -31,7 +33,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 )
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, move_poses
 from riftberg.engines.quasi_static.contact.anchors import GIVES_WAY
-from riftberg.engines.quasi_static.ground.pads import ORIGIN_X, ORIGIN_Y, Pads, fill_hulls, place_points
+from riftberg.engines.quasi_static.ground.pads import Pads, fill_hulls, place_points
 from riftberg.engines.quasi_static.ground.plate import Plates
 from riftberg.engines.quasi_static.ground.press import (
     HOLD,
@@ -49,6 +51,8 @@ from riftberg.engines.quasi_static.ground.press import (
 from riftberg.physics.geometry import solve, times
 from riftberg.state import Floats, Ints
 from riftberg.state.variables import Keel
+
+Booleans = NDArray[np.bool_]
 
 VELOCITY_CHANGE: Final = 0.1
 """Largest relative change of a fragment's speed by the floor in a sub-step, unless the floor holds the fragment."""
@@ -78,156 +82,253 @@ HELD_STEP: Final = 1e9
 PASSES: Final = 50
 """Of Newton's method for the friction, after which the sub-step is halved."""
 
-ANCHOR_X, ANCHOR_Y, LARGEST, FORCE_X, FORCE_Y, ARM_X, ARM_Y = range(7)
+ANCHORS: Final = 7
+ANCHOR_X, ANCHOR_Y, LARGEST, FORCE_X, FORCE_Y, ARM_X, ARM_Y = range(ANCHORS)
 """Columns of `Landing.anchors`: friction that anchors an element (N), the largest that could since it touched, force of the floor
 with that of its slope (N), and where it acts, from the centre of the element (m, east and north)."""
 
-PATH, VELOCITY, ACCELERATION, NEXT, PUSH, NET, WAY = range(7)
-"""Rows of `Landing.motion`, each east, north and turning: way since the start (m), velocity now and acceleration of the last
-sub-step, velocity at the end of this one (m s-1), force of others and of the floor (N), way to where the depth is asked (m)."""
-
-(
-    TIME, SUBSTEP, RADIUS, ARM, SPEED, SHORTEST, PEAK, PEAK_SPIN, PEAK_TIME, RUBBED, RUBS, CLEARANCE, HELD, CHANGE, REACH, LENGTH,
-    THICKNESS, LEVEL,
-) = range(18)  # fmt: skip
-"""Columns of `Landing.number`: time since the start and length of the sub-step (s), radii of fragment and gyration (m), speed at
-the start (m s-1), shortest sub-step (s), largest force of the floor (N), spin and time then, work of friction so far and in the
-sub-step (J), clearance at least (m), friction that can hold in its middle (N), by how many times what it may the floor
-has changed its hold in a step of contact, way for which pads are watched (m), bending length and thickness of the
-ice (m), and the level at the start, in the middle and at the end of the step (m)."""
-
-NUMBERS: Final = LEVEL + 3
-
-STATUS, TOUCHES, MIDDLE_TOUCHES, SLIDES, ACCEPTED, CARRIED = range(6)
-"""Columns of `Landing.flag`; the third and fourth are of the middle of the sub-step, the fifth is of the last call. The last:
-whether contact has taken a fragment that stood on the floor through the step."""
+ANCHOR_NAMES: Final = ("anchor_x", "anchor_y", "anchor_capacity", "floor_x", "floor_y", "floor_arm_x", "floor_arm_y")
+"""The same among the variables of `Keel`."""
 
 BEGINS, MIDDLE, END, DONE, AFLOAT, BEYOND, TOO_SHORT, UNSETTLED = range(8)
 """Status of a fragment: what it needs the depth for, or how it ended: it touched the floor, or nothing; it went beyond the pads
 that are watched; no sub-step was short enough; no rise balances it."""
 
 
+class Step(NamedTuple):
+    """The step of all fragments."""
+
+    h: float  # Its length, s
+    bed: Bed
+    latlon: bool
+    earth: float  # Radius, m
+
+
 class Landing(NamedTuple):
-    """Fragments on their way through a step; arrays by fragment unless said otherwise."""
+    """Fragments on their way through a step: arrays by fragment, unless said otherwise, of vectors east, north and turning."""
 
     pads: Pads
     plates: Plates
-    polygons: Ints  # Those that may touch the floor, by fragment
+    polygons: Ints  # Those that may touch the floor, one fragment after the other
     polygon_start: Ints  # Where those of each fragment begin; shape (fragments + 1,)
-    pose: Floats  # At the start; shape (fragments, 3, 3)
-    sounded_pose: Floats  # For which the depth is asked
-    hull: Floats  # Stiffness against heave and tilts
-    mobility: Floats
-    motion: Floats  # shape (fragments, rows as above, 3)
-    number: Floats  # shape (fragments, columns as above)
-    flag: Ints  # shape (fragments, columns as above)
-    rise: Floats  # Heave (m) and tilts (rad); shape (fragments, 3)
-    draft: Floats  # Of the elements ``pads.rows``, m
-    reference: Floats  # Theirs; shape (elements, 3)
-    levers: Floats  # Theirs in the middle of the sub-step; shape (elements, 11)
+    points: Ints  # Number of those at which it asks for the depth
+
+    # The fragments at the start
+    pose: Floats  # shape (fragments, 3, 3)
+    reference: Floats  # Of the elements ``pads.rows``; shape (elements, 3)
+    draft: Floats  # Of the elements, m
+    thickness: Floats  # Mean, m
+    length: Floats  # Of bending, m
+    hull: Floats  # Stiffness against heave and tilts; shape (fragments, 3, 3)
+    mobility: Floats  # shape (fragments, 3, 3)
+    arm: Floats  # Radius of gyration, m
+    radius: Floats  # m
+    reach: Floats  # Way for which the pads are watched, m
+    level: Floats  # Of the sea at the start, in the middle and at the end of the step, m; shape (fragments, 3)
+    first_speed: Floats  # At the rim, m s-1
+
+    # Where they are now
+    status: Ints
+    time: Floats  # Since the start, s
+    substep: Floats  # Longest sub-step that comes next, s
+    path: Floats  # Way since the start, m
+    velocity: Floats  # m s-1
+    acceleration: Floats  # In the last sub-step
+    touches: Booleans  # Whether it touches the floor
     anchors: Floats  # shape (elements, columns as above)
-    trial_anchors: Floats  # The same of a sub-step that is not accepted yet
-    loads: Floats  # Columns of `press` for the elements, in the middle or at the end; shape (elements, columns)
-    yielded: Floats  # Deepest yield of the bed under each element, m
+
+    # The sub-step that is tried
+    way: Floats  # To where the depth is asked, m
+    sounded_pose: Floats  # There; shape (fragments, 3, 3)
+    levers: Floats  # Of the elements in its middle; shape (elements, 11)
+    rise: Floats  # Heave (m) and tilts (rad)
+    loads: Floats  # Columns of `press` for the elements, in its middle or at its end; shape (elements, columns)
     bent: Floats  # Results of `press` for the polygons; shape (polygons, 5)
+    touches_in_middle: Booleans
+    hold: Floats  # Friction that can hold it in the middle, N
+    slides: Booleans  # Whether an anchor does
+    net: Floats  # Force of the floor, N
+    rubs: Floats  # Work of friction, J
+    next_velocity: Floats  # At its end, m s-1
+    next_anchors: Floats  # shape (elements, columns as above)
+
+    # What others do
+    push: Floats  # Their force, N
+    carried: Booleans  # Whether contact takes a fragment through the step
+    hold_change: Floats  # Of the floor on such a one, as a multiple of what it may be
+
+    # What comes of the step
+    accepted: Booleans  # Whether the last call ended a sub-step
+    shortest: Floats  # Sub-step, s
+    clearance: Floats  # Least, m
+    rubbed: Floats  # Work of friction so far, J
+    yielded: Floats  # Deepest yield of the bed under each element, m
     applied: Floats  # Changes of velocity by all forces, m s-1; shape (elements, forces, 2)
-    peak: Floats  # Forces when the floor pressed hardest, and the axes then; shape (elements, 5)
+    peak: Floats  # Largest force of the floor, N
+    peak_time: Floats  # When that was, s
+    peak_spin: Floats  # Then, rad s-1
+    peak_force: Floats  # On the elements then, N, N, N m; shape (elements, 3)
+    peak_axes: Floats  # Theirs then, cosine and sine; shape (elements, 2)
 
 
-def prepare(pads: Pads, plates: Plates, polygons: Ints, start: Ints, pose: Floats, draft: Floats) -> Landing:
-    """Make room for the step of some fragments."""
-    count, n = len(pose), draft.size
+# Many arguments: what the fragments are, and where.
+def begin_step(
+    pads: Pads, plates: Plates, polygons: Ints, polygon_start: Ints, numbers: Ints, bodies: Bodies, keel: Keel, thickness: Floats,
+    draft: Floats, bed: Bed,
+) -> Landing:  # fmt: skip
+    """Let the fragments ``numbers`` begin a step where they are; ``thickness``, ``draft``: of the elements ``pads.rows``, m."""
+    rows, count, elements = pads.rows, numbers.size, pads.rows.size
+    fragment = np.repeat(np.arange(count), np.diff(pads.row_start))
+    corners = np.concatenate([[0], np.cumsum(pads.start[polygons + 1] - pads.start[polygons])])[polygon_start]
+    anchors, loads = np.zeros((elements, ANCHORS)), np.zeros((elements, PRESSED))
+    for column, name in enumerate(ANCHOR_NAMES[:FORCE_X]):
+        anchors[:, column] = getattr(keel, name)[rows]
+    loads[:, HOLD] = keel.floor_hold[rows]
+    hold = np.asarray(np.bincount(fragment, loads[:, HOLD]), np.float64)
+    stands = (keel.floor_load[rows] > 0.0) | (anchors[:, :2] != 0.0).any(axis=1)
+    touches, substep = np.bincount(fragment, stands) > 0.0, keel.floor_substep[rows[pads.row_start[:-1]]]
+    hull, mean_thickness, length = np.empty((count, 3, 3)), np.empty(count), np.empty(count)
+    fill_hulls(pads, thickness, draft, bed.modulus, bed.poisson, hull, mean_thickness, length)
+
+    def zeros(*shape: int) -> Floats:
+        return np.zeros((count, *shape))
+
+    def no() -> Booleans:
+        return np.zeros(count, np.bool_)
+
     return Landing(
-        pads, plates, polygons, start, pose, np.empty_like(pose), np.empty_like(pose), np.empty_like(pose),
-        np.zeros((count, 7, 3)), np.zeros((count, NUMBERS)), np.zeros((count, 6), np.int64), np.zeros((count, 3)), draft,
-        np.empty((n, 3)), np.empty((n, 11)), np.zeros((n, 7)), np.zeros((n, 7)), np.zeros((n, PRESSED)), np.empty(n),
-        np.zeros((polygons.size, 5)), np.zeros((n, len(FORCES), 2)), np.zeros((n, 5)),
+        pads, plates, polygons, polygon_start, points=np.diff(corners) + np.diff(polygon_start),
+        pose=bodies.pose[numbers], reference=bodies.reference[rows], draft=draft, thickness=mean_thickness, length=length,
+        hull=hull, mobility=zeros(3, 3), arm=zeros(), radius=zeros(), reach=zeros(), level=zeros(3), first_speed=zeros(),
+        status=np.where(np.diff(polygon_start) > 0, BEGINS, AFLOAT), time=zeros(),
+        substep=np.where(touches & (substep > 0.0), substep, HELD_STEP), path=zeros(3), velocity=bodies.twist[numbers],
+        acceleration=zeros(3), touches=touches, anchors=anchors,
+        way=zeros(3), sounded_pose=zeros(3, 3), levers=np.empty((elements, 11)), rise=zeros(3), loads=loads,
+        bent=np.zeros((polygons.size, 5)), touches_in_middle=no(), hold=hold, slides=no(),
+        net=zeros(3), rubs=zeros(), next_velocity=zeros(3), next_anchors=np.zeros_like(anchors),
+        push=zeros(3), carried=no(), hold_change=zeros(),
+        accepted=no(), shortest=np.full(count, math.inf), clearance=np.full(count, math.inf), rubbed=zeros(),
+        yielded=keel.floor_yield[rows], applied=np.zeros((elements, len(FORCES), 2)), peak=np.full(count, -1.0),
+        peak_time=zeros(), peak_spin=zeros(), peak_force=np.zeros((elements, 3)), peak_axes=np.zeros((elements, 2)),
     )  # fmt: skip
 
 
-@kernel
-def write_points(
-    pads: Pads, b: int, polygons: Ints, pose: Floats, latlon: bool, radius: float, at: int, lon: Floats, lat: Floats
-) -> int:  # fmt: skip
-    """Write the positions of the corners of polygons, then of their centroids, from ``at`` on; returns where they end."""
-    ox, oy = pads.frame[b, ORIGIN_X], pads.frame[b, ORIGIN_Y]
-    for k in polygons:
-        for n in range(pads.start[k], pads.start[k + 1]):
-            lon[at], lat[at] = place_points(pads.corner[n, 0] + ox, pads.corner[n, 1] + oy, pose, latlon, radius)
-            at += 1
-    for k in polygons:
-        lon[at], lat[at] = place_points(pads.centre[k, 0] + ox, pads.centre[k, 1] + oy, pose, latlon, radius)
-        at += 1
-    return at
-
-
-@kernel
-def _interpolate_level(number: Floats, fraction: float) -> float:
+@borrower
+def _interpolate_level(level: Floats, fraction: float) -> float:
     """Sea level (m) at a part of the step, by a parabola."""
-    first, middle, last = number[LEVEL], number[LEVEL + 1], number[LEVEL + 2]
+    first, middle, last = level[0], level[1], level[2]
     return float(
         first + fraction * (4.0 * middle - 3.0 * first - last + 2.0 * fraction * (first - 2.0 * middle + last))
     )
 
 
 @kernel
-def _add_force(levers: Floats, dx: float, dy: float, x: float, y: float, net: Floats) -> None:
-    """Add a force (N, east and north) at (dx, dy) from the centre of an element to that on its fragment."""
-    ox, oy = levers[9] * dx - levers[10] * dy, levers[10] * dx + levers[9] * dy
-    torque = ox * y - oy * x
-    for k in range(3):
-        net[k] += levers[k] * x + levers[3 + k] * y + levers[6 + k] * torque
+def _press(f: Landing, a: int, bed: Bed, fraction: float, depth: Floats) -> bool:
+    """Press a fragment onto the floor after a part of the step; returns whether it touches it."""
+    own_polygons = slice(f.polygon_start[a], f.polygon_start[a + 1])
+    iterations, largest = press(
+        f.pads, f.plates, a, f.polygons[own_polygons], depth, f.draft, _interpolate_level(f.level[a], fraction), bed, f.hull[a],
+        f.length[a], f.thickness[a], f.rise[a], f.loads, f.bent[own_polygons],
+    )  # fmt: skip
+    f.clearance[a] = min(f.clearance[a], -largest)
+    if iterations < 0:
+        f.status[a] = UNSETTLED
+    return largest > 0.0
 
 
 @kernel
-def _load_from_centre(fragments: Landing, a: int, e: int) -> tuple[float, float]:
-    """Return where the load of an element lies from its centre, along the axes of the fragment (m)."""
-    x = fragments.loads[e, LOAD_X] - fragments.pads.element[e, 0] - fragments.pads.frame[a, ORIGIN_X]
-    return x, fragments.loads[e, LOAD_Y] - fragments.pads.element[e, 1] - fragments.pads.frame[a, ORIGIN_Y]
+def _set_levers(f: Landing, a: int, step: Step) -> None:
+    """Find the levers of the elements of a fragment where it was sounded."""
+    first, last, none = f.pads.row_start[a], f.pads.row_start[a + 1], np.empty((0, 3))
+    bodies = Bodies(np.zeros(last - first, np.int64), f.reference[first:last], f.sounded_pose[a : a + 1], none, none)
+    fill_levers(bodies, step.latlon, step.earth, f.levers[first:last])
 
 
-@kernel
+@borrower
 def _turned(m: Floats, x: float, y: float) -> tuple[float, float]:
     """Return a vector along the axes of the fragment east and north at an element; ``m``: its levers."""
     return m[9] * x - m[10] * y, m[10] * x + m[9] * y
 
 
-@kernel
-def _solve_friction(fragments: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: float) -> bool:
+@borrower
+def _set_slope_force(f: Landing, a: int, e: int, anchor: Floats) -> None:
+    """Find where the floor acts on an element, and how its slope pushes it."""
+    m, load = f.levers[e], f.loads[e]
+    x = load[LOAD_X] - f.pads.element[e, 0] - f.pads.origin[a, 0]
+    y = load[LOAD_Y] - f.pads.element[e, 1] - f.pads.origin[a, 1]
+    anchor[ARM_X], anchor[ARM_Y] = _turned(m, x, y)
+    anchor[FORCE_X], anchor[FORCE_Y] = _turned(m, load[PUSH_X], load[PUSH_Y])
+
+
+@borrower
+def _add_force(m: Floats, anchor: Floats, net: Floats) -> None:
+    """Add the force of the floor on an element to that on its fragment; ``m``: its levers."""
+    x, y = anchor[FORCE_X], anchor[FORCE_Y]
+    torque = anchor[ARM_X] * y - anchor[ARM_Y] * x
+    for k in range(3):
+        net[k] += m[k] * x + m[3 + k] * y + m[6 + k] * torque
+
+
+@borrower
+def _pull(anchor: Floats, lever: Floats, spring: float, v: Floats) -> tuple[float, float]:
+    """Force (N) of an anchor that holds while its fragment moves; ``lever``: velocity of the keel by that of the fragment."""
+    x = anchor[ANCHOR_X] - spring * (lever[0] * v[0] + lever[1] * v[1] + lever[2] * v[2])
+    y = anchor[ANCHOR_Y] - spring * (lever[3] * v[0] + lever[4] * v[1] + lever[5] * v[2])
+    return x, y
+
+
+# Many arguments: the sums of Newton's method.
+@borrower
+def _add_friction(
+    f: Landing, loaded: Ints, lever: Floats, spring: Floats, v: Floats, may_slide: bool, friction: Floats, slides: Booleans,
+    total: Floats, tangent: Floats,
+) -> None:  # fmt: skip
+    """Find the friction of all anchors at a velocity, and whether they slide; add it up, and minus its slope by the velocity."""
+    for i in range(loaded.size):
+        w, limit, fraction, cx, cy = lever[i], f.loads[loaded[i], HOLD], 1.0, 0.0, 0.0
+        x, y = _pull(f.anchors[loaded[i]], w, spring[i], v)
+        size = math.hypot(x, y)
+        slides[i] = size > limit and may_slide
+        if slides[i]:
+            fraction, cx, cy = limit / size, x / size, y / size
+        friction[i, 0], friction[i, 1] = fraction * x, fraction * y
+        # Of a sliding anchor the slope of its direction alone.
+        stiffness = spring[i] * fraction
+        xx, xy, yy = stiffness * (1.0 - cx * cx), -stiffness * cx * cy, stiffness * (1.0 - cy * cy)
+        for k in range(3):
+            total[k] += w[k] * friction[i, 0] + w[3 + k] * friction[i, 1]
+            p, q = xx * w[k] + xy * w[3 + k], xy * w[k] + yy * w[3 + k]
+            for j in range(3):
+                tangent[k, j] += p * w[j] + q * w[3 + j]
+
+
+@stage
+def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: float) -> bool:
     """Solve for the velocity at the end of a sub-step with the anchors, by Newton's method; False where it does not settle.
 
     Leaves velocity, net force, anchors, forces and work of friction of the sub-step.
     """
-    first, number, motion = fragments.pads.row_start[a], fragments.number[a], fragments.motion[a]
-    count = fragments.pads.row_start[a + 1] - first
-    mass = take_elements(forcing, slice(first, first + count))
-    levers, always, body = fragments.levers[first : first + count], np.ones(1, np.bool_), np.zeros(count, np.int64)
-    loaded, n = np.empty(count, np.int64), 0
-    for e in range(count):
-        for column in range(ARM_Y + 1):
-            fragments.trial_anchors[first + e, column] = 0.0
-        if fragments.loads[first + e, LOAD] > 0.0:
-            loaded[n] = e
-            n += 1
-    lever, spring, constant = np.empty((n, 6)), np.empty(n), motion[PUSH].copy()
-    offset, slope = np.empty((n, 2)), np.empty((n, 2))
-    for i in range(n):
-        e = first + loaded[i]
-        m = fragments.levers[e]
-        offset[i, 0], offset[i, 1] = _load_from_centre(fragments, a, e)
-        ox, oy = _turned(m, offset[i, 0], offset[i, 1])
+    first, last = f.pads.row_start[a], f.pads.row_start[a + 1]
+    mass, levers = take_elements(forcing, slice(first, last)), f.levers[first:last]
+    always, body = np.ones(1, np.bool_), np.zeros(last - first, np.int64)
+    loaded = first + np.flatnonzero(f.loads[first:last, LOAD] > 0.0)
+    lever, spring, constant = np.empty((loaded.size, 6)), np.empty(loaded.size), f.push[a].copy()
+    friction, slides = np.empty((loaded.size, 2)), np.zeros(loaded.size, np.bool_)
+    f.next_anchors[first:last] = 0.0
+    for i in range(loaded.size):
+        e = loaded[i]
+        m, anchor = f.levers[e], f.next_anchors[e]
+        _set_slope_force(f, a, e, anchor)
+        _add_force(m, anchor, constant)
         for k in range(3):
-            lever[i, k], lever[i, 3 + k] = m[k] - oy * m[6 + k], m[3 + k] + ox * m[6 + k]
-        slope[i, 0], slope[i, 1] = _turned(m, fragments.loads[e, PUSH_X], fragments.loads[e, PUSH_Y])
-        _add_force(m, offset[i, 0], offset[i, 1], slope[i, 0], slope[i, 1], constant)
-        fragments.trial_anchors[e, LARGEST] = max(fragments.anchors[e, LARGEST], fragments.loads[e, HOLD])
-        spring[i] = dt * fragments.trial_anchors[e, LARGEST] / bed.anchor_way
-    v0, v, new, step, force = motion[VELOCITY], motion[NEXT], motion[VELOCITY].copy(), np.zeros(3), np.empty((n, 2))
-    net, jacobian, twist, total, tangent, r = (
-        np.zeros((1, 3)), np.zeros((1, 3, 3)), np.zeros((1, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3),
-    )  # fmt: skip
-    mobility, arm, slides = fragments.mobility[a], number[ARM], np.zeros(n, np.bool_)
-    previous_size, scale, passes = math.inf, 1.0, 0
+            lever[i, k], lever[i, 3 + k] = m[k] - anchor[ARM_Y] * m[6 + k], m[3 + k] + anchor[ARM_X] * m[6 + k]
+        anchor[LARGEST] = max(f.anchors[e, LARGEST], f.loads[e, HOLD])
+        spring[i] = dt * anchor[LARGEST] / bed.anchor_way
+
+    v0, v, new, step = f.velocity[a], f.next_velocity[a], f.velocity[a].copy(), np.zeros(3)
+    net, jacobian, twist = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty((1, 3))
+    total, tangent, r, matrix = np.empty(3), np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    mobility, arm, previous_size, scale, passes = f.mobility[a], f.arm[a], math.inf, 1.0, 0
     while True:
         # Media at the mean velocity, as the ledger has them: momentum closes to round-off.
         for k in range(3):
@@ -239,27 +340,8 @@ def _solve_friction(fragments: Landing, a: int, forcing: ElementForcing, bed: Be
             total[k] = net[0, k] + constant[k]
             for j in range(3):
                 tangent[k, j] = 0.5 * jacobian[0, k, j]
-        for i in range(n):
-            e, w = first + loaded[i], lever[i]
-            x = fragments.anchors[e, ANCHOR_X] - spring[i] * (w[0] * new[0] + w[1] * new[1] + w[2] * new[2])
-            y = fragments.anchors[e, ANCHOR_Y] - spring[i] * (w[3] * new[0] + w[4] * new[1] + w[5] * new[2])
-            size, limit, fraction, cx, cy = math.hypot(x, y), fragments.loads[e, HOLD], 1.0, 0.0, 0.0
-            # As if all anchors held at first: a fragment that turns about one of them seems to slide by its last velocity.
-            slides[i] = size > limit and passes > 0
-            if slides[i]:
-                fraction, cx, cy = limit / size, x / size, y / size
-            force[i, 0], force[i, 1] = fraction * x, fraction * y
-            # Slope of the force by the velocity: of a sliding anchor that of its direction alone.
-            xx, xy, yy = (
-                spring[i] * fraction * (1.0 - cx * cx),
-                -spring[i] * fraction * cx * cy,
-                spring[i] * fraction * (1.0 - cy * cy),
-            )
-            for k in range(3):
-                total[k] += w[k] * force[i, 0] + w[3 + k] * force[i, 1]
-                p, q = xx * w[k] + xy * w[3 + k], xy * w[k] + yy * w[3 + k]
-                for j in range(3):
-                    tangent[k, j] += p * w[j] + q * w[3 + j]
+        # As if all anchors held at first: a fragment that turns about one of them seems to slide by its last velocity.
+        _add_friction(f, loaded, lever, spring, new, passes > 0, friction, slides, total, tangent)
         acceleration = times(mobility, total)
         for k in range(3):
             r[k] = new[k] - v0[k] - dt * acceleration[k]
@@ -269,18 +351,15 @@ def _solve_friction(fragments: Landing, a: int, forcing: ElementForcing, bed: Be
             for k in range(3):
                 new[k] = v[k] + scale * step[k]
             continue
-        for k in range(3):
-            v[k] = new[k]
         previous_size = size
-        if passes == PASSES:
-            return False
-        matrix = np.empty((3, 3))
         for k in range(3):
-            r[k] = -r[k]
+            v[k], r[k] = new[k], -r[k]
             for j in range(3):
                 matrix[k, j] = 1.0 if k == j else 0.0
                 for i in range(3):
                     matrix[k, j] += dt * mobility[k, i] * tangent[i, j]
+        if passes == PASSES:
+            return False
         step[0], step[1], step[2] = solve(matrix, r)
         change, speed = math.hypot(step[0], step[1]) + arm * abs(step[2]), math.hypot(v[0], v[1]) + arm * abs(v[2])
         if passes > 0 and change <= 1e-12 * max(speed, 1e-6):
@@ -288,471 +367,332 @@ def _solve_friction(fragments: Landing, a: int, forcing: ElementForcing, bed: Be
         for k in range(3):
             new[k] = v[k] + step[k]
         scale, passes = 1.0, passes + 1
+
     for k in range(3):
-        motion[NET, k] = 0.0
-    fragments.flag[a, SLIDES], number[HELD], rubbed = 0, 0.0, 0.0
-    for i in range(n):
-        e, w, limit = first + loaded[i], lever[i], fragments.loads[first + loaded[i], HOLD]
-        trial_anchor = fragments.trial_anchors[e]
-        trial_anchor[ANCHOR_X], trial_anchor[ANCHOR_Y] = force[i, 0], force[i, 1]
-        trial_anchor[FORCE_X], trial_anchor[FORCE_Y] = force[i, 0] + slope[i, 0], force[i, 1] + slope[i, 1]
-        m = fragments.levers[e]
-        trial_anchor[ARM_X], trial_anchor[ARM_Y] = (
-            m[9] * offset[i, 0] - m[10] * offset[i, 1],
-            m[10] * offset[i, 0] + m[9] * offset[i, 1],
-        )
-        _add_force(m, offset[i, 0], offset[i, 1], trial_anchor[FORCE_X], trial_anchor[FORCE_Y], motion[NET])
-        number[HELD] += limit
-        # Where it slides, the anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
-        x = fragments.anchors[e, ANCHOR_X] - 0.5 * spring[i] * (
-            w[0] * (v0[0] + v[0]) + w[1] * (v0[1] + v[1]) + w[2] * (v0[2] + v[2])
-        )
-        y = fragments.anchors[e, ANCHOR_Y] - 0.5 * spring[i] * (
-            w[3] * (v0[0] + v[0]) + w[4] * (v0[1] + v[1]) + w[5] * (v0[2] + v[2])
-        )
+        f.net[a, k], twist[0, k] = 0.0, v0[k] + v[k]
+    f.slides[a], f.hold[a], f.rubs[a] = False, 0.0, 0.0
+    for i in range(loaded.size):
+        anchor, limit = f.next_anchors[loaded[i]], f.loads[loaded[i], HOLD]
+        anchor[ANCHOR_X], anchor[ANCHOR_Y] = friction[i, 0], friction[i, 1]
+        anchor[FORCE_X] += friction[i, 0]
+        anchor[FORCE_Y] += friction[i, 1]
+        _add_force(f.levers[loaded[i]], anchor, f.net[a])
+        f.hold[a] += limit
         if slides[i]:
-            fragments.flag[a, SLIDES] = 1
-            rubbed += limit * max(math.hypot(x, y) - limit, 0.0) * bed.anchor_way / max(trial_anchor[LARGEST], 1e-30)
-    number[RUBS] = rubbed
+            # The anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
+            f.slides[a] = True
+            x, y = _pull(f.anchors[loaded[i]], lever[i], 0.5 * spring[i], twist[0])
+            f.rubs[a] += limit * max(math.hypot(x, y) - limit, 0.0) * bed.anchor_way / max(anchor[LARGEST], 1e-30)
     return True
 
 
 @kernel
-def _request_depth(fragments: Landing, a: int, t: float, status: int, latlon: bool, radius: float) -> None:
-    """Ask for the depth after the way in ``motion[WAY]`` and ``t`` s, as far as the pads are watched."""
-    displacement, twist = fragments.motion[a, WAY], np.empty((1, 3))
+def _request_depth(f: Landing, a: int, step: Step, t: float, status: int) -> None:
+    """Ask for the depth after the way in ``way`` and ``t`` s, as far as the pads are watched."""
+    twist = np.empty((1, 3))
     for k in range(3):
-        twist[0, k] = displacement[k] / t
-    move_poses(fragments.pose[a : a + 1], twist, t, latlon, radius, fragments.sounded_pose[a : a + 1], np.empty((3, 3)))
-    gone = math.hypot(displacement[0], displacement[1]) + fragments.number[a, RADIUS] * abs(displacement[2])
-    fragments.flag[a, STATUS] = status if gone <= fragments.number[a, REACH] else BEYOND
+        twist[0, k] = f.way[a, k] / t
+    move_poses(f.pose[a : a + 1], twist, t, step.latlon, step.earth, f.sounded_pose[a : a + 1], np.empty((3, 3)))
+    gone = math.hypot(f.way[a, 0], f.way[a, 1]) + f.radius[a] * abs(f.way[a, 2])
+    f.status[a] = status if gone <= f.reach[a] else BEYOND
 
 
-@kernel
-def _substep_length(number: Floats, h: float) -> float:
+@borrower
+def _substep_length(f: Landing, a: int, h: float) -> float:
     """Length (s) of the sub-step that is tried, in a step of ``h`` s."""
-    left = h - number[TIME]
-    return float(left / max(math.ceil(left / number[SUBSTEP] - 1e-3), 1))  # in equal parts: the last one is no sliver
+    left = h - f.time[a]
+    return float(left / max(math.ceil(left / f.substep[a] - 1e-3), 1))  # in equal parts: the last one is no sliver
 
 
 @kernel
-def _begin_substep(fragments: Landing, a: int, h: float, latlon: bool, radius: float) -> None:
+def _begin_substep(f: Landing, a: int, step: Step) -> None:
     """Ask for the depth in the middle of a sub-step, where the acceleration of the last one would take the fragment."""
-    motion, dt = fragments.motion[a], _substep_length(fragments.number[a], h)
+    dt = _substep_length(f, a, step.h)
     for k in range(3):
-        motion[WAY, k] = motion[PATH, k] + 0.5 * dt * motion[VELOCITY, k] + 0.125 * dt * dt * motion[ACCELERATION, k]
-    _request_depth(fragments, a, fragments.number[a, TIME] + 0.5 * dt, MIDDLE, latlon, radius)
+        f.way[a, k] = f.path[a, k] + 0.5 * dt * f.velocity[a, k] + 0.125 * dt * dt * f.acceleration[a, k]
+    _request_depth(f, a, step, f.time[a] + 0.5 * dt, MIDDLE)
 
 
 @kernel
-def _refuse(fragments: Landing, a: int, dt: float, fraction: float, h: float, latlon: bool, radius: float) -> None:
+def _refuse(f: Landing, a: int, step: Step, dt: float, fraction: float) -> None:
     """Begin anew with a part of a sub-step of ``dt`` s."""
-    fragments.number[a, SUBSTEP] = fraction * dt
+    f.substep[a] = fraction * dt
     if fraction * dt < LEAST_STEP:
-        fragments.flag[a, STATUS] = TOO_SHORT
+        f.status[a] = TOO_SHORT
     else:
-        _begin_substep(fragments, a, h, latlon, radius)
+        _begin_substep(f, a, step)
 
 
-@kernel
-def _press(fragments: Landing, a: int, bed: Bed, h: float, t: float, depth: Floats) -> bool:
-    """Press a fragment onto the floor ``t`` s from the start; returns whether it touches it."""
-    own_polygons, number = slice(fragments.polygon_start[a], fragments.polygon_start[a + 1]), fragments.number[a]
-    iterations, largest = press(
-        fragments.pads, fragments.plates, a, fragments.polygons[own_polygons], depth, fragments.draft,
-        _interpolate_level(number, t / h), bed, fragments.hull[a],
-        number[LENGTH], number[THICKNESS], fragments.rise[a], fragments.loads, fragments.bent[own_polygons],
-    )  # fmt: skip
-    number[CLEARANCE] = min(number[CLEARANCE], -largest)
-    if iterations < 0:
-        fragments.flag[a, STATUS] = UNSETTLED
-    return largest > 0.0
-
-
-@kernel
-def _go_through_middle(
-    fragments: Landing, a: int, forcing: ElementForcing, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float
-) -> None:  # fmt: skip
+@stage
+def _go_through_middle(f: Landing, a: int, step: Step, forcing: ElementForcing, depth: Floats) -> None:
     """Find the forces in the middle of a sub-step and the velocity after it; ask for the depth at its end."""
-    number, flag, motion, dt = (
-        fragments.number[a],
-        fragments.flag[a],
-        fragments.motion[a],
-        _substep_length(fragments.number[a], h),
-    )
-    flag[MIDDLE_TOUCHES] = int(_press(fragments, a, bed, h, number[TIME] + 0.5 * dt, depth))
-    if flag[STATUS] == UNSETTLED:
+    dt = _substep_length(f, a, step.h)
+    middle, end = (f.time[a] + 0.5 * dt) / step.h, (f.time[a] + dt) / step.h
+    f.touches_in_middle[a] = _press(f, a, step.bed, middle, depth)
+    if f.status[a] == UNSETTLED:
         return
-    if dt == h and dt > TOUCH_STEP and flag[TOUCHES] == flag[MIDDLE_TOUCHES] == 0:
-        for k in range(3):  # nothing touches so far: where it goes afloat is where to look
-            motion[NEXT, k], motion[NET, k] = motion[VELOCITY, k], 0.0
-        flag[SLIDES] = 0
-    else:
-        first, last = fragments.pads.row_start[a], fragments.pads.row_start[a + 1]
-        count = last - first
-        none = np.empty((0, 3))
-        bodies = Bodies(
-            np.zeros(count, np.int64), fragments.reference[first:last], fragments.sounded_pose[a : a + 1], none, none
-        )
-        fill_levers(bodies, latlon, radius, fragments.levers[first:last])
-        if not _solve_friction(fragments, a, forcing, bed, dt):
-            _refuse(fragments, a, dt, 0.5, h, latlon, radius)
-            return
-    middle, end = number[TIME] + 0.5 * dt, number[TIME] + dt
-    is_level = _interpolate_level(number, middle / h) == _interpolate_level(number, end / h)
-    if is_level and flag[MIDDLE_TOUCHES] == 1 and _is_held(fragments, a, bed, dt):
-        # A berg that stands still in water that does not rise or fall is pressed at the end as it is in the middle.
-        _end_substep(fragments, a, forcing, bed, h, True, latlon, radius)
-        return
-    for k in range(3):
-        motion[WAY, k] = motion[PATH, k] + 0.5 * dt * (motion[VELOCITY, k] + motion[NEXT, k])
-    _request_depth(fragments, a, end, END, latlon, radius)
-
-
-@kernel
-def _is_held(fragments: Landing, a: int, bed: Bed, dt: float) -> bool:
-    """Whether no anchor slides in the middle of a sub-step, and the fragment goes no farther in it than an anchor gives way."""
-    first, last = fragments.motion[a, VELOCITY], fragments.motion[a, NEXT]
-    speed = math.hypot(first[0] + last[0], first[1] + last[1]) + fragments.number[a, ARM] * abs(first[2] + last[2])
-    return bool(fragments.flag[a, SLIDES] == 0 and 0.5 * dt * speed <= bed.anchor_way)
-
-
-@kernel
-def _change(fragments: Landing, a: int, dt: float, touches: bool) -> Floats:
-    """Change of velocity by a sub-step, with the greater of the forces in its middle and at its end."""
-    motion, number, friction, more = fragments.motion[a], fragments.number[a], 0.0, np.zeros(3)
-    if not (touches or fragments.flag[a, MIDDLE_TOUCHES]):
-        return more
-    for e in range(fragments.pads.row_start[a], fragments.pads.row_start[a + 1]):
-        friction += fragments.loads[e, HOLD]
-    if fragments.flag[a, MIDDLE_TOUCHES]:
+    if dt == step.h and dt > TOUCH_STEP and not (f.touches[a] or f.touches_in_middle[a]):
+        # Nothing touches so far: where it goes afloat is where to look.
+        f.slides[a] = False
         for k in range(3):
-            more[k] = max(0.0, friction / max(number[HELD], 1e-30) - 1.0) * motion[NET, k]
+            f.next_velocity[a, k], f.net[a, k] = f.velocity[a, k], 0.0
     else:
-        speed = max(math.hypot(motion[VELOCITY, 0], motion[VELOCITY, 1]), 1e-12)
-        more[0], more[1] = -friction * motion[VELOCITY, 0] / speed, -friction * motion[VELOCITY, 1] / speed
-    acceleration = times(fragments.mobility[a], more)
+        _set_levers(f, a, step)
+        if not _solve_friction(f, a, forcing, step.bed, dt):
+            _refuse(f, a, step, dt, 0.5)
+            return
+    is_level = _interpolate_level(f.level[a], middle) == _interpolate_level(f.level[a], end)
+    if is_level and f.touches_in_middle[a] and _is_held(f, a, step.bed, dt):
+        # A berg that stands still in water that does not rise or fall is pressed at the end as it is in the middle.
+        _end_substep(f, a, step, forcing, True)
+        return
     for k in range(3):
-        more[k] = motion[NEXT, k] - motion[VELOCITY, k] + dt * acceleration[k]
-    return more
+        f.way[a, k] = f.path[a, k] + 0.5 * dt * (f.velocity[a, k] + f.next_velocity[a, k])
+    _request_depth(f, a, step, f.time[a] + dt, END)
 
 
-@kernel
-def _go_through_end(
-    fragments: Landing, a: int, forcing: ElementForcing, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float
-) -> None:  # fmt: skip
+@stage
+def _go_through_end(f: Landing, a: int, step: Step, forcing: ElementForcing, depth: Floats) -> None:
     """Find the forces at the end of a sub-step, and end it."""
-    number, flag = fragments.number[a], fragments.flag[a]
-    dt = _substep_length(number, h)
-    touches = _press(fragments, a, bed, h, number[TIME] + dt, depth)
-    if flag[STATUS] == UNSETTLED:
+    dt = _substep_length(f, a, step.h)
+    touches = _press(f, a, step.bed, (f.time[a] + dt) / step.h, depth)
+    if f.status[a] == UNSETTLED:
         return
-    if flag[TOUCHES] == flag[MIDDLE_TOUCHES] == int(touches) == 0 and dt == h:
-        flag[STATUS] = AFLOAT
+    if dt == step.h and not (f.touches[a] or f.touches_in_middle[a] or touches):
+        f.status[a] = AFLOAT
     else:
-        _end_substep(fragments, a, forcing, bed, h, touches, latlon, radius)
+        _end_substep(f, a, step, forcing, touches)
+
+
+@borrower
+def _is_held(f: Landing, a: int, bed: Bed, dt: float) -> bool:
+    """Whether no anchor slides in the middle of a sub-step, and the fragment goes no farther in it than an anchor gives way."""
+    v, w = f.velocity[a], f.next_velocity[a]
+    speed = math.hypot(v[0] + w[0], v[1] + w[1]) + f.arm[a] * abs(v[2] + w[2])
+    return bool(not f.slides[a] and 0.5 * dt * speed <= bed.anchor_way)
+
+
+@borrower
+def relative_change(f: Landing, a: int, change: Floats) -> float:
+    """Return a change of the velocity of a fragment at its rim as a part of its speed there."""
+    v = f.velocity[a]
+    speed = max(math.hypot(v[0], v[1]) + f.arm[a] * abs(v[2]), 0.5 * f.first_speed[a], SLOW)
+    return float((math.hypot(change[0], change[1]) + f.arm[a] * abs(change[2])) / speed)
+
+
+@stage
+def _measure_change(f: Landing, a: int, dt: float, touches: bool) -> float:
+    """Relative change of velocity by a sub-step, with the greater of the forces in its middle and at its end."""
+    if not (touches or f.touches_in_middle[a]):
+        return 0.0
+    friction, v, more = 0.0, f.velocity[a], np.zeros(3)
+    for e in range(f.pads.row_start[a], f.pads.row_start[a + 1]):
+        friction += f.loads[e, HOLD]
+    if f.touches_in_middle[a]:
+        for k in range(3):
+            more[k] = max(0.0, friction / max(f.hold[a], 1e-30) - 1.0) * f.net[a, k]
+    else:
+        speed = max(math.hypot(v[0], v[1]), 1e-12)
+        more[0], more[1] = -friction * v[0] / speed, -friction * v[1] / speed
+    acceleration = times(f.mobility[a], more)
+    for k in range(3):
+        more[k] = f.next_velocity[a, k] - v[k] + dt * acceleration[k]
+    return relative_change(f, a, more)
 
 
 @kernel
-def relative_change(fragments: Landing, a: int, change: Floats) -> float:
-    """Return a change of the velocity of a fragment as a part of its speed."""
-    number, v = fragments.number[a], fragments.motion[a, VELOCITY]
-    speed = math.hypot(v[0], v[1]) + number[ARM] * abs(v[2])
-    size = math.hypot(change[0], change[1]) + number[ARM] * abs(change[2])
-    return float(size / max(speed, 0.5 * number[SPEED], SLOW))
-
-
-@kernel
-def _end_substep(
-    fragments: Landing, a: int, forcing: ElementForcing, bed: Bed, h: float, touches: bool, latlon: bool, radius: float
-) -> None:  # fmt: skip
+def _end_substep(f: Landing, a: int, step: Step, forcing: ElementForcing, touches: bool) -> None:
     """Accept a sub-step by the forces at its end, or refuse it; begin the next one."""
-    number, flag, motion = fragments.number[a], fragments.flag[a], fragments.motion[a]
-    dt = _substep_length(number, h)
-    same = flag[TOUCHES] == flag[MIDDLE_TOUCHES] == int(touches)
-    if not same and dt > TOUCH_STEP:
-        _refuse(fragments, a, dt, 0.5, h, latlon, radius)
+    dt, v0 = _substep_length(f, a, step.h), f.velocity[a]
+    if not f.touches[a] == f.touches_in_middle[a] == touches and dt > TOUCH_STEP:
+        _refuse(f, a, step, dt, 0.5)
         return
-    v0, is_held = motion[VELOCITY], _is_held(fragments, a, bed, dt)
-    ratio = 0.0 if is_held else relative_change(fragments, a, _change(fragments, a, dt, touches)) / VELOCITY_CHANGE
+    is_held = _is_held(f, a, step.bed, dt)
+    ratio = 0.0 if is_held else _measure_change(f, a, dt, touches) / VELOCITY_CHANGE
     if ratio > 1.0:
-        _refuse(fragments, a, dt, min(max(0.85 / ratio, 0.05), 0.7), h, latlon, radius)
+        _refuse(f, a, step, dt, min(max(0.85 / ratio, 0.05), 0.7))
         return
-    _accept(fragments, a, forcing, dt)
-    flag[TOUCHES], flag[ACCEPTED] = int(touches), 1
+    _accept(f, a, forcing, dt)
+    f.touches[a], f.accepted[a] = touches, True
     longer = dt * (2.0 if ratio == 0.0 else min(max(0.85 / ratio, 1.0), 3.0))
-    slowing = -(motion[ACCELERATION, 0] * v0[0] + motion[ACCELERATION, 1] * v0[1])
+    slowing = -(f.acceleration[a, 0] * v0[0] + f.acceleration[a, 1] * v0[1])
     if is_held and touches:
         longer = HELD_STEP
-    elif slowing > 0.0 and flag[SLIDES]:
+    elif slowing > 0.0 and f.slides[a]:
         # Just before it stops: over a way shorter than that of the anchor the floor stops the fragment at once.
         speed = math.hypot(v0[0], v0[1])
         stop = speed * speed / slowing
-        if 0.5 * speed * stop < 0.9 * bed.anchor_way:
+        if 0.5 * speed * stop < 0.9 * step.bed.anchor_way:
             longer = max(longer, 1.2 * stop)
-    number[SUBSTEP] = max(longer, number[SUBSTEP]) if dt < number[SUBSTEP] else longer
-    if h - number[TIME] > 1e-12 * h:
-        _begin_substep(fragments, a, h, latlon, radius)
+    f.substep[a] = max(longer, f.substep[a]) if dt < f.substep[a] else longer
+    if step.h - f.time[a] > 1e-12 * step.h:
+        _begin_substep(f, a, step)
     else:
-        flag[STATUS] = DONE
+        f.status[a] = DONE
 
 
-@kernel
-def _accept(fragments: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
+@stage
+def _accept(f: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
     """Make a sub-step the state of a fragment."""
-    first, last, number, motion = (
-        fragments.pads.row_start[a],
-        fragments.pads.row_start[a + 1],
-        fragments.number[a],
-        fragments.motion[a],
-    )
+    first, last = f.pads.row_start[a], f.pads.row_start[a + 1]
     count, mean = last - first, np.empty((1, 3))
     for k in range(3):
-        mean[0, k] = 0.5 * (motion[VELOCITY, k] + motion[NEXT, k])
-        motion[ACCELERATION, k] = (motion[NEXT, k] - motion[VELOCITY, k]) / dt
-        motion[VELOCITY, k] = motion[NEXT, k]
-        motion[PATH, k] += dt * mean[0, k]
-    accelerations, rate, force, net = (
-        np.zeros((count, len(FORCES), 2)),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.zeros((1, 3)),
-    )
-    mass, levers = take_elements(forcing, slice(first, last)), fragments.levers[first:last]
+        mean[0, k] = 0.5 * (f.velocity[a, k] + f.next_velocity[a, k])
+        f.acceleration[a, k] = (f.next_velocity[a, k] - f.velocity[a, k]) / dt
+        f.velocity[a, k] = f.next_velocity[a, k]
+        f.path[a, k] += dt * mean[0, k]
+    f.time[a] += dt
+    f.shortest[a] = min(f.shortest[a], dt)
+    f.rubbed[a] += f.rubs[a]
+    accelerations, rate = np.zeros((count, len(FORCES), 2)), np.empty((count, 3))
+    force, net = np.empty((count, 3)), np.zeros((1, 3))
+    mass, levers = take_elements(forcing, slice(first, last)), f.levers[first:last]
     add_forces(np.zeros(count, np.int64), levers, mean, mass, accelerations, rate, force, net)
     size = 0.0
-    for e in range(count):
-        of_floor, applied = fragments.trial_anchors[first + e], fragments.applied[first + e]
-        accelerations[e, SEA_FLOOR, 0] += of_floor[FORCE_X] / mass.mass[e]
-        accelerations[e, SEA_FLOOR, 1] += of_floor[FORCE_Y] / mass.mass[e]
+    for n in range(count):
+        anchor, e = f.next_anchors[first + n], first + n
+        accelerations[n, SEA_FLOOR, 0] += anchor[FORCE_X] / mass.mass[n]
+        accelerations[n, SEA_FLOOR, 1] += anchor[FORCE_Y] / mass.mass[n]
         for k in range(len(FORCES)):
-            applied[k, 0] += dt * accelerations[e, k, 0]
-            applied[k, 1] += dt * accelerations[e, k, 1]
-        for column in range(ARM_Y + 1):
-            fragments.anchors[first + e, column] = of_floor[column]
-        fragments.yielded[first + e] = max(fragments.yielded[first + e], fragments.loads[first + e, YIELD])
-        size += math.hypot(of_floor[FORCE_X], of_floor[FORCE_Y])
-    if size > number[PEAK]:
-        number[PEAK], number[PEAK_SPIN], number[PEAK_TIME] = size, motion[VELOCITY, 2], number[TIME] + dt
-        for e in range(count):
-            of_floor, peak = fragments.trial_anchors[first + e], fragments.peak[first + e]
-            peak[0], peak[1] = force[e, 0] + of_floor[FORCE_X], force[e, 1] + of_floor[FORCE_Y]
-            torque = of_floor[ARM_X] * of_floor[FORCE_Y] - of_floor[ARM_Y] * of_floor[FORCE_X]
-            peak[2], peak[3], peak[4] = force[e, 2] + torque, levers[e, 9], levers[e, 10]
-    number[TIME] += dt
-    number[SHORTEST] = min(number[SHORTEST], dt)
-    number[RUBBED] += number[RUBS]
+            f.applied[e, k, 0] += dt * accelerations[n, k, 0]
+            f.applied[e, k, 1] += dt * accelerations[n, k, 1]
+        for k in range(ANCHORS):
+            f.anchors[e, k] = anchor[k]
+        f.yielded[e] = max(f.yielded[e], f.loads[e, YIELD])
+        size += math.hypot(anchor[FORCE_X], anchor[FORCE_Y])
+    if size > f.peak[a]:
+        f.peak[a], f.peak_spin[a], f.peak_time[a] = size, f.velocity[a, 2], f.time[a]
+        for n in range(count):
+            anchor, e = f.next_anchors[first + n], first + n
+            torque = anchor[ARM_X] * anchor[FORCE_Y] - anchor[ARM_Y] * anchor[FORCE_X]
+            f.peak_force[e, 0], f.peak_force[e, 1] = force[n, 0] + anchor[FORCE_X], force[n, 1] + anchor[FORCE_Y]
+            f.peak_force[e, 2], f.peak_axes[e, 0], f.peak_axes[e, 1] = force[n, 2] + torque, levers[n, 9], levers[n, 10]
 
 
-@kernel
-def carry(
-    fragments: Landing, a: int, path: Floats, twist: Floats, anchors: Floats, applied: Floats, rubbed: float
-) -> None:
-    """Let contact take a fragment on the floor through the step: its way and velocity, and friction and impulses on its elements.
-
-    ``anchors``: friction at the end, N; shape (elements, 2). ``rubbed``: its work, J.
-    """
-    first, number = fragments.pads.row_start[a], fragments.number[a]
-    fragments.flag[a, CARRIED], number[RUBBED], number[SHORTEST] = 1, rubbed, TOUCH_STEP
-    for k in range(3):
-        fragments.motion[a, PATH, k], fragments.motion[a, VELOCITY, k] = path[k], twist[k]
-    for e in range(anchors.shape[0]):
-        fragments.anchors[first + e, ANCHOR_X], fragments.anchors[first + e, ANCHOR_Y] = anchors[e, 0], anchors[e, 1]
-        for k in range(applied.shape[1]):
-            fragments.applied[first + e, k, 0], fragments.applied[first + e, k, 1] = applied[e, k, 0], applied[e, k, 1]
-
-
-@kernel
-def _set_down(fragments: Landing, a: int, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float) -> None:
+@stage
+def _set_down(f: Landing, a: int, step: Step, depth: Floats) -> None:
     """Find the forces of the floor on a fragment where contact has taken it."""
-    number, flag, push = fragments.number[a], fragments.flag[a], fragments.motion[a, PUSH]
-    held = fragments.loads[fragments.pads.row_start[a] : fragments.pads.row_start[a + 1], HOLD].copy()
-    touches = _press(fragments, a, bed, h, h, depth)
-    if flag[STATUS] == UNSETTLED:
+    first, last, push, change = f.pads.row_start[a], f.pads.row_start[a + 1], f.push[a], np.zeros(3)
+    hold_at_start = f.loads[first:last, HOLD].copy()
+    touches = _press(f, a, step.bed, 1.0, depth)
+    if f.status[a] == UNSETTLED:
         return
-    if not touches and not flag[TOUCHES]:
-        flag[STATUS] = AFLOAT
+    if not (touches or f.touches[a]):
+        f.status[a] = AFLOAT
         return
-    hold, change = _find_friction(fragments, a, held, fragments.sounded_pose[a], latlon, radius)
-    acceleration = times(fragments.mobility[a], change)
+    # Contact has taken the hold to be that of the start.
+    hold = _find_friction(f, a, step, hold_at_start, change)
+    acceleration = times(f.mobility[a], change)
     for k in range(3):
-        change[k] = h * acceleration[k]
-    by_hold = abs(hold - number[HELD]) / (HOLD_CHANGE * max(number[HELD], math.hypot(push[0], push[1]), 1e-30))
-    number[CHANGE] = min(relative_change(fragments, a, change) / CARRIED_CHANGE, by_hold)
-    flag[ACCEPTED], flag[STATUS] = 1, DONE
+        change[k] = step.h * acceleration[k]
+    by_hold = abs(hold - f.hold[a]) / (HOLD_CHANGE * max(f.hold[a], math.hypot(push[0], push[1]), 1e-30))
+    f.hold_change[a] = min(relative_change(f, a, change) / CARRIED_CHANGE, by_hold)
+    f.accepted[a], f.status[a] = True, DONE
 
 
-@kernel
-def _find_friction(
-    fragments: Landing, a: int, held: Floats, pose: Floats, latlon: bool, radius: float
-) -> tuple[float, Floats]:
-    """Find the friction of a fragment by its loads, where that of its elements hung on what they have ``held`` (N) so far.
+@stage
+def _find_friction(f: Landing, a: int, step: Step, hold_at_start: Floats, change: Floats) -> float:
+    """Find the friction of a fragment by its loads where it was sounded; returns what can hold it (N).
 
-    Returns what it can hold, N, and by how much its friction has changed, N, N, N m.
+    ``hold_at_start``: of the elements so far, N; ``change`` takes by how much the friction has changed, N, N, N m.
     """
-    first, last, hold, change = fragments.pads.row_start[a], fragments.pads.row_start[a + 1], 0.0, np.zeros(3)
-    none, poses = np.empty((0, 3)), np.empty((1, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            poses[0, i, j] = pose[i, j]
-    bodies = Bodies(np.zeros(last - first, np.int64), fragments.reference[first:last], poses, none, none)
-    fill_levers(bodies, latlon, radius, fragments.levers[first:last])
+    first, last, total = f.pads.row_start[a], f.pads.row_start[a + 1], 0.0
+    _set_levers(f, a, step)
     for e in range(first, last):
-        m, anchor, load = fragments.levers[e], fragments.anchors[e], fragments.loads[e]
-        hold += load[HOLD]
-        fragments.yielded[e] = max(fragments.yielded[e], load[YIELD])
-        anchor[LARGEST] = max(anchor[LARGEST], load[HOLD])
+        anchor, hold = f.anchors[e], f.loads[e, HOLD]
+        total += hold
+        f.yielded[e] = max(f.yielded[e], f.loads[e, YIELD])
+        anchor[LARGEST] = max(anchor[LARGEST], hold)
+        _set_slope_force(f, a, e, anchor)
+        x, y = anchor[FORCE_X], anchor[FORCE_Y]
         # Friction that slides is the hold now, as the next step finds it.
-        size, offset, x, y = (
-            math.hypot(anchor[ANCHOR_X], anchor[ANCHOR_Y]),
-            _load_from_centre(fragments, a, e),
-            0.0,
-            0.0,
-        )
-        if size > min(GIVES_WAY * held[e - first], load[HOLD]):
-            excess = load[HOLD] / size - 1.0
-            x, y = excess * anchor[ANCHOR_X], excess * anchor[ANCHOR_Y]
-            _add_force(m, offset[0], offset[1], x, y, change)
-        anchor[ANCHOR_X], anchor[ANCHOR_Y] = anchor[ANCHOR_X] + x, anchor[ANCHOR_Y] + y
-        x, y = _turned(m, load[PUSH_X], load[PUSH_Y])
+        size, excess = math.hypot(anchor[ANCHOR_X], anchor[ANCHOR_Y]), 0.0
+        if size > min(GIVES_WAY * hold_at_start[e - first], hold):
+            excess = hold / size - 1.0
+        anchor[FORCE_X], anchor[FORCE_Y] = excess * anchor[ANCHOR_X], excess * anchor[ANCHOR_Y]
+        _add_force(f.levers[e], anchor, change)
+        anchor[ANCHOR_X] += anchor[FORCE_X]
+        anchor[ANCHOR_Y] += anchor[FORCE_Y]
         anchor[FORCE_X], anchor[FORCE_Y] = anchor[ANCHOR_X] + x, anchor[ANCHOR_Y] + y
-        anchor[ARM_X], anchor[ARM_Y] = _turned(m, offset[0], offset[1])
-    return hold, change
+    return total
 
 
-@kernel
-def board(fragments: Landing, numbers: Ints, bodies: Bodies, keel: Keel, thickness: Floats, bed: Bed) -> None:
-    """Let fragments begin a step where they are; ``thickness``: of the elements ``pads.rows``, m."""
-    fill_hulls(
-        fragments.pads,
-        thickness,
-        fragments.draft,
-        bed.modulus,
-        bed.poisson,
-        fragments.hull,
-        fragments.number[:, THICKNESS],
-        fragments.number[:, LENGTH],
-    )
-    for a in range(numbers.size):
-        number, flag = fragments.number[a], fragments.flag[a]
-        flag[STATUS] = AFLOAT if fragments.polygon_start[a] == fragments.polygon_start[a + 1] else BEGINS
-        for k in range(3):
-            fragments.motion[a, VELOCITY, k] = bodies.twist[numbers[a], k]
-        for n in range(fragments.pads.row_start[a], fragments.pads.row_start[a + 1]):
-            e = fragments.pads.rows[n]
-            for k in range(3):
-                fragments.reference[n, k] = bodies.reference[e, k]
-            fragments.anchors[n, ANCHOR_X], fragments.anchors[n, ANCHOR_Y] = keel.anchor_x[e], keel.anchor_y[e]
-            fragments.anchors[n, LARGEST], fragments.yielded[n] = keel.anchor_capacity[e], keel.floor_yield[e]
-            fragments.loads[n, HOLD] = keel.floor_hold[e]
-            number[HELD] += keel.floor_hold[e]
-            if keel.floor_load[e] > 0.0 or keel.anchor_x[e] != 0.0 or keel.anchor_y[e] != 0.0:
-                flag[TOUCHES] = 1
-        substep = keel.floor_substep[fragments.pads.rows[fragments.pads.row_start[a]]]
-        number[SUBSTEP] = substep if flag[TOUCHES] and substep > 0.0 else HELD_STEP
-        number[SHORTEST], number[PEAK] = math.inf, -1.0
-
-
-@kernel
-def set_inertia(fragments: Landing, numbers: Ints, matrices: BodyMatrices) -> None:
-    """Give fragments their inertia."""
-    for a in range(numbers.size):
-        inertia, number = matrices.inertia[numbers[a]], fragments.number[a]
-        for i in range(3):
-            for j in range(3):
-                fragments.mobility[a, i, j] = matrices.mobility[numbers[a], i, j]
-        twist, number[ARM] = fragments.motion[a, VELOCITY], math.sqrt(inertia[2, 2] / inertia[0, 0])
-        number[SPEED] = math.hypot(twist[0], twist[1]) + number[ARM] * abs(twist[2])
-
-
-@kernel
-def lift_off(keel: Keel) -> None:
-    """Clear the loads of the floor on all keels; the yield of the bed stays."""
-    for e in range(keel.floor_load.size):
-        keel.floor_load[e] = keel.floor_x[e] = keel.floor_y[e] = keel.floor_arm_x[e] = keel.floor_arm_y[e] = 0.0
-        keel.anchor_x[e] = keel.anchor_y[e] = keel.anchor_capacity[e] = keel.floor_hold[e] = 0.0
-        keel.floor_lift[e] = keel.floor_stress[e] = keel.floor_substep[e] = 0.0
-
-
-@kernel
-def write_loads(fragments: Landing, keel: Keel) -> None:
-    """Write the loads of the press to the keels of the fragments that touched the floor."""
-    for a in range(len(fragments.flag)):
-        if fragments.flag[a, STATUS] == DONE:
-            for n in range(fragments.pads.row_start[a], fragments.pads.row_start[a + 1]):
-                e, load = fragments.pads.rows[n], fragments.loads[n]
-                keel.floor_load[e], keel.floor_hold[e] = load[LOAD], load[HOLD]
-                keel.floor_lift[e], keel.floor_stress[e] = load[LIFT], load[STRESS]
-                keel.floor_yield[e] = max(fragments.yielded[n], load[YIELD])
-
-
-@kernel
-def write_friction(fragments: Landing, keel: Keel) -> None:
-    """Write friction and length of the next sub-step to the same keels."""
-    for a in range(len(fragments.flag)):
-        if fragments.flag[a, STATUS] == DONE:
-            for n in range(fragments.pads.row_start[a], fragments.pads.row_start[a + 1]):
-                e, anchor = fragments.pads.rows[n], fragments.anchors[n]
-                if fragments.loads[n, LOAD] > 0.0:
-                    keel.anchor_x[e], keel.anchor_y[e], keel.anchor_capacity[e] = anchor[0], anchor[1], anchor[LARGEST]
-                    keel.floor_x[e], keel.floor_y[e] = anchor[FORCE_X], anchor[FORCE_Y]
-                    keel.floor_arm_x[e], keel.floor_arm_y[e] = anchor[ARM_X], anchor[ARM_Y]
-                keel.floor_substep[e] = fragments.number[a, SUBSTEP]
-
-
-@kernel
-def press_all(
-    fragments: Landing, bed: Bed, latlon: bool, radius: float, depth: Floats, lon: Floats, lat: Floats
-) -> int:
-    """Write the points where all fragments need the depth as they stand, or press them by it; returns the number of points."""
-    at = 0
-    for a in range(len(fragments.flag)):
-        polygons, begin = fragments.polygons[fragments.polygon_start[a] : fragments.polygon_start[a + 1]], at
-        at = write_points(fragments.pads, a, polygons, fragments.pose[a], latlon, radius, at, lon, lat)
-        if depth.size and fragments.flag[a, STATUS] == BEGINS:
-            first, last = fragments.pads.row_start[a], fragments.pads.row_start[a + 1]
-            fragments.flag[a, STATUS], held = DONE, fragments.loads[first:last, HOLD].copy()
-            _press(fragments, a, bed, 1.0, 0.0, depth[begin:at])
-            _find_friction(fragments, a, held, fragments.pose[a], latlon, radius)
+@borrower
+def _write_points(f: Landing, a: int, step: Step, pose: Floats, at: int, lon: Floats, lat: Floats) -> int:
+    """Write where a fragment asks for the depth, from ``at`` on: the corners of its polygons, then their centroids."""
+    pads, (ox, oy) = f.pads, f.pads.origin[a]
+    polygons = f.polygons[f.polygon_start[a] : f.polygon_start[a + 1]]
+    for k in polygons:
+        for n in range(pads.start[k], pads.start[k + 1]):
+            x, y = pads.corner[n, 0] + ox, pads.corner[n, 1] + oy
+            lon[at], lat[at] = place_points(x, y, pose, step.latlon, step.earth)
+            at += 1
+    for k in polygons:
+        x, y = pads.centre[k, 0] + ox, pads.centre[k, 1] + oy
+        lon[at], lat[at] = place_points(x, y, pose, step.latlon, step.earth)
+        at += 1
     return at
 
 
 @kernel
-def advance(
-    fragments: Landing, forcing: ElementForcing, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float, lon: Floats,
-    lat: Floats,
-) -> int:  # fmt: skip
+def press_all(f: Landing, step: Step, depth: Floats, lon: Floats, lat: Floats) -> None:
+    """Write the points where all fragments need the depth as they stand, or press them by it."""
+    at = 0
+    for a in range(f.status.size):
+        first, at = at, _write_points(f, a, step, f.pose[a], at, lon, lat)
+        if depth.size and f.status[a] == BEGINS:
+            f.status[a], f.sounded_pose[a] = DONE, f.pose[a]
+            hold_at_start = f.loads[f.pads.row_start[a] : f.pads.row_start[a + 1], HOLD].copy()
+            _press(f, a, step.bed, 0.0, depth[first:at])
+            _find_friction(f, a, step, hold_at_start, np.zeros(3))
+
+
+@kernel
+def advance(f: Landing, step: Step, forcing: ElementForcing, depth: Floats, lon: Floats, lat: Floats) -> int:
     """Take all fragments up to where they need the depth at another place; returns the number of points that they ask for.
 
-    ``forcing``: of the elements ``pads.rows``; ``h``: the step, s; ``depth`` (m) at the points of the last call; ``lon`` and
-    ``lat`` take those that are asked for.
+    ``forcing``: of the elements ``pads.rows``; ``depth`` (m) at the points of the last call; ``lon`` and ``lat`` take those that
+    are asked for.
     """
     at = requested = 0
-    for a in range(len(fragments.flag)):
-        polygons, flag = (
-            fragments.polygons[fragments.polygon_start[a] : fragments.polygon_start[a + 1]],
-            fragments.flag[a],
-        )
-        flag[ACCEPTED] = 0
-        if flag[STATUS] == BEGINS and flag[CARRIED] == 1:
+    for a in range(f.status.size):
+        f.accepted[a] = False
+        if f.status[a] == BEGINS and f.carried[a]:
             for k in range(3):
-                fragments.motion[a, WAY, k] = fragments.motion[a, PATH, k]
-            _request_depth(fragments, a, h, END, latlon, radius)
-        elif flag[STATUS] == BEGINS:
-            _begin_substep(fragments, a, h, latlon, radius)
-        elif flag[STATUS] == MIDDLE or flag[STATUS] == END:
-            size = polygons.size
-            for k in polygons:
-                size += fragments.pads.start[k + 1] - fragments.pads.start[k]
-            if flag[CARRIED] == 1:
-                _set_down(fragments, a, bed, h, depth[at : at + size], latlon, radius)
-            elif flag[STATUS] == MIDDLE:
-                _go_through_middle(fragments, a, forcing, bed, h, depth[at : at + size], latlon, radius)
+                f.way[a, k] = f.path[a, k]
+            _request_depth(f, a, step, step.h, END)
+        elif f.status[a] == BEGINS:
+            _begin_substep(f, a, step)
+        elif f.status[a] == MIDDLE or f.status[a] == END:
+            answer = depth[at : at + f.points[a]]
+            at += f.points[a]
+            if f.carried[a]:
+                _set_down(f, a, step, answer)
+            elif f.status[a] == MIDDLE:
+                _go_through_middle(f, a, step, forcing, answer)
             else:
-                _go_through_end(fragments, a, forcing, bed, h, depth[at : at + size], latlon, radius)
-            at += size
-        if flag[STATUS] == MIDDLE or flag[STATUS] == END:
-            requested = write_points(
-                fragments.pads, a, polygons, fragments.sounded_pose[a], latlon, radius, requested, lon, lat
-            )
+                _go_through_end(f, a, step, forcing, answer)
+        if f.status[a] == MIDDLE or f.status[a] == END:
+            requested = _write_points(f, a, step, f.sounded_pose[a], requested, lon, lat)
     return requested
+
+
+def lift_off(keel: Keel) -> None:
+    """Clear the effect of the floor on all keels; the yield of the bed stays."""
+    for name, array in keel._asdict().items():
+        if name != "floor_yield":
+            array[:] = 0.0
+
+
+def write_keels(f: Landing, keel: Keel) -> None:
+    """Write what the floor does to the keels of the fragments that touched it."""
+    elements = np.diff(f.pads.row_start)
+    landed = np.repeat(f.status == DONE, elements)
+    rows, loads, anchors = f.pads.rows[landed], f.loads[landed], f.anchors[landed]
+    keel.floor_load[rows], keel.floor_hold[rows] = loads[:, LOAD], loads[:, HOLD]
+    keel.floor_lift[rows], keel.floor_stress[rows] = loads[:, LIFT], loads[:, STRESS]
+    keel.floor_yield[rows] = np.maximum(f.yielded[landed], loads[:, YIELD])
+    keel.floor_substep[rows] = np.repeat(f.substep, elements)[landed]
+    bears = loads[:, LOAD] > 0.0
+    for name, column in zip(ANCHOR_NAMES, anchors[bears].T, strict=True):
+        getattr(keel, name)[rows[bears]] = column

@@ -35,25 +35,23 @@ class Pads(NamedTuple):
 
     rows: Ints  # Elements, one fragment after the other
     row_start: Ints  # Where those of each fragment begin; shape (fragments + 1,)
-    polygon_start: Ints  # Where its polygons begin
-    start: Ints  # Where the corners of each polygon begin; shape (polygons + 1,)
-    corner: Floats  # shape (corners, 2)
-    centre: Floats  # Centroids of the polygons; shape (polygons, 2)
-    owner: Ints  # Place in ``rows`` of the element of each polygon
-    square: Ints  # Row and column of its square; shape (polygons, 2)
-    raster: (
-        Ints  # Of each fragment: where its squares begin in ``ice``, and their rows and columns; shape (fragments, 3)
-    )
-    ice: (
-        Floats  # Of each square: area (m2), centroid and variances xx, xy, yy (m2) of the ice in it; shape (squares, 6)
-    )
-    frame: Floats  # Of each fragment the columns below; shape (fragments, 5)
     element: Floats  # Places of the elements; shape (rows, 2)
     moments: Floats  # Area of each element, its moments by x and y, second moments xx, xy, yy; shape (rows, 6)
 
+    origin: Floats  # Centroid of each footprint in its fragment; shape (fragments, 2)
+    side: Floats  # Of its pads, m; shape (fragments,)
+    low: Floats  # Where its squares begin; shape (fragments, 2)
+    shape: Ints  # How many rows and columns there are; shape (fragments, 2)
+    square_start: Ints  # Where they begin in ``ice``; shape (fragments,)
+    # Of each square: area (m2), centroid and variances xx, xy, yy (m2) of the ice in it; shape (squares, 6)
+    ice: Floats
 
-ORIGIN_X, ORIGIN_Y, SIDE, LOW_X, LOW_Y = range(5)
-"""Columns of `Pads.frame`: the centroid in the fragment, side of the pads, and where the raster begins."""
+    polygon_start: Ints  # Where the polygons of each fragment begin; shape (fragments + 1,)
+    owner: Ints  # Place in ``rows`` of the element of each polygon
+    square: Ints  # Row and column of its square; shape (polygons, 2)
+    centre: Floats  # Its centroid; shape (polygons, 2)
+    start: Ints  # Where its corners begin; shape (polygons + 1,)
+    corner: Floats  # shape (corners, 2)
 
 
 @kernel
@@ -80,81 +78,97 @@ def _centroid(corner: Floats, a: int, z: int) -> tuple[float, float, float]:
     return (area, x0 + mx / area, y0 + my / area) if area > 0.0 else (0.0, x0, y0)
 
 
-# Many arguments: the polygons come and go as flat lists, without an object for each.
+@kernel
+def _reach_strips(points: Floats, size: int, column: int, low: float, side: float, strips: int) -> tuple[int, int]:
+    """The first of the strips into which points reach, and the one behind the last."""
+    least, largest = math.inf, -math.inf
+    for n in range(size):
+        least, largest = min(least, points[n, column]), max(largest, points[n, column])
+    return max(math.floor((least - low) / side), 0), min(math.floor((largest - low) / side) + 1, strips)
+
+
+@kernel
+def _cut_strip(polygon: Floats, size: int, column: int, low: float, high: float, room: Floats, out: Floats) -> int:
+    """Cut a polygon to where a coordinate lies between two values; returns the corners that are left."""
+    return int(cut(room, cut(polygon, size, column, low, 1.0, room), column, high, -1.0, out))
+
+
+@kernel
+def _double(table: Any) -> Any:
+    """Return a table with room for twice as many rows."""
+    out = np.empty((2 * table.shape[0], table.shape[1]), table.dtype)
+    for n in range(table.shape[0]):
+        for k in range(table.shape[1]):
+            out[n, k] = table[n, k]
+    return out
+
+
+# Many arguments: the polygons come as flat lists, without an object for each.
 @kernel
 def _cut_by_squares(
-    order: Ints, first: Ints, start: Ints, corner: Floats, frame: Floats, raster: Ints, out_start: Ints, out: Floats,
-    origin: Ints, square: Ints, polygon_start: Ints,
-) -> int:  # fmt: skip
-    """Cut polygons, in ``order`` and of each fragment from ``first`` on, by the squares; returns their number, -1 for no room."""
-    count, most = 0, CORNERS
-    for k in range(start.size - 1):
-        most = max(most, 2 * (start[k + 1] - start[k]) + CORNERS)
+    order: Ints, first: Ints, start: Ints, corner: Floats, most: int, origin: Floats, side: Floats, low: Floats, shape: Ints,
+    piece_start: Ints,
+) -> tuple[Ints, Floats]:  # fmt: skip
+    """Cut polygons, in ``order`` and of each fragment from ``first`` on, by the squares; ``most``: room for corners of one.
+
+    Returns of each piece its polygon, row and column of its square and where its corners begin, with a row for the end, and
+    these. ``piece_start`` takes where those of each fragment begin.
+    """
     polygon, band, room, piece = np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2))
+    count, pieces, corners = 0, np.zeros((CORNERS, 4), np.int64), np.empty((most, 2))
     for b in range(first.size - 1):
-        side, polygon_start[b] = frame[b, SIDE], count
         for at in range(first[b], first[b + 1]):
             k = order[at]
-            size, low, high = start[k + 1] - start[k], math.inf, -math.inf
+            size = start[k + 1] - start[k]
             for n in range(size):
-                polygon[n, 0] = corner[start[k] + n, 0] - frame[b, ORIGIN_X]
-                polygon[n, 1] = corner[start[k] + n, 1] - frame[b, ORIGIN_Y]
-                low, high = min(low, polygon[n, 1]), max(high, polygon[n, 1])
-            y0, x0 = frame[b, LOW_Y], frame[b, LOW_X]
-            for j in range(
-                max(math.floor((low - y0) / side), 0), min(math.floor((high - y0) / side) + 1, raster[b, 1])
-            ):
-                band_size = cut(
-                    room, cut(polygon, size, 1, y0 + j * side, 1.0, room), 1, y0 + (j + 1) * side, -1.0, band
-                )
+                polygon[n, 0] = corner[start[k] + n, 0] - origin[b, 0]
+                polygon[n, 1] = corner[start[k] + n, 1] - origin[b, 1]
+            lowest, end = _reach_strips(polygon, size, 1, low[b, 1], side[b], shape[b, 0])
+            for j in range(lowest, end):
+                y = low[b, 1] + j * side[b], low[b, 1] + (j + 1) * side[b]
+                band_size = _cut_strip(polygon, size, 1, y[0], y[1], room, band)
                 if band_size < 3:
                     continue
-                left, right = math.inf, -math.inf
-                for n in range(band_size):
-                    left, right = min(left, band[n, 0]), max(right, band[n, 0])
-                for i in range(
-                    max(math.floor((left - x0) / side), 0), min(math.floor((right - x0) / side) + 1, raster[b, 2])
-                ):
-                    corners = cut(
-                        room, cut(band, band_size, 0, x0 + i * side, 1.0, room), 0, x0 + (i + 1) * side, -1.0, piece
-                    )
-                    if count + 1 >= out_start.size or out_start[count] + corners > len(out):
-                        return -1
+                leftmost, end_column = _reach_strips(band, band_size, 0, low[b, 0], side[b], shape[b, 1])
+                for i in range(leftmost, end_column):
+                    x = low[b, 0] + i * side[b], low[b, 0] + (i + 1) * side[b]
+                    piece_size = _cut_strip(band, band_size, 0, x[0], x[1], room, piece)
                     # Round-off leaves slivers along the lines of the raster.
-                    if corners < 3 or _centroid(piece, 0, corners)[0] < 1e-9 * side * side:
+                    if piece_size < 3 or _centroid(piece, 0, piece_size)[0] < 1e-9 * side[b] * side[b]:
                         continue
-                    for n in range(corners):
-                        out[out_start[count] + n, 0], out[out_start[count] + n, 1] = piece[n, 0], piece[n, 1]
-                    out_start[count + 1], origin[count] = out_start[count] + corners, k
-                    square[count, 0], square[count, 1] = j, i
+                    if count + 1 == len(pieces):
+                        pieces = _double(pieces)
+                    while pieces[count, 3] + piece_size > len(corners):
+                        corners = _double(corners)
+                    for n in range(piece_size):
+                        corners[pieces[count, 3] + n, 0], corners[pieces[count, 3] + n, 1] = piece[n, 0], piece[n, 1]
+                    pieces[count, 0], pieces[count, 1], pieces[count, 2] = k, j, i
+                    pieces[count + 1, 3] = pieces[count, 3] + piece_size
                     count += 1
-    polygon_start[first.size - 1] = count
-    return count
+        piece_start[b + 1] = count
+    return pieces[: count + 1], corners[: pieces[count, 3]]
 
 
 @kernel
-def _fill_squares(
-    polygon_start: Ints, start: Ints, corner: Floats, owner: Ints, square: Ints, raster: Ints, centre: Floats, ice: Floats,
-    moments: Floats,
-) -> None:  # fmt: skip
-    """Find the centroids of polygons, the ice of each square, and the moments of each element."""
-    variances = ice[:, 3:]
-    room = np.ones((CORNERS, 3))
-    for b in range(polygon_start.size - 1):
-        for k in range(polygon_start[b], polygon_start[b + 1]):
-            area, centre[k, 0], centre[k, 1] = _centroid(corner, start[k], start[k + 1])
-            s = raster[b, 0] + square[k, 0] * raster[b, 2] + square[k, 1]
+def _sum_up_ice(pads: Pads, most: int) -> None:
+    """Find the centroids of polygons, the ice of each square, and the moments of each element; ``most``: room for corners."""
+    ice, variances, room, sums = pads.ice, pads.ice[:, 3:], np.ones((most, 3)), np.zeros(10)
+    for b in range(pads.side.size):
+        for k in range(pads.polygon_start[b], pads.polygon_start[b + 1]):
+            first, size = pads.start[k], pads.start[k + 1] - pads.start[k]
+            area, x, y = _centroid(pads.corner, first, first + size)
+            s = pads.square_start[b] + pads.square[k, 0] * pads.shape[b, 1] + pads.square[k, 1]
+            pads.centre[k, 0], pads.centre[k, 1] = x, y
             ice[s, 0] += area
-            ice[s, 1] += area * centre[k, 0]
-            ice[s, 2] += area * centre[k, 1]
-            size, sums = start[k + 1] - start[k], np.zeros(10)
-            if size > len(room):
-                room = np.ones((size, 3))
+            ice[s, 1] += area * x
+            ice[s, 2] += area * y
             for n in range(size):
-                room[n, 0], room[n, 1] = corner[start[k] + n, 0], corner[start[k] + n, 1]
+                room[n, 0], room[n, 1] = pads.corner[first + n, 0], pads.corner[first + n, 1]
+            for n in range(10):
+                sums[n] = 0.0
             add_moments(room, size, 0.0, 1.0, sums)
             for n in range(6):
-                moments[owner[k], n] += sums[3 + n]
+                pads.moments[pads.owner[k], n] += sums[3 + n]
             for n in range(3):
                 variances[s, n] += sums[6 + n]
     for s in range(len(ice)):
@@ -166,49 +180,35 @@ def _fill_squares(
             variances[s, 2] -= ice[s, 2] * ice[s, 2]
 
 
-def cut_into_pads(footprint: BodyFootprint, body: Ints, count: int, xy: Floats, side: Floats) -> Pads:
-    """Cut the footprints of ``count`` fragments into pads.
+def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats) -> Pads:
+    """Cut the footprints of fragments into pads.
 
     ``body``: fragment of each of the elements ``footprint.rows``, which come one fragment after the other; ``xy``: their places
     in it (m); ``side``: of the pads of each fragment, m.
     """
     start, corner, fragment = footprint.start, footprint.corner, body[footprint.owner]
-    order = np.argsort(fragment, kind="stable")
-    first = np.searchsorted(fragment[order], np.arange(count + 1))
-    corner_fragment = np.repeat(fragment, np.diff(start))
-    frame = np.empty((count, 5))
-    box = np.full((2, count, 2), math.inf)
-    sums = np.zeros((count, 3))
+    order, numbers = np.argsort(fragment, kind="stable"), np.arange(side.size + 1)
+    sums, low, high = np.zeros((side.size, 3)), np.full((side.size, 2), math.inf), np.full((side.size, 2), -math.inf)
     for k in range(fragment.size):
         area, x, y = _centroid(corner, start[k], start[k + 1])
         sums[fragment[k]] += area, area * x, area * y
-    frame[:, :2], frame[:, SIDE] = sums[:, 1:] / sums[:, :1], side
-    offset = corner - frame[corner_fragment, :2]
-    np.minimum.at(box[0], corner_fragment, offset)
-    np.minimum.at(box[1], corner_fragment, -offset)
-    # A berg that is smaller than a pad lies in one square.
-    frame[:, LOW_X:] = box[0] - 0.25 * side[:, None]
-    shape = np.floor((-box[1] - frame[:, LOW_X:]) / side[:, None]).astype(np.int64)[:, ::-1] + 1
-    squares = np.concatenate([[0], np.cumsum(shape.prod(axis=1))])
-    raster = np.column_stack([squares[:-1], shape])
-    room = 3 * squares[-1] + 4 * fragment.size + CORNERS
-    while True:
-        out_start, out, origin = np.zeros(room + 1, np.int64), np.empty((6 * room, 2)), np.empty(room, np.int64)
-        square, polygon_start = np.empty((room, 2), np.int64), np.zeros(count + 1, np.int64)
-        polygons = _cut_by_squares(
-            order, first, start, corner, frame, raster, out_start, out, origin, square, polygon_start
-        )
-        if polygons >= 0:
-            break
-        room *= 2
-    start, corner = out_start[: polygons + 1].copy(), out[: out_start[polygons]].copy()
-    centre, ice, square = np.zeros((polygons, 2)), np.zeros((squares[-1], 6)), square[:polygons].copy()
-    owner, moments = footprint.owner[origin[:polygons]], np.zeros((body.size, 6))
-    _fill_squares(polygon_start, start, corner, owner, square, raster, centre, ice, moments)
-    return Pads(
-        footprint.rows, np.searchsorted(body, np.arange(count + 1)), polygon_start, start, corner, centre, owner, square, raster,
-        ice, frame, xy - frame[body, :2], moments,
+    origin, corner_fragment = sums[:, 1:] / sums[:, :1], np.repeat(fragment, np.diff(start))
+    np.minimum.at(low, corner_fragment, corner - origin[corner_fragment])
+    np.maximum.at(high, corner_fragment, corner - origin[corner_fragment])
+    low -= 0.25 * side[:, None]  # a berg that is smaller than a pad lies in one square
+    shape = np.floor((high - low) / side[:, None]).astype(np.int64)[:, ::-1] + 1
+    square_start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))])
+    most, polygon_start = 2 * int(np.diff(start).max()) + CORNERS, np.zeros(side.size + 1, np.int64)
+    first = np.searchsorted(fragment[order], numbers)
+    pieces, corners = _cut_by_squares(order, first, start, corner, most, origin, side, low, shape, polygon_start)
+    pads = Pads(
+        rows=footprint.rows, row_start=np.searchsorted(body, numbers), element=xy - origin[body],
+        moments=np.zeros((body.size, 6)), origin=origin, side=side, low=low, shape=shape, square_start=square_start[:-1],
+        ice=np.zeros((square_start[-1], 6)), polygon_start=polygon_start, owner=footprint.owner[pieces[:-1, 0]],
+        square=pieces[:-1, 1:3].copy(), centre=np.empty((len(pieces) - 1, 2)), start=pieces[:, 3].copy(), corner=corners,
     )  # fmt: skip
+    _sum_up_ice(pads, most)
+    return pads
 
 
 def melt_pads(pads: Pads, fraction: Floats) -> Pads:
@@ -229,12 +229,12 @@ def melt_pads(pads: Pads, fraction: Floats) -> Pads:
 @kernel
 def measure_ice_share(pads: Pads, b: int, x: float, y: float, reach: float) -> float:
     """Part of the surroundings of a point, within ``reach`` m, that is ice, for `riftberg.physics.seabed.bending_stress`."""
-    side, total = pads.frame[b, SIDE], 0.0
-    row, column = math.floor((y - pads.frame[b, LOW_Y]) / side), math.floor((x - pads.frame[b, LOW_X]) / side)
-    n, rows, columns = int(reach / side) + 2, pads.raster[b, 1], pads.raster[b, 2]
+    side, total = pads.side[b], 0.0
+    row, column = math.floor((y - pads.low[b, 1]) / side), math.floor((x - pads.low[b, 0]) / side)
+    n, rows, columns = int(reach / side) + 2, pads.shape[b, 0], pads.shape[b, 1]
     for j in range(max(row - n, 0), min(row + n + 1, rows)):
         for i in range(max(column - n, 0), min(column + n + 1, columns)):
-            s = pads.raster[b, 0] + j * columns + i
+            s = pads.square_start[b] + j * columns + i
             if pads.ice[s, 0] > 0.0:
                 r = ((pads.ice[s, 1] - x) ** 2 + (pads.ice[s, 2] - y) ** 2) / (reach * reach)
                 if r < 1.0:
@@ -269,7 +269,7 @@ def fill_hulls(
             hull[b, 1, 1], hull[b, 2, 2] = WATER_STIFFNESS * (yy - lean), WATER_STIFFNESS * (xx - lean)
             hull[b, 1, 2] = hull[b, 2, 1] = -WATER_STIFFNESS * xy
             extent, bending = (
-                pads.frame[b, SIDE] * max(pads.raster[b, 1], pads.raster[b, 2]),
+                pads.side[b] * max(pads.shape[b, 0], pads.shape[b, 1]),
                 bending_length(modulus, poisson, mean[b]),
             )
             if extent > SHORT * math.sqrt(2.0) * bending:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.engines.quasi_static.ground.pads import LOW_X, LOW_Y, SIDE, Pads
+from riftberg.engines.quasi_static.ground.pads import Pads
 from riftberg.physics.geometry import solve
 from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS
 from riftberg.state import Floats, Ints
@@ -47,30 +47,26 @@ class Plates(NamedTuple):
     loaded: NDArray[np.bool_]  # Whether loads may act on them; rows and columns of a raster
     node_start: Ints  # Where the nodes of each fragment begin
     node: Ints  # Their numbers, -1 for those of no loaded element; rows and columns of a raster
-    shape: Ints  # Of each fragment the columns below; shape (fragments, 3)
+    per_side: Ints  # Squares along the side of an element of each fragment; none before its plate is made
+    columns: Ints  # Of nodes
+    unknowns: Ints  # Their number
     length: Floats  # Bending length for which it was made, m
     start: Ints  # Where the compliance of each fragment begins
     compliance: Floats  # m N-1; (unknowns, unknowns) of each fragment
-    rigid: (
-        Floats  # Compliance of each whole fragment against heave and tilts by its water plane; shape (fragments, 3, 3)
-    )
-
-
-PER_SIDE, COLUMNS, UNKNOWNS = range(3)
-"""Columns of `Plates.shape`: squares along the side of an element (none before a plate is made), columns of nodes, unknowns."""
+    rigid: Floats  # Compliance of whole fragments against heave and tilts by their water plane; shape (fragments, 3, 3)
 
 
 def unmade_plates(pads: Pads) -> Plates:
     """Return plates of the fragments of some pads that are still to be made."""
-    count, elements = len(pads.frame), (pads.raster[:, 1:] - 1) // int(SIDES_PER_LAMBDA) + 1
+    count, elements = pads.side.size, (pads.shape - 1) // int(SIDES_PER_LAMBDA) + 1
     nodes = (elements + 1).prod(axis=1)
     element_start, node_start = (np.concatenate([[0], np.cumsum(size)]) for size in (elements.prod(axis=1), nodes))
+    per_side, columns, unknowns = np.zeros((3, count), np.int64)
     # Room for all that may ever be loaded: memory is taken up by what is written.
     start = np.concatenate([[0], np.cumsum((4 * np.minimum(nodes, MOST_NODES)) ** 2)])
     plates = Plates(
-        element_start, np.zeros(element_start[-1], np.bool_), node_start,
-        np.empty(node_start[-1], np.int64), np.zeros((count, 3), np.int64), np.zeros(count), start, np.empty(start[-1]),
-        np.empty((count, 3, 3)),
+        element_start, np.zeros(element_start[-1], np.bool_), node_start, np.empty(node_start[-1], np.int64),
+        per_side, columns, unknowns, np.zeros(count), start, np.empty(start[-1]), np.empty((count, 3, 3)),
     )  # fmt: skip
     for b in range(count):
         _fill_rigid(pads, b, plates.rigid[b])
@@ -108,7 +104,7 @@ def _mark_around(
 ) -> None:
     """Mark the elements with ice within ``reach`` elements of loaded ones."""
     rows, columns = marked.shape
-    first, high, wide = pads.raster[b, 0], pads.raster[b, 1], pads.raster[b, 2]
+    first, high, wide = pads.square_start[b], pads.shape[b, 0], pads.shape[b, 1]
     band = np.zeros((rows, columns), np.bool_)
     for j in range(rows):
         for i in range(columns):
@@ -168,7 +164,7 @@ def _assemble(
     pads: Pads, b: int, marked: NDArray[np.bool_], node: Ints, per: int, length: float, poisson: float, matrix: Floats
 ) -> None:  # fmt: skip
     """Sum up the stiffness of ice and water (N m-1) over the squares of the marked elements."""
-    side, first, high, wide = pads.frame[b, SIDE], pads.raster[b, 0], pads.raster[b, 1], pads.raster[b, 2]
+    side, first, high, wide = pads.side[b], pads.square_start[b], pads.shape[b, 0], pads.shape[b, 1]
     h, which = per * side, np.empty(16, np.int64)
     x, y, shape, slope = np.empty((3, 4)), np.empty((3, 4)), np.empty((4, 16)), (length / (per * side)) ** 4
     points = np.empty((4, 2))
@@ -185,15 +181,15 @@ def _assemble(
                     if count == 0:
                         area, count = EMPTY_SQUARE * side * side, 1
                         points[0, 0], points[0, 1] = (
-                            pads.frame[b, LOW_X] + (column + 0.5) * side,
-                            pads.frame[b, LOW_Y] + (row + 0.5) * side,
+                            pads.low[b, 0] + (column + 0.5) * side,
+                            pads.low[b, 1] + (row + 0.5) * side,
                         )
                     else:
                         area = pads.ice[first + row * wide + column, 0] / count
                     for p in range(count):
                         s, t = (
-                            (points[p, 0] - pads.frame[b, LOW_X]) / h - i,
-                            (points[p, 1] - pads.frame[b, LOW_Y]) / h - j,
+                            (points[p, 0] - pads.low[b, 0]) / h - i,
+                            (points[p, 1] - pads.low[b, 1]) / h - j,
                         )
                         for d in range(3):
                             cubics(s, d, x[d])
@@ -219,7 +215,7 @@ def _invert(matrix: Floats, rows: Ints, out: Floats) -> None:
     Overwrites the lower half of the matrix; ``out``: takes the rows, which are in rising order, at their own columns.
     """
     n = len(matrix)
-    first, y = np.empty(n, np.int64), np.empty(n)
+    first, y = np.empty(n, np.int64), np.zeros((n, rows.size))
     for i in range(n):
         first[i] = i
         for j in range(i - 1, -1, -1):
@@ -230,29 +226,35 @@ def _invert(matrix: Floats, rows: Ints, out: Floats) -> None:
             for k in range(max(first[i], first[j]), j):
                 value -= matrix[i, k] * matrix[j, k]
             matrix[i, j] = math.sqrt(value) if i == j else value / matrix[j, j]
+    # All columns that have begun by a row go through it together: one by one they took three times as long.
+    begun = np.searchsorted(rows, np.arange(n), side="right")
     for r in range(rows.size):
-        c = rows[r]
-        for i in range(c, n):
-            value = 1.0 if i == c else 0.0
-            for k in range(max(first[i], c), i):
-                value -= matrix[i, k] * y[k]
-            y[i] = value / matrix[i, i]
-        for i in range(n - 1, c - 1, -1):
-            y[i] /= matrix[i, i]
-            for k in range(max(first[i], c), i):
-                y[k] -= matrix[i, k] * y[i]
-        for s in range(r, rows.size):
-            out[r, s] = out[s, r] = y[rows[s]]
+        y[rows[r], r] = 1.0
+    for i in range(n):
+        for k in range(first[i], i):
+            for r in range(begun[k]):
+                y[i, r] -= matrix[i, k] * y[k, r]
+        for r in range(begun[i]):
+            y[i, r] /= matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        for r in range(begun[i]):
+            y[i, r] /= matrix[i, i]
+        for k in range(first[i], i):
+            for r in range(begun[k]):
+                y[k, r] -= matrix[i, k] * y[i, r]
+    for s in range(rows.size):
+        for r in range(s + 1):
+            out[r, s] = out[s, r] = y[rows[s], r]
 
 
 @kernel
 def _fill_rigid(pads: Pads, b: int, out: Floats) -> None:
     """Find the compliance of a whole fragment against heave and tilts by its water plane."""
-    first, squares = pads.raster[b, 0], pads.raster[b, 1] * pads.raster[b, 2]
+    first, squares = pads.square_start[b], pads.shape[b, 0] * pads.shape[b, 1]
     moments, points = np.zeros((3, 3)), np.empty((4, 2))
     for s in range(first, first + squares):
         # By the points of the plate: what this takes from its compliance must not be more than it has.
-        count = _place_points(pads.ice[s], pads.frame[b, SIDE], points)
+        count = _place_points(pads.ice[s], pads.side[b], points)
         for p in range(count):
             area, x, y = WATER_STIFFNESS * pads.ice[s, 0] / count, points[p, 0], points[p, 1]
             moments[0, 0] += area
@@ -280,15 +282,15 @@ def fit_plate(
     while per < merged:
         per *= 2
     while True:
-        rows, columns = (pads.raster[b, 1] - 1) // per + 1, (pads.raster[b, 2] - 1) // per + 1
+        rows, columns = (pads.shape[b, 0] - 1) // per + 1, (pads.shape[b, 1] - 1) // per + 1
         loaded, marked = np.zeros((rows, columns), np.bool_), np.empty((rows, columns), np.bool_)
         for k in polygons:
             loaded[pads.square[k, 0] // per, pads.square[k, 1] // per] = True
         previous_loaded = plates.loaded[first : first + rows * columns].reshape(rows, columns)
-        same = plates.shape[b, PER_SIDE] == per and plates.length[b] == rounded
+        same = plates.per_side[b] == per and plates.length[b] == rounded
         if same and np.array_equal(previous_loaded, loaded):
             return
-        reach = math.floor(math.sqrt(2.0) * REACH * rounded / (per * pads.frame[b, SIDE]) + 0.5)
+        reach = math.floor(math.sqrt(2.0) * REACH * rounded / (per * pads.side[b]) + 0.5)
         _mark_around(pads, b, loaded, per, max(reach, 1), marked)
         numbers = np.empty((rows + 1) * (columns + 1), np.int64)
         count = _number_nodes(marked, numbers)
@@ -306,5 +308,5 @@ def fit_plate(
     out = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
     _invert(matrix, unknown_rows, out)
     previous_loaded[:, :] = loaded
-    plates.shape[b, PER_SIDE], plates.shape[b, COLUMNS], plates.shape[b, UNKNOWNS] = per, columns + 1, unknowns
+    plates.per_side[b], plates.columns[b], plates.unknowns[b] = per, columns + 1, unknowns
     plates.length[b] = rounded

@@ -7,9 +7,10 @@ the end, minimise
 
     q K q / 2 + c G c / 2 + sum over pads k_v integral (<d>^2 - <d - q_u / k_v>^2) / 2
 
-which is convex: Newton's method, with its exact tangent and halved corrections, finds them from zero, or from the balance on a
-bed that does not yield. Where the load of a pad acts follows from the overlap without rise first, then from the pressure that was
-found; of a pad that bears nothing it is the point that would touch first.
+which is convex: Newton's method, with its exact tangent and corrections halved until the energy falls, finds them from zero,
+or from the balance on a bed that does not yield. Where the load of a pad acts follows from the overlap without rise at first and
+then from the pressure that was found; of a pad that bears nothing it is the point that would touch first. Ice that does not bend
+is one square without compliance.
 """
 
 from __future__ import annotations
@@ -19,22 +20,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.common.bed import Bed
 from riftberg.engines.quasi_static.ground.pads import (
     CORNERS,
-    LOW_X,
-    LOW_Y,
-    ORIGIN_X,
-    ORIGIN_Y,
-    SIDE,
     Pads,
     measure_ice_share,
 )
 from riftberg.engines.quasi_static.ground.plate import (
-    COLUMNS,
-    PER_SIDE,
-    UNKNOWNS,
     Plates,
     cubics,
     fit_plate,
@@ -62,18 +55,28 @@ SLIVER: Final = 1e-10
 """Part of a pad that counts as none: its compliance would overflow, and where its load acts would be round-off over round-off."""
 
 
-class Overlaps(NamedTuple):
-    """Polygons that may be loaded, with their overlap without rise."""
+class Footing(NamedTuple):
+    """A fragment over the floor: the overlap of its polygons without rise, a plane over each, and what resists the rise."""
 
-    polygons: Ints
-    square: Ints  # Of each: which one of the squares that bend it lies in
+    polygons: Ints  # Those that may touch the floor, by their numbers in `Pads`
     start: Ints  # Where their corners begin
-    corner: Floats  # x, y and overlap, a plane over each (m); shape (corners, 3)
+    corner: Floats  # x, y and overlap, m; shape (corners, 3)
+    gradient: Floats  # Of the overlap; shape (polygons, 2)
+    highest: Floats  # Largest overlap of each, m
+    hull: Floats  # Stiffness of the water against heave and tilts; shape (3, 3)
+    stiffness: float  # Of the bed, Pa m-1
+    top: float  # Overlap from which its pressure grows no more, m
+    side: float  # Of the pads, m
+    piece: Floats  # Room for the corners of a polygon
+    room: Floats  # Room for those of what is cut off it
+    sums: Floats  # Its integrals (`pressed`); shape (10,)
 
 
 class Squares(NamedTuple):
     """Squares of ice that bend as one, on the way to the balance."""
 
+    polygons: Ints  # Those in them, by their places in `Footing`
+    square: Ints  # Number of the square of each
     compliance: Floats  # G, m N-1; shape (squares, squares)
     coefficient: Floats  # c, N
     bending: Floats  # u, m
@@ -89,37 +92,35 @@ LOAD, LOAD_X, LOAD_Y, HOLD, PUSH_X, PUSH_Y, LIFT, STRESS, YIELD = range(PRESSED)
 the slope of the floor (N, the same axes), largest lift of the keel (m), bending stress (Pa), and how deep the bed yields (m)."""
 
 
-# Many arguments: corners and depths are flat arrays, of which each fragment reads its part.
-@kernel
-def lay_planes(
-    pads: Pads, polygons: Ints, depth: Floats, draft: Floats, level: float, corner: Floats, gradient: Floats, highest: Floats
-) -> float:  # fmt: skip
+@borrower
+def _lay_planes(pads: Pads, footing: Footing, depth: Floats, draft: Floats, level: float) -> float:
     """Lay a plane through the overlap of each polygon without rise; returns the largest overlap, or minus the clearance (m).
 
     Its mean is Simpson's, exact for floors of second order, its gradient the mean one. ``depth``: at the corners of the polygons
-    one after the other, then at their centroids; ``corner``: takes x, y and overlap; ``highest``: of each polygon.
+    one after the other, then at their centroids.
     """
-    at, largest, corners = 0, -math.inf, len(corner)
-    for m in range(polygons.size):
-        k = polygons[m]
-        a, size, keel = pads.start[k], pads.start[k + 1] - pads.start[k], draft[pads.owner[k]] - level
+    largest, corners = -math.inf, len(footing.corner)
+    for m in range(footing.polygons.size):
+        k, at = footing.polygons[m], footing.start[m]
+        size, corner, keel = footing.start[m + 1] - at, footing.corner[at:], draft[pads.owner[k]] - level
         x, y, mx, my, mv = pads.centre[k, 0], pads.centre[k, 1], 0.0, 0.0, 0.0
         shallow = deep = depth[corners + m]
         for n in range(size):
-            mx += pads.corner[a + n, 0] / size
-            my += pads.corner[a + n, 1] / size
+            corner[n, 0], corner[n, 1] = pads.corner[pads.start[k] + n, 0], pads.corner[pads.start[k] + n, 1]
+            mx += corner[n, 0] / size
+            my += corner[n, 1] / size
             shallow, deep = min(shallow, depth[at + n]), max(deep, depth[at + n])
         # A plane through a cliff would overshoot into the keel: water beside it counts as no deeper than such a slope makes it.
-        drop = CLIFF * 2.0 * math.hypot(pads.corner[a, 0] - mx, pads.corner[a, 1] - my)
+        drop = CLIFF * 2.0 * math.hypot(corner[0, 0] - mx, corner[0, 1] - my)
         cliff = deep - shallow > drop
         deepest = shallow + drop if cliff else math.inf
         for n in range(size):
-            mv += (keel - min(depth[at + n], deepest)) / size
+            corner[n, 2] = keel - min(depth[at + n], deepest)
+            mv += corner[n, 2] / size
         gx = gy = area = mean = 0.0
         for n in range(size):
             o = n + 1 if n + 1 < size else 0
-            x0, y0, x1, y1 = pads.corner[a + n, 0], pads.corner[a + n, 1], pads.corner[a + o, 0], pads.corner[a + o, 1]
-            v0, v1 = keel - min(depth[at + n], deepest), keel - min(depth[at + o], deepest)
+            x0, y0, v0, x1, y1, v1 = corner[n, 0], corner[n, 1], corner[n, 2], corner[o, 0], corner[o, 1], corner[o, 2]
             gx += 0.5 * (v0 + v1) * (y1 - y0)
             gy -= 0.5 * (v0 + v1) * (x1 - x0)
             triangle = 0.5 * ((x0 - mx) * (y1 - my) - (x1 - mx) * (y0 - my))
@@ -130,77 +131,64 @@ def lay_planes(
         if cliff:  # nor is the plane to stand above its shallowest point
             rise = -math.inf
             for n in range(size):
-                rise = max(rise, gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y))
+                rise = max(rise, gx * (corner[n, 0] - x) + gy * (corner[n, 1] - y))
             mean = min(mean, keel - shallow - rise)
         # A step in the floor stays where it is while the berg moves a little: a push by it would be energy out of nothing.
-        gradient[m, 0], gradient[m, 1], highest[m] = 0.0 if cliff else gx, 0.0 if cliff else gy, -math.inf
+        footing.gradient[m, 0], footing.gradient[m, 1] = 0.0 if cliff else gx, 0.0 if cliff else gy
+        highest = -math.inf
         for n in range(size):
-            overlap = mean + gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y)
-            corner[at + n, 0], corner[at + n, 1], corner[at + n, 2] = (
-                pads.corner[a + n, 0],
-                pads.corner[a + n, 1],
-                overlap,
-            )
-            highest[m] = max(highest[m], overlap)
-        largest = max(largest, highest[m])
-        at += size
+            corner[n, 2] = mean + gx * (corner[n, 0] - x) + gy * (corner[n, 1] - y)
+            highest = max(highest, corner[n, 2])
+        footing.highest[m], largest = highest, max(largest, highest)
     return largest
 
 
 @kernel
-def _gather(
-    pads: Pads, b: int, polygons: Ints, corner: Floats, highest: Floats, margin: float
-) -> tuple[Overlaps, int, int]:
-    """Take the polygons that are clear by less than ``margin`` m; the squares that bend as one, and their sides in pads."""
-    count, size, at = 0, 0, 0
-    for m in range(polygons.size):
-        if highest[m] > -margin:
-            count += 1
-            size += pads.start[polygons[m] + 1] - pads.start[polygons[m]]
-    overlaps = Overlaps(
-        np.empty(count, np.int64), np.empty(count, np.int64), np.zeros(count + 1, np.int64), np.empty((size, 3))
-    )
-    count = 0
-    for m in range(polygons.size):
-        k = polygons[m]
-        corners = pads.start[k + 1] - pads.start[k]
-        if highest[m] > -margin:
-            first = overlaps.start[count]
-            for n in range(corners):
-                for i in range(3):
-                    overlaps.corner[first + n, i] = corner[at + n, i]
-            overlaps.polygons[count], overlaps.start[count + 1] = m, first + corners
-            count += 1
-        at += corners
-    rows, columns, merged, squares = pads.raster[b, 1], pads.raster[b, 2], 1, 0
-    while True:
+def _group_in_squares(pads: Pads, b: int, footing: Footing, margin: float, bends: bool) -> tuple[Squares, int]:
+    """Group polygons that are clear by less than ``margin`` m in squares that bend as one, and return their sides in pads too."""
+    polygons = np.flatnonzero(footing.highest > -margin)
+    square, rows, columns = np.zeros(polygons.size, np.int64), pads.shape[b, 0], pads.shape[b, 1]
+    merged = count = 1
+    while bends:
         wide = (columns - 1) // merged + 1
-        number, squares = np.full(((rows - 1) // merged + 1) * wide, -1), 0
-        for m in range(count):
-            k = polygons[overlaps.polygons[m]]
+        number, count = np.full(((rows - 1) // merged + 1) * wide, -1), 0
+        for m in range(polygons.size):
+            k = footing.polygons[polygons[m]]
             s = (pads.square[k, 0] // merged) * wide + pads.square[k, 1] // merged
             if number[s] < 0:
-                number[s] = squares
-                squares += 1
-            overlaps.square[m] = number[s]
-        if squares <= MOST_PADS:
-            return overlaps, squares, merged
+                number[s] = count
+                count += 1
+            square[m] = number[s]
+        if count <= MOST_PADS:
+            break
         merged *= 2
+    squares = Squares(
+        polygons, square, np.zeros((count, count)), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count),
+        np.zeros((count, 3)), np.zeros((count, 2)),
+    )  # fmt: skip
+    return squares, merged
 
 
-@kernel
-def _raised(overlaps: Overlaps, m: int, q: Floats, bending: float, piece: Floats) -> tuple[int, float]:
-    """Corners of a polygon with the overlap that rise and bending leave; returns their number and the largest overlap (m)."""
-    a, size, highest = overlaps.start[m], overlaps.start[m + 1] - overlaps.start[m], -math.inf
+@borrower
+def _rise(q: Floats, x: float, y: float) -> float:
+    """Rise (m) of a point by heave and tilts."""
+    return float(q[0] + q[1] * y - q[2] * x)
+
+
+@borrower
+def _press_polygon(footing: Footing, p: int, q: Floats, bending: float, top: float) -> tuple[int, float]:
+    """Find the integrals of the overlap that rise and bending leave of a polygon; returns its corners and the largest (m)."""
+    a, piece, highest = footing.start[p], footing.piece, -math.inf
+    size = footing.start[p + 1] - a
     for n in range(size):
-        x, y = overlaps.corner[a + n, 0], overlaps.corner[a + n, 1]
-        overlap = overlaps.corner[a + n, 2] - (q[0] + q[1] * y - q[2] * x) - bending
-        piece[n, 0], piece[n, 1], piece[n, 2] = x, y, overlap
-        highest = max(highest, overlap)
+        x, y = footing.corner[a + n, 0], footing.corner[a + n, 1]
+        piece[n, 0], piece[n, 1], piece[n, 2] = x, y, footing.corner[a + n, 2] - _rise(q, x, y) - bending
+        highest = max(highest, piece[n, 2])
+    pressed(piece, size, top, footing.room, footing.sums)
     return size, highest
 
 
-@kernel
+@borrower
 def _bears(sums: Floats, highest: float, side: float) -> bool:
     """Whether a pad with these integrals of the overlap bears load: one that grazes the floor along an edge has no area there."""
     return bool(highest > 0.0 and sums[0] > SLIVER * highest * side * side)
@@ -209,31 +197,28 @@ def _bears(sums: Floats, highest: float, side: float) -> bool:
 @kernel
 def _add_shape(pads: Pads, b: int, k: int, per: int, x: float, y: float, weight: float, shape: Floats) -> None:
     """Add the share of the unknowns of the element of polygon ``k`` in the rise at a point in it, times a weight."""
-    of_x, of_y, h = np.empty(4), np.empty(4), per * pads.frame[b, SIDE]
-    cubics((x - pads.frame[b, LOW_X]) / h - pads.square[k, 1] // per, 0, of_x)
-    cubics((y - pads.frame[b, LOW_Y]) / h - pads.square[k, 0] // per, 0, of_y)
+    of_x, of_y, h = np.empty(4), np.empty(4), per * pads.side[b]
+    cubics((x - pads.low[b, 0]) / h - pads.square[k, 1] // per, 0, of_x)
+    cubics((y - pads.low[b, 1]) / h - pads.square[k, 0] // per, 0, of_y)
     for n in range(16):
         shape[n] += weight * of_x[n // 4] * of_y[n % 4]
 
 
-# Many arguments: scratch for polygons is made once for all loops of a press.
 @kernel
 def _place_loads(
-    pads: Pads, plates: Plates, b: int, polygons: Ints, overlaps: Overlaps, sq: Squares, q: Floats, top: float, shape: Floats,
-    which: Ints, piece: Floats, room: Floats,
+    pads: Pads, plates: Plates, b: int, footing: Footing, sq: Squares, q: Floats, top: float, shape: Floats, which: Ints
 ) -> None:  # fmt: skip
     """Find where the loads of squares act, and the share of the unknowns ``which`` of the plate in the rise there (``shape``).
 
     ``top``: overlap from which the pressure grows no more, m, infinite at first, where the overlap stands for the load.
     """
-    count, per, sums = sq.load.size, plates.shape[b, PER_SIDE], np.zeros(10)
+    count, per, sums, piece = sq.load.size, plates.per_side[b], footing.sums, footing.piece
     weight, nearest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
-    for m in range(overlaps.polygons.size):
-        i, k = overlaps.square[m], polygons[overlaps.polygons[m]]
-        size, highest = _raised(overlaps, m, q, sq.bending[i], piece)
+    for m in range(sq.polygons.size):
+        i, k = sq.square[m], footing.polygons[sq.polygons[m]]
+        size, highest = _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top)
         polygon[i] = k
-        pressed(piece, size, top, room, sums)
-        if _bears(sums, min(highest, top), pads.frame[b, SIDE]):
+        if _bears(sums, min(highest, top), footing.side):
             _add_shape(pads, b, k, per, sums[1] / sums[0], sums[2] / sums[0], sums[0], shape[i])
             for n in range(3):
                 weight[i, n] += sums[n]
@@ -250,24 +235,22 @@ def _place_loads(
         else:
             _add_shape(pads, b, k, per, sq.position[i, 0], sq.position[i, 1], 1.0, shape[i])
         j, n, nodes = pads.square[k, 0] // per, pads.square[k, 1] // per, plates.node[plates.node_start[b] :]
-        list_unknowns(nodes, plates.shape[b, COLUMNS], j, n, which[i])
+        list_unknowns(nodes, plates.columns[b], j, n, which[i])
 
 
-# Many arguments: as above.
 @kernel
 def _set_compliance(
-    pads: Pads, plates: Plates, b: int, polygons: Ints, overlaps: Overlaps, sq: Squares, single: bool, q: Floats, top: float,
-    length: float, piece: Floats, room: Floats,
+    pads: Pads, plates: Plates, b: int, footing: Footing, sq: Squares, single: bool, q: Floats, top: float, length: float
 ) -> None:  # fmt: skip
     """Find where the loads of squares act, and the compliance of the plate there beyond heave and tilts.
 
     ``single``: whether squares are single pads; ``top``: as above.
     """
-    count, unknowns, rigid = sq.load.size, plates.shape[b, UNKNOWNS], plates.rigid[b]
+    count, unknowns, rigid = sq.load.size, plates.unknowns[b], plates.rigid[b]
     shape, which, bent, heaved = np.zeros((count, 16)), np.empty((count, 16), np.int64), np.empty(unknowns), np.empty(3)
-    _place_loads(pads, plates, b, polygons, overlaps, sq, q, top, shape, which, piece, room)
+    _place_loads(pads, plates, b, footing, sq, q, top, shape, which)
     matrix = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
-    narrow = DIMPLE * min(plates.shape[b, PER_SIDE] * pads.frame[b, SIDE], math.sqrt(2.0) * length)
+    narrow = DIMPLE * min(plates.per_side[b] * footing.side, math.sqrt(2.0) * length)
     dimple, beyond = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length), (10.0 * narrow) ** 2
     for i in range(count):
         bent[:] = 0.0
@@ -276,21 +259,19 @@ def _set_compliance(
             for n in range(unknowns):
                 bent[n] += weight * row[n]
         for n in range(3):
-            heaved[n] = rigid[n, 0] + rigid[n, 1] * sq.position[i, 1] - rigid[n, 2] * sq.position[i, 0]
+            heaved[n] = _rise(rigid[n], sq.position[i, 0], sq.position[i, 1])
         for j in range(i + 1):
-            value = -(heaved[0] + heaved[1] * sq.position[j, 1] - heaved[2] * sq.position[j, 0])
+            value = -_rise(heaved, sq.position[j, 0], sq.position[j, 1])
             for a in range(16):
                 value += shape[j, a] * bent[which[j, a]]
-            squared_distance = (sq.position[i, 0] - sq.position[j, 0]) ** 2 + (
-                sq.position[i, 1] - sq.position[j, 1]
-            ) ** 2
-            if single and squared_distance < beyond:
-                value += dimple * plate_deflection(math.sqrt(squared_distance) / narrow)
+            dx, dy = sq.position[i, 0] - sq.position[j, 0], sq.position[i, 1] - sq.position[j, 1]
+            if single and dx**2 + dy**2 < beyond:
+                value += dimple * plate_deflection(math.sqrt(dx**2 + dy**2) / narrow)
             sq.compliance[i, j] = sq.compliance[j, i] = value
     _apply(sq.compliance, sq.coefficient, sq.bending)
 
 
-@kernel
+@borrower
 def _apply(matrix: Floats, vector: Floats, out: Floats) -> None:
     """``out = matrix vector``."""
     for i in range(out.size):
@@ -301,17 +282,10 @@ def _apply(matrix: Floats, vector: Floats, out: Floats) -> None:
         out[i] = total
 
 
-# Many arguments: as above.
-@kernel
-def _sum_up(
-    overlaps: Overlaps, sq: Squares, q: Floats, stiffness: float, top: float, least: float, hull: Floats, gradient: Floats,
-    hessian: Floats, piece: Floats, room: Floats,
-) -> float:  # fmt: skip
-    """Find loads and stiffness of the squares, gradient and Hessian by the rise; returns the energy (J).
-
-    ``top``: overlap from which the pressure grows no more, m; ``least``: elastic stiffness (N m-1) of a square that counts.
-    """
-    energy, sums = 0.0, np.zeros(10)
+@borrower
+def _sum_up(footing: Footing, sq: Squares, q: Floats, top: float, gradient: Floats, hessian: Floats) -> float:
+    """Find loads and stiffness of the squares, gradient and Hessian by the rise; returns the energy (J)."""
+    energy, sums, hull = 0.0, footing.sums, footing.hull
     for i in range(3):
         gradient[i] = 0.0
         for j in range(3):
@@ -321,14 +295,12 @@ def _sum_up(
     for i in range(sq.load.size):
         energy += 0.5 * sq.coefficient[i] * sq.bending[i]
         sq.load[i] = sq.elastic[i] = sq.mixed[i, 0] = sq.mixed[i, 1] = sq.mixed[i, 2] = 0.0
-    for m in range(overlaps.polygons.size):
-        i = overlaps.square[m]
-        size, highest = _raised(overlaps, m, q, sq.bending[i], piece)
-        if highest <= 0.0:
+    for m in range(sq.polygons.size):
+        i = sq.square[m]
+        if _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top)[1] <= 0.0:
             continue
-        pressed(piece, size, top, room, sums)
         for n in range(10):
-            sums[n] *= stiffness
+            sums[n] *= footing.stiffness
         energy += sums[9]
         gradient[0] -= sums[0]
         gradient[1] -= sums[2]
@@ -346,12 +318,12 @@ def _sum_up(
         sq.mixed[i, 2] -= sums[4]
     hessian[1, 0], hessian[2, 0], hessian[2, 1] = hessian[0, 1], hessian[0, 2], hessian[1, 2]
     for i in range(sq.load.size):
-        if sq.elastic[i] < least:
+        if sq.elastic[i] < SLIVER * footing.stiffness * footing.side**2:
             sq.elastic[i] = sq.mixed[i, 0] = sq.mixed[i, 1] = sq.mixed[i, 2] = 0.0
     return energy
 
 
-@kernel
+@borrower
 def _solve_loaded(matrix: Floats, right: Floats) -> None:
     """Solve for several right-hand sides in place by Cholesky's factors, which overwrite the lower half of the matrix."""
     n = len(matrix)
@@ -375,32 +347,23 @@ def _solve_loaded(matrix: Floats, right: Floats) -> None:
 
 
 @kernel
-def _correction(
-    sq: Squares, bends: bool, gradient: Floats, hessian: Floats, dq: Floats, dc: Floats, du: Floats
-) -> float:
+def _correction(sq: Squares, gradient: Floats, hessian: Floats, dq: Floats, dc: Floats, du: Floats) -> float:
     """Newton's correction of rise, coefficients and bending; returns the decrement of the energy (J).
 
     On loaded squares ``(1 / k + G) dc = (f - c) / k - b dq`` with their load f and elastic stiffness k; others take up their
     load at once.
     """
-    count = sq.load.size
-    loaded, n = np.empty(count, np.int64), 0
-    for i in range(count):
-        dc[i] = sq.load[i] - sq.coefficient[i] if bends else 0.0
-        if bends and sq.elastic[i] > 0.0:
-            loaded[n] = i
-            n += 1
+    loaded, count = np.flatnonzero(sq.elastic > 0.0), sq.load.size
+    n = loaded.size
     bent, matrix, answer = np.zeros((count, 4)), np.empty((n, n)), np.empty((n, 4))
+    for i in range(count):
+        dc[i] = 0.0 if sq.elastic[i] > 0.0 else sq.load[i] - sq.coefficient[i]
+    _apply(sq.compliance, dc, du)
     for s in range(n):
         i = loaded[s]
-        dc[i] = 0.0
         for t in range(s + 1):
             matrix[s, t] = sq.compliance[i, loaded[t]]
         matrix[s, s] += 1.0 / sq.elastic[i]
-    if bends:
-        _apply(sq.compliance, dc, du)
-    for s in range(n):
-        i = loaded[s]
         answer[s, 0] = (sq.load[i] - sq.coefficient[i]) / sq.elastic[i] - du[i]
         for d in range(3):
             answer[s, 1 + d] = -sq.mixed[i, d] / sq.elastic[i]
@@ -408,9 +371,8 @@ def _correction(
     for i in range(count):
         bent[i, 0] = du[i]
         for s in range(n):
-            g = sq.compliance[i, loaded[s]]
             for d in range(4):
-                bent[i, d] += g * answer[s, d]
+                bent[i, d] += sq.compliance[i, loaded[s]] * answer[s, d]
     right = np.empty(3)
     for d in range(3):
         right[d] = -gradient[d]
@@ -429,91 +391,91 @@ def _correction(
 
 
 @kernel
-def _minimise(
-    overlaps: Overlaps, sq: Squares, bends: bool, q: Floats, stiffness: float, top: float, least: float, hull: Floats,
-    piece: Floats, room: Floats,
-) -> int:  # fmt: skip
+def _minimise(footing: Footing, sq: Squares, q: Floats, top: float) -> int:
     """Find rise and bending of least energy from where they are; returns the iterations, -1 where there is no end."""
     count = sq.load.size
     gradient, hessian, dq, dc, du = np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(count), np.zeros(count)
-    energy = _sum_up(overlaps, sq, q, stiffness, top, least, hull, gradient, hessian, piece, room)
+    energy = _sum_up(footing, sq, q, top, gradient, hessian)
     for iteration in range(MAX_ITERATIONS):
-        decrement = _correction(sq, bends, gradient, hessian, dq, dc, du)
+        decrement = _correction(sq, gradient, hessian, dq, dc, du)
         # Late iterations move within round-off.
         if decrement <= (1e-16 if iteration < 20 else 1e-9) * abs(energy):
             return iteration
-        scale, applied_scale = 1.0, 0.0
+        change = 1.0
         while True:
             for i in range(3):
-                q[i] += (scale - applied_scale) * dq[i]
+                q[i] += change * dq[i]
             for i in range(count):
-                sq.coefficient[i] += (scale - applied_scale) * dc[i]
-                sq.bending[i] += (scale - applied_scale) * du[i]
-            new = _sum_up(overlaps, sq, q, stiffness, top, least, hull, gradient, hessian, piece, room)
-            if new <= energy - 1e-4 * scale * decrement or scale < 1e-3 or decrement < 1e-9 * abs(energy):
+                sq.coefficient[i] += change * dc[i]
+                sq.bending[i] += change * du[i]
+            new = _sum_up(footing, sq, q, top, gradient, hessian)
+            # The energy is convex: a correction that is short enough lowers it, as far as round-off lets that be seen.
+            if not new > energy - 1e-4 * abs(change) * decrement or decrement < 1e-9 * abs(energy):
                 break
-            applied_scale, scale = scale, 0.5 * scale
+            change = -0.5 * abs(change)
         energy = new
     return -1
 
 
-# Many arguments: as above.
 @kernel
-def _balance(
-    overlaps: Overlaps, sq: Squares, bends: bool, q: Floats, stiffness: float, top: float, least: float, hull: Floats,
-    piece: Floats, room: Floats,
-) -> int:  # fmt: skip
+def _balance(footing: Footing, sq: Squares, q: Floats) -> int:
     """Find the balance from the rise and bending that are there; returns the iterations, -1 where there is no end."""
-    iterations = _minimise(overlaps, sq, bends, q, stiffness, top, least, hull, piece, room)
+    iterations = _minimise(footing, sq, q, footing.top)
     if iterations < 0:
         # Squares that yield resist no more: where stiff ice starts deep in rock, almost all do, and corrections overshoot by
         # hundreds of metres. On a bed of boundless strength they do not, and its balance is close.
-        q[:] = 0.0
-        sq.coefficient[:] = 0.0
-        sq.bending[:] = 0.0
-        _minimise(overlaps, sq, bends, q, stiffness, math.inf, least, hull, piece, room)
-        iterations = _minimise(overlaps, sq, bends, q, stiffness, top, least, hull, piece, room)
+        q[:], sq.coefficient[:], sq.bending[:] = 0.0, 0.0, 0.0
+        _minimise(footing, sq, q, math.inf)
+        iterations = _minimise(footing, sq, q, footing.top)
     return iterations
 
 
 # Many arguments: as in `press`, whose results it writes.
 @kernel
 def _share_out(
-    pads: Pads, b: int, polygons: Ints, overlaps: Overlaps, sq: Squares, q: Floats, bed: Bed, gradient: Floats, length: float,
-    thickness: float, loads: Floats, bent: Floats, piece: Floats, room: Floats,
+    pads: Pads, b: int, footing: Footing, sq: Squares, q: Floats, bed: Bed, length: float, thickness: float, loads: Floats,
+    bent: Floats,
 ) -> None:  # fmt: skip
     """Write the loads on the elements (``loads``) and the polygons (``bent``)."""
-    sums, top, share = np.zeros(10), bed.strength / bed.stiffness, np.full(sq.load.size, -1.0)
-    for m in range(overlaps.polygons.size):
-        i, k = overlaps.square[m], polygons[overlaps.polygons[m]]
-        e, origin_x, origin_y = pads.owner[k], pads.frame[b, ORIGIN_X], pads.frame[b, ORIGIN_Y]
-        size, highest = _raised(overlaps, m, q, sq.bending[i], piece)
-        pressed(piece, size, top, room, sums)
-        if not _bears(sums, min(highest, top), pads.frame[b, SIDE]):
+    sums, share, (origin_x, origin_y) = footing.sums, np.full(sq.load.size, -1.0), pads.origin[b]
+    for m in range(sq.polygons.size):
+        i, p = sq.square[m], sq.polygons[m]
+        size, highest = _press_polygon(footing, p, q, sq.bending[i], footing.top)
+        if not _bears(sums, min(highest, footing.top), footing.side):
             continue
-        load = bed.stiffness * sums[0]
-        x, y = sums[1] / sums[0], sums[2] / sums[0]
-        loads[e, LOAD] += load
-        loads[e, LOAD_X] += load * (x + origin_x)
-        loads[e, LOAD_Y] += load * (y + origin_y)
+        load, x, y = bed.stiffness * sums[0], sums[1] / sums[0], sums[2] / sums[0]
+        element = loads[pads.owner[footing.polygons[p]]]
+        element[LOAD] += load
+        element[LOAD_X] += load * (x + origin_x)
+        element[LOAD_Y] += load * (y + origin_y)
         # The gradient of the overlap is minus that of the depth, and the floor pushes where it is deeper.
-        loads[e, PUSH_X] -= load * gradient[overlaps.polygons[m], 0]
-        loads[e, PUSH_Y] -= load * gradient[overlaps.polygons[m], 1]
-        loads[e, LIFT] = max(loads[e, LIFT], q[0] + q[1] * y - q[2] * x + sq.bending[i])
+        element[PUSH_X] -= load * footing.gradient[p, 0]
+        element[PUSH_Y] -= load * footing.gradient[p, 1]
+        element[LIFT] = max(element[LIFT], _rise(q, x, y) + sq.bending[i])
         if share[i] < 0.0 and length > 0.0:
             share[i] = measure_ice_share(pads, b, sq.position[i, 0], sq.position[i, 1], math.sqrt(2.0) * length)
-        loads[e, STRESS] = max(loads[e, STRESS], bending_stress(length, share[i], thickness, sq.bending[i]))
-        loads[e, YIELD] = max(loads[e, YIELD], highest - top)
-        of_polygon = bent[overlaps.polygons[m]]
-        of_polygon[0], of_polygon[1], of_polygon[2] = load, sq.bending[i], share[i]
-        of_polygon[3], of_polygon[4] = x + origin_x, y + origin_y
-        if bed.grip < top:
-            pressed(piece, size, bed.grip, room, sums)
-        loads[e, HOLD] += bed.friction * bed.stiffness * sums[0]
+        element[STRESS] = max(element[STRESS], bending_stress(length, share[i], thickness, sq.bending[i]))
+        element[YIELD] = max(element[YIELD], highest - footing.top)
+        bent[p, 0], bent[p, 1], bent[p, 2] = load, sq.bending[i], share[i]
+        bent[p, 3], bent[p, 4] = x + origin_x, y + origin_y
+        if bed.grip < footing.top:
+            pressed(footing.piece, size, bed.grip, footing.room, sums)
+        element[HOLD] += bed.friction * bed.stiffness * sums[0]
     for e in range(pads.row_start[b], pads.row_start[b + 1]):
         if loads[e, LOAD] > 0.0:
             loads[e, LOAD_X] /= loads[e, LOAD]
             loads[e, LOAD_Y] /= loads[e, LOAD]
+
+
+@borrower
+def _stay_clear(footing: Footing, margin: float, q: Floats) -> bool:
+    """Whether polygons that are clear by more than ``margin`` m stay so: rigid rise alone is the least of theirs."""
+    for p in range(footing.polygons.size):
+        if footing.highest[p] <= -margin:
+            for n in range(footing.start[p], footing.start[p + 1]):
+                if footing.corner[n, 2] > _rise(q, footing.corner[n, 0], footing.corner[n, 1]):
+                    return False
+    return True
 
 
 # Many arguments: what the press finds goes into arrays of the caller, which makes them once for all sub-steps.
@@ -529,55 +491,35 @@ def press(
     ``q`` takes heave and tilts, ``loads`` the columns `LOAD` to `YIELD` of the elements, ``bent`` load (N), bending (m), share of
     ice and place (m) of each polygon.
     """
-    corners, most = 0, CORNERS
-    for k in polygons:
-        corners += pads.start[k + 1] - pads.start[k]
-        most = max(most, 2 * (pads.start[k + 1] - pads.start[k]) + 8)
-    for e in range(pads.row_start[b], pads.row_start[b + 1]):
-        for column in range(PRESSED):
-            loads[e, column] = 0.0
-    for m in range(polygons.size):
-        bent[m, 0] = 0.0
-    corner, gradient, highest = np.empty((corners, 3)), np.empty((polygons.size, 2)), np.empty(polygons.size)
-    largest = lay_planes(pads, polygons, depth, draft, level, corner, gradient, highest)
-    q[0] = q[1] = q[2] = 0.0
+    start, most = np.zeros(polygons.size + 1, np.int64), CORNERS
+    for p in range(polygons.size):
+        size = pads.start[polygons[p] + 1] - pads.start[polygons[p]]
+        start[p + 1], most = start[p] + size, max(most, 2 * size + 8)
+    loads[pads.row_start[b] : pads.row_start[b + 1]] = 0.0
+    bent[:, 0] = 0.0
+    footing = Footing(
+        polygons, start, np.empty((start[-1], 3)), np.empty((polygons.size, 2)), np.empty(polygons.size), hull, bed.stiffness,
+        bed.strength / bed.stiffness, pads.side[b], np.empty((most, 3)), np.empty((most, 3)), np.empty(10),
+    )  # fmt: skip
+    largest, iterations, bends = _lay_planes(pads, footing, depth, draft, level), 0, length > 0.0
+    q[:] = 0.0
     if largest <= 0.0:
         return 0, largest
-    piece, room, margin, top = (
-        np.empty((most, 3)),
-        np.empty((most, 3)),
-        # Beyond CLEAR pads are looked at or not by the way that a fragment came; the last bit must not hang on it.
-        min(0.2 * largest + 0.02, CLEAR),
-        bed.strength / bed.stiffness,
-    )
-    least, bends = SLIVER * bed.stiffness * pads.frame[b, SIDE] ** 2, length > 0.0
+    # Beyond CLEAR pads are looked at or not by the way that a fragment came; the last bit must not hang on it.
+    margin = min(0.2 * largest + 0.02, CLEAR)
     while True:
-        overlaps, count, merged = _gather(pads, b, polygons, corner, highest, margin)
-        sq, iterations = Squares(
-            np.zeros((count, count)), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros((count, 3)),
-            np.zeros((count, 2)),
-        ), 0  # fmt: skip
+        sq, merged = _group_in_squares(pads, b, footing, margin, bends)
+        q[:] = 0.0
         if bends:
-            fit_plate(pads, plates, b, polygons[overlaps.polygons], merged, length, bed.poisson)
-        q[0] = q[1] = q[2] = 0.0
-        for search in range(2 if bends else 1):
-            if bends:
-                _set_compliance(
-                    pads, plates, b, polygons, overlaps, sq, merged == 1, q, math.inf if search == 0 else top, length, piece, room
-                )  # fmt: skip
-            iterations = _balance(overlaps, sq, bends, q, bed.stiffness, top, least, hull, piece, room)
-            if iterations < 0:
-                return -1, largest
-        # Whether what was left out stays clear: rigid rise alone is its least.
-        at, clear = 0, True
-        for m in range(polygons.size):
-            size = pads.start[polygons[m] + 1] - pads.start[polygons[m]]
-            if highest[m] <= -margin:
-                for n in range(at, at + size):
-                    clear = clear and corner[n, 2] <= q[0] + q[1] * corner[n, 1] - q[2] * corner[n, 0]
-            at += size
-        if clear:
+            fit_plate(pads, plates, b, polygons[sq.polygons], merged, length, bed.poisson)
+            _set_compliance(pads, plates, b, footing, sq, merged == 1, q, math.inf, length)
+            iterations = _balance(footing, sq, q)
+            _set_compliance(pads, plates, b, footing, sq, merged == 1, q, footing.top, length)
+        iterations = _balance(footing, sq, q) if iterations >= 0 else -1
+        if iterations < 0:
+            return -1, largest
+        if _stay_clear(footing, margin, q):
             break
         margin *= 2.0
-    _share_out(pads, b, polygons, overlaps, sq, q, bed, gradient, length, thickness, loads, bent, piece, room)
+    _share_out(pads, b, footing, sq, q, bed, length, thickness, loads, bent)
     return iterations, largest

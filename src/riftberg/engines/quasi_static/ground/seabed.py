@@ -22,16 +22,13 @@ from riftberg.engines.quasi_static.contact import anchors
 from riftberg.engines.quasi_static.contact.islands import PeakContactLoad, SubcycledMotion, select_forcing
 from riftberg.engines.quasi_static.ground import landing
 from riftberg.engines.quasi_static.ground.pads import (
-    ORIGIN_X,
-    ORIGIN_Y,
-    Pads,
     choose_pad_sides,
     cut_into_pads,
     melt_pads,
     place_points,
 )
 from riftberg.engines.quasi_static.ground.press import LIFT
-from riftberg.engines.quasi_static.ground.shoal import Keels, Shoal, choose_squares, find_candidates, find_near
+from riftberg.engines.quasi_static.ground.shoal import Keels, Shoal, find_near
 from riftberg.engines.quasi_static.ground.soundings import DepthSampler, Soundings
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
 from riftberg.errors import InputError, RunError
@@ -78,11 +75,11 @@ def make_depth_sampler(forcing: Forcing, middle: float = 0.0, period: float = 0.
 
 
 @kernel
-def _place_middles(frame: Floats, pose: Floats, latlon: bool, radius: float) -> tuple[Floats, Floats]:
+def _place_middles(origin: Floats, pose: Floats, latlon: bool, radius: float) -> tuple[Floats, Floats]:
     """Find the positions of the middles of fragments."""
-    lon, lat = np.empty(len(frame)), np.empty(len(frame))
-    for b in range(len(frame)):
-        lon[b], lat[b] = place_points(frame[b, ORIGIN_X], frame[b, ORIGIN_Y], pose[b], latlon, radius)
+    lon, lat = np.empty(len(origin)), np.empty(len(origin))
+    for b in range(len(origin)):
+        lon[b], lat[b] = place_points(origin[b, 0], origin[b, 1], pose[b], latlon, radius)
     return lon, lat
 
 
@@ -192,7 +189,7 @@ class Seabed:
         thickness = np.bincount(bodies.body, el.body.thickness, near_floor.size)[numbers] / count
         side = choose_pad_sides(self.bed.modulus or UNBENT_MODULUS, POISSON, thickness)
         shoal.ice = ice
-        if keels is not None and np.array_equal(numbers, keels.bodies) and np.array_equal(side, keels.side):
+        if keels is not None and np.array_equal(numbers, keels.bodies) and np.array_equal(side, keels.pads.side):
             return keels
         index = np.full(near_floor.size, -1)
         index[numbers] = np.arange(numbers.size)
@@ -202,8 +199,8 @@ class Seabed:
         prints = self._footprints.follow(model)
         footprint = body_footprint(prints, el, rows, xy, body, shrinks=False)
         size = prints.size[find_rows(prints.element, el.body.id[rows])[0]]
-        pads = cut_into_pads(footprint, body, numbers.size, xy[rows], side)
-        shoal.keels = Keels(numbers, side, pads, size, shoal.survey, bodies.pose[numbers])
+        pads = cut_into_pads(footprint, body, xy[rows], side)
+        shoal.keels = Keels(numbers, pads, size, shoal.survey, bodies.pose[numbers])
         return shoal.keels
 
     def _landing(
@@ -218,63 +215,47 @@ class Seabed:
         if not near_floor.any():
             return None
         keels = self._keels(model, bodies, near_floor, shoal)
-        numbers, rows, count = keels.bodies, keels.pads.rows, keels.bodies.size
-        pose, thickness, reach = (
-            bodies.pose[numbers],
-            el.body.thickness[rows],
-            np.where(near_floor, reach, -1.0)[numbers],
-        )
-        watch = keels.watch(shoal, pose, c.earth_radius if c.latlon else 1.0)
+        numbers, rows, pose = keels.bodies, keels.pads.rows, bodies.pose[keels.bodies]
+        thickness, reach = el.body.thickness[rows], np.where(near_floor, reach, -1.0)[numbers]
         pads = melt_pads(keels.pads, np.sqrt(el.body.length[rows] * el.body.width[rows] / keels.size))
-        draft, level = draft_of(thickness, c.rho_ice), np.empty((3, count))
-        middle = _place_middles(pads.frame, pose, c.latlon, c.earth_radius)
+        draft, level = draft_of(thickness, c.rho_ice), np.empty((numbers.size, 3))
+        middle = _place_middles(pads.origin, pose, c.latlon, c.earth_radius)
         for n in range(3):
-            level[n] = forcing.sea_level(*middle, time + 0.5 * n * h)
-        lowest, chosen, (lon, lat) = level.min(axis=0), np.empty_like(watch.square), np.empty((2, watch.square.size))
-        square_count = choose_squares(
-            pads, watch, pose, reach, lowest, np.maximum.reduceat(draft, pads.row_start[:-1]), keels.travelled, c.latlon,
-            c.earth_radius, chosen, lon, lat,
-        )  # fmt: skip
-        polygons, start = np.empty(watch.polygon.size, np.int64), np.zeros(count + 1, np.int64)
-        clearance = np.full(count, np.inf)
-        if square_count:
-            depth = self.depth(lon[:square_count], lat[:square_count])
-            find_candidates(pads, watch, chosen[:square_count], depth, reach, lowest, draft, polygons, start, clearance)
-        if not start[-1]:
+            level[:, n] = forcing.sea_level(*middle, time + 0.5 * n * h)
+        polygons, start, clearance = keels.find_candidates(
+            shoal, pads, pose, reach, level.min(axis=1), draft, self.depth, c
+        )
+        if not polygons.size:
             self.clearance[0] = min(self.clearance[0], max(clearance.min(initial=np.inf), 0.0))
             return None
-        fragments = landing.prepare(pads, keels.plates, polygons[: start[-1]], start, pose, draft)
-        fragments.number[:, landing.REACH], fragments.number[:, landing.CLEARANCE] = reach, clearance
-        fragments.number[:, landing.RADIUS], fragments.number[:, landing.LEVEL :] = (
-            shoal.survey.radius[numbers],
-            level.T,
+        fragments = landing.begin_step(
+            pads, keels.plates, polygons, start, numbers, bodies, el.keel, thickness, draft, self.bed
         )
-        landing.board(fragments, numbers, bodies, el.keel, thickness, self.bed)
-        return fragments, numbers
+        radius = shoal.survey.radius[numbers]
+        return fragments._replace(radius=radius, reach=reach, level=level, clearance=clearance), numbers
 
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: SubcycledMotion | None
     ) -> tuple[SubcycledMotion | None, float]:
         """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does.
 
-        Those that stood on it before ``contact`` go as it says. The second value: by how much the hold of the floor changes on
-        one that contact has taken over it, as a multiple of what it may change in a step; endless where contact has taken one
-        down onto the floor. Writes its loads to the keels at the end, and the largest bending stress that each bond has borne.
+        Those in ``contact`` go as it says. The second value: by how much the hold of the floor changes on one that contact has
+        taken over it, as a multiple of what it may change in a step. Writes its loads to the keels at the end, and the largest
+        bending stress that each bond has borne.
         """
         further, by_the_floor = 1.0, NO_PAIRS[0]
         model.bonds.flexural_stress[:] = 0.0
         while (prepared := self._landing(model, bodies, time, h, further)) is not None:
             flexure = self._run(model, op, h, contact, by_the_floor, *prepared)
             fragments, numbers = prepared
-            beyond = (fragments.flag[:, landing.STATUS] == landing.BEYOND).any()
-            changed = fragments.number[:, landing.CHANGE] > 1.0
+            beyond, changed = (fragments.status == landing.BEYOND).any(), fragments.hold_change > 1.0
             if not beyond and changed.any() and h <= landing.SHORTEST_PUSHED_STEP * (1.0 + 1e-9):
                 # The floor changes faster than others push: those go as it says, pushed by the mean force.
                 by_the_floor = np.union1d(by_the_floor, numbers[changed])
                 continue
             if not beyond:
                 model.bonds.flexural_stress[:] = flexure
-                return self._finish(model, *prepared, h), _largest_change(contact, *prepared)
+                return self._finish(model, *prepared, h), _largest_hold_change(contact, *prepared)
             further *= 8.0  # a light berg may be taken up by the water
             if further > FARTHEST:
                 raise RunError(
@@ -292,21 +273,23 @@ class Seabed:
 
         ``by_the_floor``: those in contact that do not go as that says.
         """
-        c, pads = model.constants, fragments.pads
-        landing.set_inertia(fragments, numbers, op.matrices)
+        c, matrices, speed = model.constants, op.matrices, np.hypot(*fragments.velocity[:, :2].T)
+        fragments.mobility[:] = matrices.mobility[numbers]
+        fragments.arm[:] = np.sqrt(matrices.inertia[numbers, 2, 2] / matrices.inertia[numbers, 0, 0])
+        fragments.first_speed[:] = speed + fragments.arm * np.abs(fragments.velocity[:, 2])
         if contact is not None:
             _carry(fragments, numbers, contact, by_the_floor, op.body, h)
-        forcing = select_forcing(pads.rows, op.forcing)
+        step = landing.Step(h, self.bed, c.latlon, c.earth_radius)
+        forcing = select_forcing(fragments.pads.rows, op.forcing)
         flexure, bends = np.zeros(model.bonds.first.size), model.parameters.fracture.flexural_strength is not None
-        points = _count_points(pads, fragments.polygons)
-        (lon, lat), depth = np.empty((2, points)), np.zeros(0)
-        while requested := landing.advance(fragments, forcing, self.bed, h, depth, c.latlon, c.earth_radius, lon, lat):
+        (lon, lat), depth = np.empty((2, fragments.points.sum())), np.zeros(0)
+        while requested := landing.advance(fragments, step, forcing, depth, lon, lat):
             if bends:
                 self._bend(model, fragments, flexure)
             depth = self.depth(lon[:requested], lat[:requested])
         if bends:
             self._bend(model, fragments, flexure)
-        if (fragments.flag[:, landing.STATUS] == landing.TOO_SHORT).any():
+        if (fragments.status == landing.TOO_SHORT).any():
             raise RunError(
                 f"a berg that runs aground at {model.date:%Y-%m-%d %H:%M} needs sub-steps of less than {landing.LEAST_STEP:g} s"
             )
@@ -315,13 +298,13 @@ class Seabed:
 
     def _check_settled(self, model: RunState, fragments: landing.Landing) -> None:
         """Refuse a rise that was not found."""
-        if (fragments.flag[:, landing.STATUS] == landing.UNSETTLED).any():
+        if (fragments.status == landing.UNSETTLED).any():
             raise RunError(f"the heave of a berg aground did not settle at {model.date:%Y-%m-%d %H:%M}")
 
     def _bend(self, model: RunState, fragments: landing.Landing, flexure: Floats) -> None:
         """Raise the bending stress of bonds to its value in the sub-steps that were just accepted."""
         pads, bonds = fragments.pads, model.bonds
-        for a in np.flatnonzero(fragments.flag[:, landing.ACCEPTED]).tolist():
+        for a in np.flatnonzero(fragments.accepted).tolist():
             rows = pads.rows[pads.row_start[a] : pads.row_start[a + 1]]
             index = np.full(model.elements.size, -1)
             index[rows] = np.arange(rows.size)
@@ -329,37 +312,34 @@ class Seabed:
             first, second = index[bonds.first[intact]], index[bonds.second[intact]]
             own_polygons = slice(fragments.polygon_start[a], fragments.polygon_start[a + 1])
             owner, bent = pads.owner[fragments.polygons[own_polygons]] - pads.row_start[a], fragments.bent[own_polygons]
-            xy = pads.element[pads.row_start[a] : pads.row_start[a + 1]] + pads.frame[a, :2]
-            length, thickness = fragments.number[a, landing.LENGTH], fragments.number[a, landing.THICKNESS]
-            for cut, stress in bent_bonds(owner, bent, length, thickness, xy, first, second):
+            xy = pads.element[pads.row_start[a] : pads.row_start[a + 1]] + pads.origin[a]
+            cracks = bent_bonds(owner, bent, fragments.length[a], fragments.thickness[a], xy, first, second)
+            for cut, stress in cracks:
                 flexure[intact[cut]] = np.maximum(flexure[intact[cut]], stress)
 
     def _finish(self, model: RunState, fragments: landing.Landing, numbers: Ints, h: float) -> SubcycledMotion | None:
         """Write the final loads to the keels; return the motion of the fragments that touched it, as contact."""
-        pads, number = fragments.pads, fragments.number
         landing.lift_off(model.elements.keel)
-        self.clearance[0] = min(self.clearance[0], max(number[:, landing.CLEARANCE].min(), 0.0))
-        landed = fragments.flag[:, landing.STATUS] == landing.DONE
+        self.clearance[0] = min(self.clearance[0], max(fragments.clearance.min(), 0.0))
+        landed = fragments.status == landing.DONE
         if not landed.any():
             return None
-        landing.write_loads(fragments, model.elements.keel)
-        landing.write_friction(fragments, model.elements.keel)
-        self.rubbed += number[landed, landing.RUBBED].sum()
-        elements = np.diff(pads.row_start)
+        landing.write_keels(fragments, model.elements.keel)
+        self.rubbed += fragments.rubbed[landed].sum()
         # What contact presses has its loads from there, or from the equilibrium at the end.
-        bonded = landed & (elements > 1) & (fragments.flag[:, landing.CARRIED] == 0)
+        elements = np.diff(fragments.pads.row_start)
+        bonded = landed & (elements > 1) & ~fragments.carried
         touched, pressed = np.repeat(landed, elements), np.repeat(bonded, elements)
         peak = PeakContactLoad(
-            pads.rows[pressed], fragments.peak[pressed, :3].copy(), fragments.peak[pressed, 3:].copy(), numbers[bonded],
-            number[bonded, landing.PEAK_SPIN], number[bonded, landing.PEAK_TIME],
+            fragments.pads.rows[pressed], fragments.peak_force[pressed], fragments.peak_axes[pressed], numbers[bonded],
+            fragments.peak_spin[bonded], fragments.peak_time[bonded],
         )  # fmt: skip
         return SubcycledMotion(
-            numbers[landed], pads.rows[touched], fragments.motion[landed, landing.PATH] / h,
-            fragments.motion[landed, landing.VELOCITY],
-            np.zeros((np.count_nonzero(landed), 3)), anchors.allocate_anchors(int(touched.sum())),
-            number[landed, landing.RUBBED], fragments.applied[touched], *NO_PAIRS,
+            numbers[landed], fragments.pads.rows[touched], fragments.path[landed] / h, fragments.velocity[landed],
+            np.zeros((np.count_nonzero(landed), 3)), anchors.allocate_anchors(int(touched.sum())), fragments.rubbed[landed],
+            fragments.applied[touched], *NO_PAIRS,
             # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
-            max(number[landed, landing.SHORTEST].min(), landing.TOUCH_STEP), peak,
+            max(fragments.shortest[landed].min(), landing.TOUCH_STEP), peak,
         )  # fmt: skip
 
     def check_start(self, model: RunState, bodies: Bodies) -> None:
@@ -381,16 +361,13 @@ class Seabed:
         fragments, numbers = prepared
         if new is not None:  # others have been there
             old = np.isin(numbers, bodies.body[~new])
-            fragments.flag[old, landing.STATUS] = landing.AFLOAT
+            fragments.status[old] = landing.AFLOAT
         self._press(model, fragments)
         if model.parameters.grounding.start == "refuse":
             self._refuse_deep_keels(model, fragments)
-        landing.write_loads(fragments, el.keel)
-        landing.write_friction(fragments, el.keel)
-        landed = fragments.flag[:, landing.STATUS] == landing.DONE
-        self.clearance[0] = min(
-            self.clearance[0], max(fragments.number[landed, landing.CLEARANCE].min(initial=np.inf), 0.0)
-        )
+        landing.write_keels(fragments, el.keel)
+        clearance = fragments.clearance[fragments.status == landing.DONE]
+        self.clearance[0] = min(self.clearance[0], max(clearance.min(initial=np.inf), 0.0))
 
     def settle_pieces(self, model: RunState, bodies: Bodies, time: float) -> None:
         """Find the loads of the floor after fragments have parted: each piece floats and bends by itself now."""
@@ -399,20 +376,19 @@ class Seabed:
             self._press(model, prepared[0])
         landing.lift_off(model.elements.keel)
         if prepared is not None:
-            landing.write_loads(prepared[0], model.elements.keel)
-            landing.write_friction(prepared[0], model.elements.keel)
+            landing.write_keels(prepared[0], model.elements.keel)
 
     def _press(self, model: RunState, fragments: landing.Landing) -> None:
         """Press fragments onto the floor where they stand."""
-        c, points = model.constants, _count_points(fragments.pads, fragments.polygons)
-        lon, lat = np.empty(points), np.empty(points)
-        landing.press_all(fragments, self.bed, c.latlon, c.earth_radius, np.zeros(0), lon, lat)
-        landing.press_all(fragments, self.bed, c.latlon, c.earth_radius, self.depth(lon, lat), lon, lat)
+        c, (lon, lat) = model.constants, np.empty((2, fragments.points.sum()))
+        step = landing.Step(1.0, self.bed, c.latlon, c.earth_radius)
+        landing.press_all(fragments, step, np.zeros(0), lon, lat)
+        landing.press_all(fragments, step, self.depth(lon, lat), lon, lat)
         self._check_settled(model, fragments)
 
     def _refuse_deep_keels(self, model: RunState, fragments: landing.Landing) -> None:
         """Refuse keels that start deep below the floor, but for pieces off a berg aground, which lay there before."""
-        el, pads, deepest = model.elements, fragments.pads, -fragments.number[:, landing.CLEARANCE]
+        el, pads, deepest = model.elements, fragments.pads, -fragments.clearance
         for a in np.flatnonzero(deepest > DEEP_KEEL).tolist():
             own_rows = slice(pads.row_start[a], pads.row_start[a + 1])
             if (el.life.fl_k[pads.rows[own_rows]] < 0.0).all():
@@ -446,37 +422,29 @@ def _carry(
     """
     _, on_floor, in_contact = np.intersect1d(numbers, contact.bodies, return_indices=True)
     for a, c in zip(on_floor.tolist(), in_contact.tolist(), strict=True):
-        fragments.motion[a, landing.PUSH] = contact.impulse[c] / h
+        fragments.push[a] = contact.impulse[c] / h
         if numbers[a] in by_the_floor:
             continue
         # The elements of a fragment stand in the order of the state in both.
+        own_rows = slice(fragments.pads.row_start[a], fragments.pads.row_start[a + 1])
         rows = np.flatnonzero(body[contact.rows] == numbers[a])
-        friction = contact.anchors[rows][:, [anchors.ANCHOR_X, anchors.ANCHOR_Y]]
-        landing.carry(
-            fragments, a, h * contact.mean[c], contact.twist[c], friction, contact.applied[rows], float(contact.rubbed[c])
-        )  # fmt: skip
+        fragments.carried[a], fragments.rubbed[a], fragments.shortest[a] = True, contact.rubbed[c], landing.TOUCH_STEP
+        fragments.path[a], fragments.velocity[a] = h * contact.mean[c], contact.twist[c]
+        fragments.anchors[own_rows, :2] = contact.anchors[rows][:, [anchors.ANCHOR_X, anchors.ANCHOR_Y]]
+        fragments.applied[own_rows] = contact.applied[rows]
 
 
-def _largest_change(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> float:
-    """Largest `landing.CHANGE` of the fragments in contact; of those that come down onto the floor by their velocity after it."""
+def _largest_hold_change(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> float:
+    """Largest change of the hold on fragments in contact; on those that went as the floor said, by their velocity after it."""
     if contact is None:
         return 0.0
-    largest = float(fragments.number[:, landing.CHANGE].max())
-    landed = (fragments.flag[:, landing.STATUS] == landing.DONE) & (fragments.flag[:, landing.CARRIED] == 0)
-    for a in np.flatnonzero(landed & np.isin(numbers, contact.bodies)).tolist():
-        in_contact = contact.twist[contact.bodies == numbers[a]][0]
-        change = fragments.motion[a, landing.VELOCITY] - in_contact
+    largest = float(fragments.hold_change.max())
+    for a in np.flatnonzero(
+        (fragments.status == landing.DONE) & ~fragments.carried & np.isin(numbers, contact.bodies)
+    ).tolist():
+        change = fragments.velocity[a] - contact.twist[contact.bodies == numbers[a]][0]
         largest = max(largest, landing.relative_change(fragments, a, change) / landing.CARRIED_CHANGE)
     return largest
-
-
-@kernel
-def _count_points(pads: Pads, polygons: Ints) -> int:
-    """How many points the press needs the depth of: the corners of polygons and their middles."""
-    count = polygons.size
-    for k in polygons:
-        count += pads.start[k + 1] - pads.start[k]
-    return count
 
 
 def bent_bonds(
@@ -528,30 +496,25 @@ def join_motions(contact: SubcycledMotion | None, ground: SubcycledMotion | None
     """Return both as one, of different fragments; ``body``: fragment of each element."""
     if contact is None or ground is None:
         return ground if contact is None else contact
-    ground_peak = ground.peak_load
+    hard = ground.peak_load
     # An impact loads a fragment more than the floor that it makes it press on.
-    alone, rows = (~np.isin(which, contact.peak_load.bodies) for which in (ground_peak.bodies, body[ground_peak.rows]))
-    unshared_peak = PeakContactLoad(
-        ground_peak.rows[rows], ground_peak.force[rows], ground_peak.axes[rows], ground_peak.bodies[alone],
-        ground_peak.spin[alone], ground_peak.time[alone],
-    )  # fmt: skip
-    peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(contact.peak_load, unshared_peak, strict=True)))
-
-    def concatenate(name: str) -> Any:
-        return np.concatenate([getattr(contact, name), getattr(ground, name)])
-
+    alone, rows = (~np.isin(which, contact.peak_load.bodies) for which in (hard.bodies, body[hard.rows]))
+    hard = PeakContactLoad(
+        hard.rows[rows], hard.force[rows], hard.axes[rows], hard.bodies[alone], hard.spin[alone], hard.time[alone]
+    )
+    peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(contact.peak_load, hard, strict=True)))
+    arrays: Any = {
+        name: np.concatenate([getattr(contact, name), getattr(ground, name)]) for name in SubcycledMotion._fields[:-2]
+    }
     return SubcycledMotion(
-        concatenate("bodies"), concatenate("rows"), concatenate("mean"), concatenate("twist"), concatenate("impulse"),
-        concatenate("anchors"), concatenate("rubbed"), concatenate("applied"),
-        contact.first, contact.second, min(contact.shortest_substep, ground.shortest_substep), peak,
-    )  # fmt: skip
+        **arrays, shortest_substep=min(contact.shortest_substep, ground.shortest_substep), peak_load=peak
+    )
 
 
 def drop_fragments(contact: SubcycledMotion, bodies: Ints, body: Ints) -> SubcycledMotion:
     """Return the motion in contact of all other fragments: contact acts in the sub-steps of the bed, too."""
     stay, rows = ~np.isin(contact.bodies, bodies), ~np.isin(body[contact.rows], bodies)
+    by_body = {name: getattr(contact, name)[stay] for name in ("bodies", "mean", "twist", "impulse", "rubbed")}
     return contact._replace(
-        bodies=contact.bodies[stay], rows=contact.rows[rows], mean=contact.mean[stay], twist=contact.twist[stay],
-        impulse=contact.impulse[stay], anchors=contact.anchors[rows], rubbed=contact.rubbed[stay],
-        applied=contact.applied[rows],
-    )  # fmt: skip
+        rows=contact.rows[rows], anchors=contact.anchors[rows], applied=contact.applied[rows], **by_body
+    )

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.engines.quasi_static.bodies.pose import Bodies
-from riftberg.engines.quasi_static.ground.pads import LOW_X, LOW_Y, ORIGIN_X, ORIGIN_Y, SIDE, Pads, place_points
+from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
+from riftberg.engines.quasi_static.ground.pads import Pads, place_points
 from riftberg.engines.quasi_static.ground.plate import unmade_plates
-from riftberg.engines.quasi_static.ground.soundings import Floor, Soundings
+from riftberg.engines.quasi_static.ground.soundings import DepthSampler, Floor, Soundings
+from riftberg.parameters import KernelParameters
 from riftberg.physics.floating import draft_of
 from riftberg.state import Floats, Ints
 from riftberg.state.variables import Body, Environment
@@ -49,21 +50,22 @@ class Survey(NamedTuple):
     times: Ints  # How often it was surveyed
 
 
-@kernel
-def _begin_survey(bodies: Bodies, body: Body, latlon: bool, earth: float, survey: Survey) -> None:
-    """Find boxes around the footprints of fragments."""
-    count, box = np.zeros(survey.distance.size, np.int64), survey.box
-    for e in range(bodies.body.size):
-        b, k = bodies.body[e], 2.0 * earth / (1.0 + bodies.reference[e, 2]) if latlon else 1.0
-        x, y = k * bodies.reference[e, 0], k * bodies.reference[e, 1]
-        # Ice of an element at the rim may reach farther than its own half.
-        margin = math.hypot(body.length[e], body.width[e])
-        box[b, 0], box[b, 2] = min(box[b, 0], x - margin), max(box[b, 2], x + margin)
-        box[b, 1], box[b, 3] = min(box[b, 1], y - margin), max(box[b, 3], y + margin)
-        count[b] += 1
-    for b in range(count.size):
-        survey.lone[b] = count[b] == 1
-        survey.radius[b] = math.hypot(max(-box[b, 0], box[b, 2]), max(-box[b, 1], box[b, 3]))
+def _begin_survey(bodies: Bodies, body: Body, latlon: bool, earth: float) -> Survey:
+    """Return a survey in which nothing is surveyed yet."""
+    count, xy = len(bodies.pose), tangent_coordinates(bodies.reference, latlon, earth)
+    # Ice of an element at the rim may reach farther than its own half.
+    margin, low, high = (
+        np.hypot(body.length, body.width)[:, None],
+        np.full((count, 2), np.inf),
+        np.full((count, 2), -np.inf),
+    )
+    np.minimum.at(low, bodies.body, xy - margin)
+    np.maximum.at(high, bodies.body, xy + margin)
+    return Survey(
+        lone=np.bincount(bodies.body) == 1, box=np.hstack([low, high]), radius=np.hypot(*np.maximum(-low, high).T),
+        pose=np.zeros((count, 3, 3)), distance=np.full(count, -1.0), shallow=np.zeros(count, np.bool_), draft=np.zeros(count),
+        times=np.zeros(count, np.int64),
+    )  # fmt: skip
 
 
 @kernel
@@ -134,19 +136,19 @@ class Watch(NamedTuple):
 
 @kernel
 def _watch_squares(
-    raster: Ints, frame: Floats, floor: Floor, shallow: NDArray[np.bool_], distance: float, slope: Floats
+    pads: Pads, b: int, floor: Floor, shallow: NDArray[np.bool_], distance: float, slope: Floats
 ) -> None:
-    """Find the steepest slope of the floor within ``distance`` m of squares, NaN where no tile within it is shallow.
+    """Find the steepest slope of the floor within ``distance`` m of the squares of a fragment, NaN where it is deep.
 
     Blocks of squares of some half a tile have the same.
     """
-    rows, columns, side = raster[1], raster[2], frame[SIDE]
+    rows, columns, side = pads.shape[b, 0], pads.shape[b, 1], pads.side[b]
     wide = max(int(0.7 * floor.half / side), 1)
     reach = distance + floor.half + 0.71 * wide * side
     for j in range((rows - 1) // wide + 1):
         for i in range((columns - 1) // wide + 1):
-            x = frame[ORIGIN_X] + frame[LOW_X] + (i + 0.5) * wide * side
-            y = frame[ORIGIN_Y] + frame[LOW_Y] + (j + 0.5) * wide * side
+            x = pads.origin[b, 0] + pads.low[b, 0] + (i + 0.5) * wide * side
+            y = pads.origin[b, 1] + pads.low[b, 1] + (j + 0.5) * wide * side
             steepest, has_shallow = 0.0, False
             for n in range(shallow.size):
                 if (floor.x[n] - x) ** 2 + (floor.y[n] - y) ** 2 < reach * reach:
@@ -159,7 +161,7 @@ def _watch_squares(
 
 # Many arguments: what is asked for goes into arrays of the caller.
 @kernel
-def choose_squares(
+def _choose_squares(
     pads: Pads, watch: Watch, pose: Floats, reach: Floats, level: Floats, draft: Floats, travelled: Floats,
     latlon: bool, radius: float, chosen: Ints, lon: Floats, lat: Floats,
 ) -> int:  # fmt: skip
@@ -171,11 +173,11 @@ def choose_squares(
     count = 0
     for n in range(watch.square.size):
         b, slope = watch.body[n], watch.slope[n]
-        rise = slope * (travelled[b] - watch.travelled[n] + 0.75 * pads.frame[b, SIDE] + reach[b])
+        rise = slope * (travelled[b] - watch.travelled[n] + 0.75 * pads.side[b] + reach[b])
         if reach[b] >= 0.0 and watch.depth[n] + level[b] - draft[b] < rise + CLEAR:
             x, y = (
-                pads.ice[watch.square[n], 1] + pads.frame[b, ORIGIN_X],
-                pads.ice[watch.square[n], 2] + pads.frame[b, ORIGIN_Y],
+                pads.ice[watch.square[n], 1] + pads.origin[b, 0],
+                pads.ice[watch.square[n], 2] + pads.origin[b, 1],
             )
             lon[count], lat[count] = place_points(x, y, pose[b], latlon, radius)
             chosen[count], watch.travelled[n] = n, travelled[b]
@@ -185,7 +187,7 @@ def choose_squares(
 
 # Many arguments: as above.
 @kernel
-def find_candidates(
+def _list_candidates(
     pads: Pads, watch: Watch, chosen: Ints, depth: Floats, reach: Floats, level: Floats, draft: Floats, polygons: Ints,
     start: Ints, clearance: Floats,
 ) -> None:  # fmt: skip
@@ -205,7 +207,7 @@ def find_candidates(
             a = watch.body[s]
             clear = watch.depth[s] + level[a] - draft[pads.owner[k]]
             clearance[a] = min(clearance[a], clear)
-            if clear < watch.slope[s] * (0.75 * pads.frame[a, SIDE] + reach[a]) + CLEAR:
+            if clear < watch.slope[s] * (0.75 * pads.side[a] + reach[a]) + CLEAR:
                 polygons[count] = k
                 count += 1
     start[b:] = count
@@ -214,32 +216,57 @@ def find_candidates(
 class Keels:
     """Pads of fragments that came near the floor, and which of them are looked at."""
 
-    def __init__(self, bodies: Ints, side: Floats, pads: Pads, size: Floats, survey: Survey, pose: Floats) -> None:
-        self.bodies, self.side, self.pads, self.size = bodies, side, pads, size
-        self.plates = unmade_plates(pads)
+    def __init__(self, bodies: Ints, pads: Pads, size: Floats, survey: Survey, pose: Floats) -> None:
+        self.bodies, self.pads, self.size, self.plates = bodies, pads, size, unmade_plates(pads)
         self.cut = np.zeros(survey.distance.size, np.bool_)
         self.cut[bodies] = True
-        fragment = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
-        self._square = pads.raster[fragment, 0] + pads.square[:, 0] * pads.raster[fragment, 2] + pads.square[:, 1]
+        fragment, squares = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start)), pads.shape.prod(axis=1)
+        self._square = pads.square_start[fragment] + pads.square[:, 0] * pads.shape[fragment, 1] + pads.square[:, 1]
         # Steepest slope of the floor that may come under each square; none where it is so deep that nobody needs to look.
-        self._slope = np.where(np.repeat(survey.lone[bodies], pads.raster[:, 1] * pads.raster[:, 2]), STEEPEST, np.nan)
+        self._slope = np.where(np.repeat(survey.lone[bodies], squares), STEEPEST, np.nan)
         self.travelled, self._pose, self._times = np.zeros(bodies.size), pose.copy(), np.zeros(bodies.size, np.int64)
         self._watch: Watch | None = None
 
-    def watch(self, shoal: Shoal, pose: Floats, scale: float) -> Watch:
+    # Many arguments: where the fragments are, and how deep.
+    def find_candidates(
+        self, shoal: Shoal, pads: Pads, pose: Floats, reach: Floats, level: Floats, draft: Floats, depth: DepthSampler,
+        c: KernelParameters,
+    ) -> tuple[Ints, Ints, Floats]:  # fmt: skip
+        """Return the polygons that may touch the floor in a step, where those of each fragment begin, and its clearance (m).
+
+        ``pads``: as they have melted; ``reach``: way of the step, negative for fragments that stay clear; ``level``: the least in
+        the step, m; ``draft``: of the elements, m.
+        """
+        watch = self._update_watch(shoal, pose, c.earth_radius if c.latlon else 1.0)
+        chosen, (lon, lat), count = np.empty_like(watch.square), np.empty((2, watch.square.size)), self.bodies.size
+        deepest = np.maximum.reduceat(draft, pads.row_start[:-1])
+        squares = _choose_squares(
+            pads, watch, pose, reach, level, deepest, self.travelled, c.latlon, c.earth_radius, chosen, lon, lat
+        )
+        polygons, start, clearance = (
+            np.empty(watch.polygon.size, np.int64),
+            np.zeros(count + 1, np.int64),
+            np.full(count, np.inf),
+        )
+        if squares:
+            asked = depth(lon[:squares], lat[:squares])
+            _list_candidates(pads, watch, chosen[:squares], asked, reach, level, draft, polygons, start, clearance)
+        return polygons[: start[-1]], start, clearance
+
+    def _update_watch(self, shoal: Shoal, pose: Floats, scale: float) -> Watch:
         """Return the squares that are looked at, after the fragments have come to ``pose``."""
         survey, pads = shoal.survey, self.pads
         _add_distances(pose, self._pose, survey.radius[self.bodies], scale, self.travelled)
         renewed = np.flatnonzero(self._times != survey.times[self.bodies]).tolist()
         for a in renewed:
-            b, (first, rows, columns) = int(self.bodies[a]), pads.raster[a].tolist()
-            squares = self._slope[first : first + rows * columns]
-            _watch_squares(pads.raster[a], pads.frame[a], *shoal.floors[b], float(survey.distance[b]), squares)
+            b, first, squares = int(self.bodies[a]), int(pads.square_start[a]), int(pads.shape[a].prod())
+            slope = self._slope[first : first + squares]
+            _watch_squares(pads, a, *shoal.floors[b], float(survey.distance[b]), slope)
             self._times[a] = survey.times[b]
         if renewed or self._watch is None:
             polygon = np.flatnonzero(np.isfinite(self._slope[self._square]))
             square, within = np.unique(self._square[polygon], return_inverse=True)
-            body = np.searchsorted(pads.raster[:, 0], square, side="right") - 1
+            body = np.searchsorted(pads.square_start, square, side="right") - 1
             self._watch = Watch(
                 square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within
             )
@@ -252,14 +279,7 @@ class Shoal:
     def __init__(self, bodies: Bodies, body: Body, latlon: bool, earth: float) -> None:
         self.arrays: tuple[NDArray[Any], ...] = ()  # by which they are known again
         self.key: list[bytes] = []
-        count = bodies.pose.shape[0]
-        box = np.full((count, 4), np.inf)
-        box[:, 2:] = -np.inf
-        self.survey = Survey(
-            np.zeros(count, np.bool_), box, np.zeros(count), np.zeros((count, 3, 3)), np.full(count, -1.0),
-            np.zeros(count, np.bool_), np.zeros(count), np.zeros(count, np.int64),
-        )  # fmt: skip
-        _begin_survey(bodies, body, latlon, earth, self.survey)
+        self.survey = _begin_survey(bodies, body, latlon, earth)
         self.floors: dict[int, tuple[Floor, NDArray[np.bool_]]] = {}  # Around each, and where it is shallow
         self.keels: Keels | None = None
         self.ice = b""  # Thickness for which these were cut
