@@ -371,6 +371,7 @@ class Seabed:
 
     def settle_pieces(self, model: RunState, bodies: Bodies, time: float) -> None:
         """Find the loads of the floor after fragments have parted: each piece floats and bends by itself now."""
+        self._footprints.follow(model)  # cracks have divided them
         prepared = self._landing(model, bodies, time, 0.0, 1.0)
         if prepared is not None:
             self._press(model, prepared[0])
