@@ -99,7 +99,7 @@ SETTLING_TIME: Final = 3.0
 LONGEST_IMPACT: Final = 10.0
 """An impact takes at most this time over its frequency: it loads for half of pi of it. A longer push is driven, as at rest."""
 
-SEAT: Final = 0.01
+SEAT: Final = 0.05
 """Depth (m) beyond that of loading to which faces at rest dent each other as they rock: the elastic depth of a small berg
 would be too shallow a seat for sub-steps of a minute."""
 
