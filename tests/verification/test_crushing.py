@@ -466,16 +466,16 @@ def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(d
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("strength", "dt", "modulus", "bonds"),
-    [("700 Pa", 450.0, 5e6, 17), ("700 Pa", 1800.0, 1e7, 17), ("300 Pa", 450.0, 5e6, 70), ("300 Pa", 1800.0, 5e6, 70),
-     ("300 Pa", 1800.0, 9e9, 70)],
+    [("700 Pa", 450.0, 5e6, 17), ("700 Pa", 1800.0, 1e7, 17), ("300 Pa", 450.0, 5e6, 61), ("300 Pa", 1800.0, 5e6, 61),
+     ("300 Pa", 1800.0, 9e9, 61)],
 )  # fmt: skip
 def test_means_of_what_breaks_in_a_converging_current_hang_little_on_step_and_modulus(
     strength: str, dt: float, modulus: float, bonds: float
 ) -> None:
     """Up to 20 s each. A start 10 cm aside changes which bond breaks first in an impact, and the count.
 
-    Means of eight starts at 300 Pa: 70, 71 and 70 with steps of 225, 450 and 1800 s, each with an error of 3. At 500 Pa one crack
-    of twenty bonds is at its strength: single starts break 24 or 44 bonds, in proportions that hang on the step.
+    Means of eight starts at 300 Pa: 65, 61 and 61 with steps of 225, 450 and 1800 s, 60 with ice of 9 GPa, errors of 2 to 4. At
+    500 Pa 50 or 51 break, at 700 Pa 17, in all of them.
     """
     found = [broken_in_converging_current(strength, dt, modulus, aside) for aside in (0.0, 0.1, 0.2, 0.4, 0.7, 1.0)]
     error = np.std(found, ddof=1) / math.sqrt(len(found))
