@@ -196,7 +196,7 @@ class TimeStep:
             # From the most critical bond, if any: where contact presses has shifted a little.
             self._propagate_crack(impact=True)
             # The next crack by crushing follows soon. A longer trial knows the hardest push on each body alone, which may hide
-            # that a weaker one before it has broken the ice: in ten times longer ones a third fewer bonds broke.
+            # that a weaker one before it has broken the ice: with trials ten times as long a third fewer bonds broke.
             return max(8.0 * trial.h, shortest)
 
         if self._overload_at_end(trial) <= 0.0:

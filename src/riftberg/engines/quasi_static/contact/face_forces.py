@@ -514,9 +514,8 @@ def update_faces(
             result.impulse[a, n] -= h * (force * row[ROW_N + n] + slide * row[ROW_T + n])
             result.impulse[b, n] -= h * (force * row[ROW_N + 3 + n] + slide * row[ROW_T + 3 + n])
         crushed = area - force / unloading
-        if (
-            closing <= 0.0
-        ):  # opening faces bear less than the elastic force, as that is damped, and are not crushed by it
+        if closing <= 0.0:
+            # Opening faces bear less than the elastic force, as that is damped, and are not crushed by it.
             crushed = min(crushed, _crushed_by_loading(state, area, unloading, law) + SEAT * state[CHORD] / law.ratio)
         if force > 0.0 and crushed > state[CRUSHED]:
             stored = 0.5 * (force * force - row[LAST_FORCE] * row[LAST_FORCE]) / (unloading * state[CHORD])

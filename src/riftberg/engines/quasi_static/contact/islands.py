@@ -78,10 +78,9 @@ class Island(NamedTuple):
     bonded: NDArray[np.bool_]  # Whether a body has more than one element; shape (bodies,)
     first: Ints  # Elements of the candidate pairs
     second: Ints
-    separation: (
-        Floats  # From the second to the first element at the start, east and north half-way, m; shape (pairs, 2)
-    )
-    turn: Floats  # Cosine and sine of the angle from these axes to those at the first element, as meridians converge; (pairs, 2)
+    # Along axes half-way between both elements, with which those of each lie at an angle, as meridians converge:
+    separation: Floats  # From the second to the first element at the start, m; shape (pairs, 2)
+    turn: Floats  # Cosine and sine of the angle from axes half-way to those of the first; shape (pairs, 2)
 
 
 class IslandResult(NamedTuple):
