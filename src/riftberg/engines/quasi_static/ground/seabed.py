@@ -279,9 +279,15 @@ class Seabed:
         fragments.first_speed[:] = speed + fragments.arm * np.abs(fragments.velocity[:, 2])
         if contact is not None:
             _carry(fragments, numbers, contact, by_the_floor, op.body, h)
+        flexure, bends = np.zeros(model.bonds.first.size), model.parameters.fracture.flexural_strength is not None
+        way = np.hypot(*fragments.path[:, :2].T) + fragments.radius * np.abs(fragments.path[:, 2])
+        if (
+            beyond := fragments.carried & (way > fragments.reach)
+        ).any():  # before all others go through the step in vain
+            fragments.status[beyond] = landing.BEYOND
+            return flexure
         step = landing.Step(h, self.bed, c.latlon, c.earth_radius)
         forcing = select_forcing(fragments.pads.rows, op.forcing)
-        flexure, bends = np.zeros(model.bonds.first.size), model.parameters.fracture.flexural_strength is not None
         (lon, lat), depth = np.empty((2, fragments.points.sum())), np.zeros(0)
         while requested := landing.advance(fragments, step, forcing, depth, lon, lat):
             if bends:
