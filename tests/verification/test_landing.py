@@ -410,13 +410,13 @@ def test_a_berg_that_another_pushes_up_a_slope_has_the_friction_of_its_load_at_t
     assert el.lon[12:].mean() - 8e3 == pytest.approx(6e3, rel=0.05)
 
 
-@pytest.mark.slow
-def test_tide_floats_it_off_when_the_level_says() -> None:
+@pytest.mark.parametrize("days", [1, pytest.param(5, marks=pytest.mark.slow)])
+def test_tide_floats_it_off_when_the_level_says(days: int) -> None:
     level = Forcing.tide(0.0, level=0.5, **PLANE) + Forcing.tide(
         0.0, level=0.3, period="12 h", level_phase=180.0, **PLANE
     )
     model = berg_model(floor=flat(DRAFT - 0.6), tide=level, speed=0.0, current=0.1, dt=1800.0, sediment="rock")
-    for _ in range(5 * 48):
+    for _ in range(days * 48):
         model.step()
         t = model.time
         high = 0.5 * math.cos(2.0 * math.pi * t / (12.4206012 * 3600.0)) - 0.3 * math.cos(2.0 * math.pi * t / 43200.0)
