@@ -24,6 +24,7 @@ import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -166,7 +167,7 @@ class _Opener:
         self._waiting, self._path = opened, path
         self._calls.put((opened, call))
         try:
-            opened.exception(limit)
+            _wait(opened, limit)
         except TimeoutError:
             self._code = 2
             raise TimeoutError(errno.ETIMEDOUT, fault.format(limit), path) from None
@@ -196,6 +197,19 @@ class _Opener:
                 with suppress(AttributeError, OSError, ValueError):
                     stream.flush()
             os._exit(self._code or 128 + signal.SIGINT)
+
+
+def _wait(opened: Future[Any], limit: float) -> None:
+    """Wait for a file, ``limit`` s at most, in pieces of a second: an interrupt that comes just as one begins is then heard."""
+    end = time.monotonic() + limit
+    while True:
+        try:
+            opened.exception(max(min(AGAIN, end - time.monotonic()), 0.0))
+        except TimeoutError:
+            if time.monotonic() >= end:
+                raise
+        else:
+            return
 
 
 _OPENER: Final = _Opener()
