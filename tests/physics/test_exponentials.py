@@ -39,9 +39,10 @@ def test_hyperbolic_tangent_is_right_to_3e_16_of_1():
     signed = [*ARGUMENTS, *(-x for x in ARGUMENTS)]
     assert max(abs(float(Decimal(fast_tanh(x)) - exact_tanh(x))) for x in signed) < 3e-16
     assert (fast_tanh(0.0), fast_tanh(50.0), fast_tanh(-50.0)) == (0.0, 1.0, -1.0)
+    assert (fast_tanh(math.inf), fast_tanh(-math.inf)) == (1.0, -1.0)
 
 
-@pytest.mark.parametrize("x", [-700.1, -1e6, -1e300])
+@pytest.mark.parametrize("x", [-700.1, -1e6, -1e300, -math.inf])
 def test_far_out_the_exponential_is_0(x):
     assert fast_falling_exp(x) == 0.0
 

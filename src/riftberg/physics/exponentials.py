@@ -45,7 +45,7 @@ def fast_falling_exp(x: float) -> float:
     s = 1.0 / 6.0 + y * s
     s = 0.5 + y * s
     s = 1.0 + y * s
-    return (1.0 + y * s) * _POWERS[int(power) - _LEAST_POWER] if x > _LOWEST else x - x
+    return (1.0 + y * s) * _POWERS[int(power) - _LEAST_POWER] if x > _LOWEST else (0.0 if x <= _LOWEST else x)
 
 
 @kernel

@@ -58,7 +58,8 @@ VELOCITY_CHANGE: Final = 0.1
 """Largest relative change of a fragment's speed by the floor in a sub-step, unless the floor holds the fragment."""
 
 CARRIED_CHANGE: Final = 0.03
-"""The same in a step of contact, which knows the friction at its start alone, by how that has changed at its end."""
+"""The same in a step of contact, which knows the friction at its start alone, by how that has changed at its end. With 0.1 a
+berg that another pushes up a slope slides 5 % too far."""
 
 HOLD_CHANGE: Final = 0.05
 """Part of its hold, or of what others push with, by which the floor may change its hold in a step of contact in any case: a
@@ -71,7 +72,8 @@ TOUCH_STEP: Final = 60.0
 """Touching and coming free are met within this time, s."""
 
 SHORTEST_PUSHED_STEP: Final = 10.0
-"""Shortest step (s) to which a change of hold under a fragment that others push leads; then it goes as the floor says."""
+"""Shortest step (s) to which a change of hold under a fragment that others push leads; then it goes as the floor says, pushed by
+the mean force. That leads them some metres a minute into each other, so it is to be rare."""
 
 LEAST_STEP: Final = 0.01
 """Shortest sub-step, s."""
@@ -193,7 +195,7 @@ def begin_step(
     def zeros(*shape: int) -> Floats:
         return np.zeros((count, *shape))
 
-    def no() -> Booleans:
+    def falses() -> Booleans:
         return np.zeros(count, np.bool_)
 
     return Landing(
@@ -204,10 +206,10 @@ def begin_step(
         substep=np.where(touches & (substep > 0.0), substep, HELD_STEP), path=zeros(3), velocity=bodies.twist[numbers],
         acceleration=zeros(3), touches=touches, anchors=anchors,
         way=zeros(3), sounded_pose=zeros(3, 3), levers=np.empty((elements, 11)), rise=zeros(3), loads=loads,
-        bent=np.zeros((polygons.size, 5)), touches_in_middle=no(), hold=hold, slides=no(),
+        bent=np.zeros((polygons.size, 5)), touches_in_middle=falses(), hold=hold, slides=falses(),
         net=zeros(3), rubs=zeros(), next_velocity=zeros(3), next_anchors=np.zeros_like(anchors),
-        push=zeros(3), carried=no(), hold_change=zeros(),
-        accepted=no(), shortest=np.full(count, math.inf), clearance=np.full(count, math.inf), rubbed=zeros(),
+        push=zeros(3), carried=falses(), hold_change=zeros(),
+        accepted=falses(), shortest=np.full(count, math.inf), clearance=np.full(count, math.inf), rubbed=zeros(),
         yielded=keel.floor_yield[rows], applied=np.zeros((elements, len(FORCES), 2)), peak=np.full(count, -1.0),
         peak_time=zeros(), peak_spin=zeros(), peak_force=np.zeros((elements, 3)), peak_axes=np.zeros((elements, 2)),
     )  # fmt: skip
@@ -261,9 +263,8 @@ def _set_slope_force(f: Landing, a: int, e: int, anchor: Floats) -> None:
 
 
 @borrower
-def _add_force(m: Floats, anchor: Floats, net: Floats) -> None:
-    """Add the force of the floor on an element to that on its fragment; ``m``: its levers."""
-    x, y = anchor[FORCE_X], anchor[FORCE_Y]
+def _add_force(m: Floats, anchor: Floats, x: float, y: float, net: Floats) -> None:
+    """Add a force of the floor on an element (N) to that on its fragment; ``m``: its levers."""
     torque = anchor[ARM_X] * y - anchor[ARM_Y] * x
     for k in range(3):
         net[k] += m[k] * x + m[3 + k] * y + m[6 + k] * torque
@@ -319,7 +320,7 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
         e = loaded[i]
         m, anchor = f.levers[e], f.next_anchors[e]
         _set_slope_force(f, a, e, anchor)
-        _add_force(m, anchor, constant)
+        _add_force(m, anchor, anchor[FORCE_X], anchor[FORCE_Y], constant)
         for k in range(3):
             lever[i, k], lever[i, 3 + k] = m[k] - anchor[ARM_Y] * m[6 + k], m[3 + k] + anchor[ARM_X] * m[6 + k]
         anchor[LARGEST] = max(f.anchors[e, LARGEST], f.loads[e, HOLD])
@@ -376,7 +377,7 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
         anchor[ANCHOR_X], anchor[ANCHOR_Y] = friction[i, 0], friction[i, 1]
         anchor[FORCE_X] += friction[i, 0]
         anchor[FORCE_Y] += friction[i, 1]
-        _add_force(f.levers[loaded[i]], anchor, f.net[a])
+        _add_force(f.levers[loaded[i]], anchor, anchor[FORCE_X], anchor[FORCE_Y], f.net[a])
         f.hold[a] += limit
         if slides[i]:
             # The anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
@@ -604,16 +605,15 @@ def _find_friction(f: Landing, a: int, step: Step, hold_at_start: Floats, change
         f.yielded[e] = max(f.yielded[e], f.loads[e, YIELD])
         anchor[LARGEST] = max(anchor[LARGEST], hold)
         _set_slope_force(f, a, e, anchor)
-        x, y = anchor[FORCE_X], anchor[FORCE_Y]
         # Friction that slides is the hold now, as the next step finds it.
-        size, excess = math.hypot(anchor[ANCHOR_X], anchor[ANCHOR_Y]), 0.0
+        size = math.hypot(anchor[ANCHOR_X], anchor[ANCHOR_Y])
         if size > min(GIVES_WAY * hold_at_start[e - first], hold):
-            excess = hold / size - 1.0
-        anchor[FORCE_X], anchor[FORCE_Y] = excess * anchor[ANCHOR_X], excess * anchor[ANCHOR_Y]
-        _add_force(f.levers[e], anchor, change)
-        anchor[ANCHOR_X] += anchor[FORCE_X]
-        anchor[ANCHOR_Y] += anchor[FORCE_Y]
-        anchor[FORCE_X], anchor[FORCE_Y] = anchor[ANCHOR_X] + x, anchor[ANCHOR_Y] + y
+            x, y = (hold / size - 1.0) * anchor[ANCHOR_X], (hold / size - 1.0) * anchor[ANCHOR_Y]
+            _add_force(f.levers[e], anchor, x, y, change)
+            anchor[ANCHOR_X] += x
+            anchor[ANCHOR_Y] += y
+        anchor[FORCE_X] += anchor[ANCHOR_X]
+        anchor[FORCE_Y] += anchor[ANCHOR_Y]
     return total
 
 

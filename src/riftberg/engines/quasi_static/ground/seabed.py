@@ -281,9 +281,8 @@ class Seabed:
             _carry(fragments, numbers, contact, by_the_floor, op.body, h)
         flexure, bends = np.zeros(model.bonds.first.size), model.parameters.fracture.flexural_strength is not None
         way = np.hypot(*fragments.path[:, :2].T) + fragments.radius * np.abs(fragments.path[:, 2])
-        if (
-            beyond := fragments.carried & (way > fragments.reach)
-        ).any():  # before all others go through the step in vain
+        beyond = fragments.carried & (way > fragments.reach)
+        if beyond.any():  # known from the start: others need not go through the step in vain
             fragments.status[beyond] = landing.BEYOND
             return flexure
         step = landing.Step(h, self.bed, c.latlon, c.earth_radius)
@@ -379,10 +378,9 @@ class Seabed:
         """Find the loads of the floor after fragments have parted: each piece floats and bends by itself now."""
         self._footprints.follow(model)  # cracks have divided them
         prepared = self._landing(model, bodies, time, 0.0, 1.0)
-        if prepared is not None:
-            self._press(model, prepared[0])
         landing.lift_off(model.elements.keel)
         if prepared is not None:
+            self._press(model, prepared[0])
             landing.write_keels(prepared[0], model.elements.keel)
 
     def _press(self, model: RunState, fragments: landing.Landing) -> None:
@@ -446,9 +444,8 @@ def _largest_hold_change(contact: SubcycledMotion | None, fragments: landing.Lan
     if contact is None:
         return 0.0
     largest = float(fragments.hold_change.max())
-    for a in np.flatnonzero(
-        (fragments.status == landing.DONE) & ~fragments.carried & np.isin(numbers, contact.bodies)
-    ).tolist():
+    pushed = (fragments.status == landing.DONE) & ~fragments.carried & np.isin(numbers, contact.bodies)
+    for a in np.flatnonzero(pushed).tolist():
         change = fragments.velocity[a] - contact.twist[contact.bodies == numbers[a]][0]
         largest = max(largest, landing.relative_change(fragments, a, change) / landing.CARRIED_CHANGE)
     return largest

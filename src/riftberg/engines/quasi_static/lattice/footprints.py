@@ -122,7 +122,7 @@ def _make_footprints(
         ice = outline_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
-    size, (_, berg) = el.body.length[rows] * el.body.width[rows], np.unique(el.berg[rows], return_inverse=True)
+    size, berg = el.body.length[rows] * el.body.width[rows], np.unique(el.berg[rows], return_inverse=True)[1]
     # The axes of a fragment are those at its centre of mass (`riftberg.engines.quasi_static.bodies.pose.bodies_from_elements`).
     mass = np.bincount(berg, el.body.mass[rows])
     x, y = (np.bincount(berg, el.body.mass[rows] * way) / mass for way in xy.T)
