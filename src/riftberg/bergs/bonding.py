@@ -21,6 +21,7 @@ from riftberg.bergs.raster import Raster, is_gridded, projection, read_raster
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
+from riftberg.physics.elementary import cos_array
 from riftberg.plane import ConformalPlane, near
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
@@ -93,7 +94,7 @@ def separations(metric: Metric, lon_a: Floats, lat_a: Floats, lon_b: Floats, lat
     if not metric.latlon:
         return dx, dy
     mean = 0.5 * (lat_a + lat_b)
-    return dx * (DEGREE * metric.radius * np.cos(mean * DEGREE)), dy * (DEGREE * metric.radius)
+    return dx * (DEGREE * metric.radius * cos_array(mean * DEGREE)), dy * (DEGREE * metric.radius)
 
 
 def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, Ints, Floats]:

@@ -11,12 +11,15 @@ KID's engine calls the C library in its own kernels, as the reference does.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.state import Floats
+
+Floats = NDArray[np.float64]
 
 _TWO_OVER_PI: Final = 2.0 / math.pi
 # pi / 2 in three parts; the first two have 33 bits, so that their products with up to a million quarter turns are exact.
@@ -25,7 +28,8 @@ _QUARTER_MIDDLE: Final = 6.077100506303966e-11
 _QUARTER_LOW: Final = 2.0222662487959506e-21
 
 _INVERSE_LN_2: Final = 1.4426950408889634
-# ln 2 in two parts; the first has 32 bits, so that its products with the exponents of all numbers are exact.
+_LN_2: Final = 0.6931471805599453
+# The same in two parts; the first has 32 bits, so that its products with the exponents of all numbers are exact.
 _LN_2_HIGH: Final = 0.6931471803691238
 _LN_2_LOW: Final = 1.9082149292705877e-10
 
@@ -34,6 +38,8 @@ _LOWEST: Final = -708.0
 
 _HIGHEST: Final = 709.0
 """Argument beyond which an exponential counts as infinite: it is above 8e307."""
+
+_ROOT_OF_2: Final = math.sqrt(2.0)
 
 _EXPONENT_BIAS: Final = 1023
 _FRACTION_BITS: Final = 52
@@ -51,7 +57,7 @@ def _reduce_angle(angle: float) -> tuple[float, float, float]:
 
 
 @kernel
-def _sine_and_cosine_within_eighth(x: float, error: float) -> tuple[float, float]:
+def _sin_cos_within_eighth(x: float, error: float) -> tuple[float, float]:
     """Sine and cosine for abs(x) <= pi / 4, of ``x + error``."""
     q = x * x
     s = 1.0 / 355687428096000.0
@@ -75,25 +81,25 @@ def _sine_and_cosine_within_eighth(x: float, error: float) -> tuple[float, float
 
 
 @kernel
-def sine_and_cosine(angle: float) -> tuple[float, float]:
+def sin_cos(angle: float) -> tuple[float, float]:
     """Sine and cosine of an angle (rad), to the last digit up to a million turns."""
     x, error, quarter = _reduce_angle(angle)
-    s, c = _sine_and_cosine_within_eighth(x, error)
+    s, c = _sin_cos_within_eighth(x, error)
     crosses = quarter == 1.0 or quarter == 3.0
     size_s, size_c = c if crosses else s, s if crosses else c
     return -size_s if quarter >= 2.0 else size_s, -size_c if quarter == 1.0 or quarter == 2.0 else size_c
 
 
 @kernel
-def sine(angle: float) -> float:
+def sin(angle: float) -> float:
     """Sine of an angle (rad), to the last digit up to a million turns."""
-    return sine_and_cosine(angle)[0]
+    return sin_cos(angle)[0]
 
 
 @kernel
-def cosine(angle: float) -> float:
+def cos(angle: float) -> float:
     """Cosine of an angle (rad), to the last digit up to a million turns."""
-    return sine_and_cosine(angle)[1]
+    return sin_cos(angle)[1]
 
 
 _STEPS: Final = 8
@@ -131,7 +137,7 @@ _DIRECTION, _ROUNDING = _list_directions()
 
 
 @kernel
-def direction(y: float, x: float) -> float:
+def atan2(y: float, x: float) -> float:
     """Angle (rad) of the vector (x, y) from the x axis, in -pi to pi: the arctangent of ``y / x``, to the last digit or two."""
     across, along = abs(y), abs(x)
     small, large = min(across, along), max(across, along)
@@ -159,15 +165,15 @@ def direction(y: float, x: float) -> float:
 
 
 @kernel
-def arcsine(x: float) -> float:
+def asin(x: float) -> float:
     """Arcsine (rad)."""
-    return direction(x, math.sqrt((1.0 - x) * (1.0 + x)))
+    return atan2(x, math.sqrt((1.0 - x) * (1.0 + x)))
 
 
 @kernel
-def arccosine(x: float) -> float:
+def acos(x: float) -> float:
     """Arccosine (rad)."""
-    return direction(math.sqrt((1.0 - x) * (1.0 + x)), x)
+    return atan2(math.sqrt((1.0 - x) * (1.0 + x)), x)
 
 
 @kernel
@@ -200,7 +206,7 @@ def _reduce_exponent(x: float) -> tuple[float, float]:
 
 
 @kernel
-def exponential(x: float) -> float:
+def exp(x: float) -> float:
     """Exponential, to the last digit; 0 below -708, infinite beyond 709."""
     power, less_1 = _reduce_exponent(min(max(x, _LOWEST), _HIGHEST))
     if _LOWEST <= x <= _HIGHEST:
@@ -209,7 +215,7 @@ def exponential(x: float) -> float:
 
 
 @kernel
-def hyperbolic_tangent(x: float) -> float:
+def tanh(x: float) -> float:
     """Hyperbolic tangent, to the last digit or two."""
     power, less_1 = _reduce_exponent(max(-2.0 * abs(x), -80.0))
     less_1 = less_1 if power == 0.0 else (1.0 + less_1) * _power_of_2(power) - 1.0
@@ -218,7 +224,113 @@ def hyperbolic_tangent(x: float) -> float:
 
 
 @kernel
-def hyperbolic_cosine(x: float) -> float:
+def cosh(x: float) -> float:
     """Hyperbolic cosine, to the last digit or two."""
-    rising = exponential(abs(x))
+    rising = exp(abs(x))
     return 0.5 * (rising + 1.0 / rising)
+
+
+@kernel
+def _reduce_logarithm(x: float) -> tuple[float, float]:
+    """Return the power of 2 nearest to a number above 1e-307, and the natural logarithm of their quotient."""
+    bits = np.float64(x).view(np.int64)
+    power = (bits >> _FRACTION_BITS) - _EXPONENT_BIAS
+    fraction = x * _power_of_2(-float(power))
+    if fraction > _ROOT_OF_2:
+        fraction, power = 0.5 * fraction, power + 1
+    t = (fraction - 1.0) / (fraction + 1.0)
+    q = t * t
+    # Horner's scheme of the inverse hyperbolic tangent, from 1/21 down.
+    s = 1.0 / 21.0
+    s = 1.0 / 19.0 + q * s
+    s = 1.0 / 17.0 + q * s
+    s = 1.0 / 15.0 + q * s
+    s = 1.0 / 13.0 + q * s
+    s = 1.0 / 11.0 + q * s
+    s = 1.0 / 9.0 + q * s
+    s = 1.0 / 7.0 + q * s
+    s = 1.0 / 5.0 + q * s
+    s = 1.0 / 3.0 + q * s
+    return float(power), 2.0 * t + 2.0 * t * (q * s)
+
+
+@kernel
+def log(x: float) -> float:
+    """Natural logarithm of a number above 1e-307, to the last digit or two."""
+    power, rest = _reduce_logarithm(x)
+    return power * _LN_2_HIGH + (power * _LN_2_LOW + rest)
+
+
+@kernel
+def log2(x: float) -> float:
+    """Logarithm to base 2 of a number above 1e-307, to the last digit or two; exact for powers of 2."""
+    power, rest = _reduce_logarithm(x)
+    return power + rest * _INVERSE_LN_2
+
+
+@kernel
+def exp2(x: float) -> float:
+    """2 to a power from -1000 to 1000, to the last digit or two; exact for whole ones."""
+    whole = np.floor(x)
+    return exp((x - whole) * _LN_2) * _power_of_2(whole)
+
+
+@kernel
+def fifth_root(x: float) -> float:
+    """Fifth root of a number that is not negative, to the last digit."""
+    if not x > 1e-300:
+        return 0.0
+    y = exp(0.2 * log(x))
+    return y - 0.2 * (y - x / (y * y * y * y))  # Newton's method doubles the digits
+
+
+@kernel
+def _fill_sin(x: Floats, out: Floats) -> None:
+    for n in range(x.size):
+        out[n] = sin(x[n])
+
+
+@kernel
+def _fill_cos(x: Floats, out: Floats) -> None:
+    for n in range(x.size):
+        out[n] = cos(x[n])
+
+
+@kernel
+def _fill_exp(x: Floats, out: Floats) -> None:
+    for n in range(x.size):
+        out[n] = exp(x[n])
+
+
+@kernel
+def _fill_tanh(x: Floats, out: Floats) -> None:
+    for n in range(x.size):
+        out[n] = tanh(x[n])
+
+
+def _take_arrays(fill: Callable[[Floats, Floats], None], x: ArrayLike) -> Floats:
+    """Return the values of a function for an array of any shape."""
+    numbers = np.asarray(x, np.float64)
+    out = np.empty(numbers.size)
+    fill(numbers.ravel(), out)
+    return out.reshape(numbers.shape)
+
+
+def sin_array(x: ArrayLike) -> Floats:
+    """Sines of an array of angles (rad)."""
+    return _take_arrays(_fill_sin, x)
+
+
+def cos_array(x: ArrayLike) -> Floats:
+    """Cosines of an array of angles (rad)."""
+    return _take_arrays(_fill_cos, x)
+
+
+def exp_array(x: ArrayLike) -> Floats:
+    """Exponentials of an array."""
+    return _take_arrays(_fill_exp, x)
+
+
+def tanh_array(x: ArrayLike) -> Floats:
+    """Hyperbolic tangents of an array."""
+    return _take_arrays(_fill_tanh, x)
