@@ -141,8 +141,8 @@ def atan2(y: float, x: float) -> float:
     """Angle (rad) of the vector (x, y) from the x axis, in -pi to pi: the arctangent of ``y / x``, to the last digit or two."""
     across, along = abs(y), abs(x)
     small, large = min(across, along), max(across, along)
-    if not (large > 0.0 and large < np.inf):
-        return 0.0 if large == 0.0 else np.nan
+    if not 0.0 < across + along < np.inf:
+        return 0.0 if across + along == 0.0 else np.nan
     k = int(small / large * _STEPS + 0.5)
     part = k * (1.0 / _STEPS)
     u = (small - part * large) / (large + part * small)
