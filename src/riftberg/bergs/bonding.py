@@ -21,7 +21,7 @@ from riftberg.bergs.raster import Raster, is_gridded, projection, read_raster
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
-from riftberg.physics.elementary import cos_array
+from riftberg.physics.elementary import cos_array, sin_array
 from riftberg.plane import ConformalPlane, near
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
@@ -151,11 +151,11 @@ def turn_rigidly(elements: Elements, rate: Any, metric: Metric) -> None:
         )
         if metric.period > 0.0:
             lon = near(lon, lon[0], metric.period)
-        lon0, lat0 = (float(a.mean() + share @ (a - a.mean())) for a in (lon, lat))
+        lon0, lat0 = (float(a.mean() + (share * (a - a.mean())).sum()) for a in (lon, lat))
         if metric.latlon:  # exact on the sphere, in the local axes of each element
             x, y, y0 = (lon - lon0) * DEGREE, lat * DEGREE, lat0 * DEGREE
-            south = np.cos(y0) * np.sin(y) * np.cos(x) - np.sin(y0) * np.cos(y)
-            east[members], north[members] = -metric.radius * south, metric.radius * np.cos(y0) * np.sin(x)
+            south = cos_array(y0) * sin_array(y) * cos_array(x) - sin_array(y0) * cos_array(y)
+            east[members], north[members] = -metric.radius * south, metric.radius * cos_array(y0) * sin_array(x)
         else:
             east[members], north[members] = lat0 - lat, lon - lon0
     give_velocity(elements, rates * east, rates * north)

@@ -308,6 +308,18 @@ def _fill_tanh(x: Floats, out: Floats) -> None:
         out[n] = tanh(x[n])
 
 
+@kernel
+def _fill_asin(x: Floats, out: Floats) -> None:
+    for n in range(x.size):
+        out[n] = asin(x[n])
+
+
+@kernel
+def _fill_atan2(y: Floats, x: Floats, out: Floats) -> None:
+    for n in range(x.size):
+        out[n] = atan2(y[n], x[n])
+
+
 def _take_arrays(fill: Callable[[Floats, Floats], None], x: ArrayLike) -> Floats:
     """Return the values of a function for an array of any shape."""
     numbers = np.asarray(x, np.float64)
@@ -334,3 +346,16 @@ def exp_array(x: ArrayLike) -> Floats:
 def tanh_array(x: ArrayLike) -> Floats:
     """Hyperbolic tangents of an array."""
     return _take_arrays(_fill_tanh, x)
+
+
+def asin_array(x: ArrayLike) -> Floats:
+    """Arcsines (rad) of an array."""
+    return _take_arrays(_fill_asin, x)
+
+
+def atan2_array(y: ArrayLike, x: ArrayLike) -> Floats:
+    """Angles (rad) of an array of vectors (x, y) from the x axis."""
+    north, east = np.broadcast_arrays(np.asarray(y, np.float64), np.asarray(x, np.float64))
+    out = np.empty(north.size)
+    _fill_atan2(north.ravel(), east.ravel(), out)
+    return out.reshape(north.shape)
