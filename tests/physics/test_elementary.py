@@ -36,7 +36,7 @@ def units_in_the_last_place(value: float, exact: mpmath.mpf) -> float:
 
 
 @pytest.mark.parametrize(
-    "function, exact, arguments, most",
+    ("function", "exact", "arguments", "most"),
     [
         (elementary.sin, mpmath.sin, ANGLES, 1.0),
         (elementary.cos, mpmath.cos, ANGLES, 1.0),
@@ -73,9 +73,10 @@ def test_arctangents_of_vectors_in_all_directions_are_right_to_the_last_digit_or
     assert max(errors) <= 1.5
 
 
-@pytest.mark.parametrize(
-    "y, x, angle", [(0.0, 1.0, 0.0), (1.0, 0.0, math.pi / 2), (0.0, -1.0, math.pi), (-1.0, 0.0, -math.pi / 2), (0.0, 0.0, 0.0)]
-)  # fmt: skip
+AXES = [(0.0, 1.0, 0.0), (1.0, 0.0, math.pi / 2), (0.0, -1.0, math.pi), (-1.0, 0.0, -math.pi / 2), (0.0, 0.0, 0.0)]
+
+
+@pytest.mark.parametrize(("y", "x", "angle"), AXES)
 def test_arctangents_along_the_axes_are_those_of_the_c_library(y: float, x: float, angle: float) -> None:
     assert elementary.atan2(y, x) == angle == math.atan2(y, x)
 
