@@ -21,7 +21,7 @@ from riftberg.bergs.raster import Raster, is_gridded, projection, read_raster
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
-from riftberg.physics.elementary import cos_array, sin_array
+from riftberg.physics.elementary import cos, cos_array, sin_array
 from riftberg.plane import ConformalPlane, near
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
@@ -313,7 +313,7 @@ def crossings(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bo
     lon0, lat0 = (float(a.mean()) for a in (elements.lon, elements.lat))
     # In plane coordinates about the middle of the berg: whether lines cross does not depend on the scale, but on the
     # shape.
-    squeeze = math.cos(lat0 * DEGREE) if latlon else 1.0
+    squeeze = cos(lat0 * DEGREE) if latlon else 1.0
     x, y = (elements.lon - lon0) * squeeze, elements.lat - lat0
     ax, ay, bx, by = x[bonds.first], y[bonds.first], x[bonds.second], y[bonds.second]
     number, along, fraction = np.full(len(ax), -1), np.zeros(len(ax)), np.zeros(len(ax))

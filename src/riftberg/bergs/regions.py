@@ -10,7 +10,6 @@ rigid: there 150 km x 50 km keep 3e-6, and 150 km x 150 km keep 3e-5.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,7 +24,7 @@ from riftberg.bergs.raster import Raster, reproject, unbroken
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
-from riftberg.physics.elementary import cos_array
+from riftberg.physics.elementary import cos, cos_array, sin
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Floats, Ints
 
@@ -44,7 +43,7 @@ class ReferencePlane:
     def forward(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return x, y (m) of points (degrees)."""
         scale = DEGREE * self.earth_radius
-        return scale * math.cos(self.reference_latitude * DEGREE) * (lon - self.west), scale * (lat - self.south)
+        return scale * cos(self.reference_latitude * DEGREE) * (lon - self.west), scale * (lat - self.south)
 
     def inverse(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Return longitude and latitude (degrees) of points (m)."""
@@ -84,7 +83,7 @@ def move_centroid(
 
 def turned(x: Floats, y: Floats, degrees: float) -> tuple[Floats, Floats]:
     """Turn points counter-clockwise about the origin."""
-    c, s = math.cos(degrees * DEGREE), math.sin(degrees * DEGREE)
+    c, s = cos(degrees * DEGREE), sin(degrees * DEGREE)
     return c * x - s * y, s * x + c * y
 
 

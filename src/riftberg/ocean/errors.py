@@ -28,7 +28,7 @@ from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing, WrappedForcing
-from riftberg.physics.elementary import cos, exp, sin
+from riftberg.physics.elementary import cos, cos_array, exp, exp_array, sin
 from riftberg.plane import ConformalPlane
 from riftberg.state import Elements, Floats
 
@@ -81,14 +81,14 @@ class RandomField:
         n = self.points
         kx, ky = 2.0 * np.pi * np.fft.rfftfreq(n), 2.0 * np.pi * np.fft.fftfreq(n)[:, None]  # per point
         square = kx**2 + ky**2
-        shape: Floats = np.exp(-0.25 * square * POINTS_PER_LENGTH**2)
+        shape: Floats = exp_array(-0.25 * square * POINTS_PER_LENGTH**2)
         multiplicity = np.where(
             (np.arange(kx.size) == 0) | (2 * np.arange(kx.size) == n), 1.0, 2.0
         )  # an rfft holds half of the waves
         weight = 0.5 * square / self.step**2 if gradient else 1.0
         variance = float((multiplicity * weight * shape**2).sum()) / n**2
         spline = (
-            (2.0 + np.cos(kx)) / 3.0 * (2.0 + np.cos(ky)) / 3.0
+            (2.0 + cos_array(kx)) / 3.0 * (2.0 + cos_array(ky)) / 3.0
         )  # a cubic spline's value at its points over its coefficients
         self._filter = np.asarray(self.error.spread / math.sqrt(variance) * shape / spline)
         self._white: Floats | None = None  # of the knot that was drawn last

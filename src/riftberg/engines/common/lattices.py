@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from riftberg.bergs.seams import shrink
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.parameters import KernelParameters
-from riftberg.physics.elementary import atan2_array, cos_array, sin_array
+from riftberg.physics.elementary import atan2_array, cos, cos_array, sin_array
 from riftberg.physics.geometry import nearest_image
 from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -31,7 +31,7 @@ def outline_cells(xy: Floats, radius: float, packing: str, angle: float) -> shap
     corner = angle + (np.arange(sides) + 0.5) * (2.0 * math.pi / sides)
     # Cells reach over their sides at first: those of a lattice in degrees do not fit exactly, for meridians converge.
     over = 0.05 * radius
-    ring = (radius + over) / math.cos(math.pi / sides) * np.column_stack([cos_array(corner), sin_array(corner)])
+    ring = (radius + over) / cos(math.pi / sides) * np.column_stack([cos_array(corner), sin_array(corner)])
     return shrink(shapely.unary_union(shapely.polygons(xy[:, None, :] + ring)), over)
 
 

@@ -191,7 +191,8 @@ class Supports:
             return np.eye(3)
         scaled = np.array(rows)
         length = max(float(np.abs(scaled[:, 2]).max()), 1.0)
-        return find_null_space(scaled / [1.0, 1.0, length], 1e-9) / np.array([1.0, 1.0, length])[:, None]
+        scale = np.array([1.0, 1.0, length])
+        return np.asarray(find_null_space(scaled / scale, 1e-9) / scale[:, None])
 
 
 def find_mobility(inertia: Floats, z: Floats) -> Floats:

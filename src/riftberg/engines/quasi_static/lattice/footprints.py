@@ -32,7 +32,7 @@ from riftberg.engines.quasi_static.lattice.crack_cuts import (
 )
 from riftberg.engines.quasi_static.lattice.frames import fit_rotations
 from riftberg.parameters import KernelParameters
-from riftberg.physics.elementary import cos_array, sin_array
+from riftberg.physics.elementary import atan2_array, cos_array, sin_array
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import find_rows
 
@@ -121,7 +121,7 @@ def _make_footprints(
         along = xy[index[bonds.second[bonded[0]]]] - xy[index[bonds.first[bonded[0]]]] if bonded.size else (1.0, 0.0)
         hexagonal = count_sides(int(el.body.sides[rows[0]]), p) == 6
         packing = "hexagonal" if hexagonal else "square"
-        ice = outline_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
+        ice = outline_cells(xy, radius, packing, float(atan2_array(along[1], along[0])))
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
     size, berg = el.body.length[rows] * el.body.width[rows], np.unique(el.berg[rows], return_inverse=True)[1]
@@ -307,7 +307,7 @@ def body_footprint(
         else np.ones(rows.size)
     )
     offset = footprints.corner[index] - old_centre[corner_row]
-    c, s, x, y = (c * shrunk)[corner_row], (s * shrunk)[corner_row], *offset.T
+    c, s, x, y = (c * shrunk)[corner_row], (s * shrunk)[corner_row], offset[:, 0], offset[:, 1]
     corner = centre[corner_row] + np.column_stack([c * x - s * y, s * x + c * y])
     return BodyFootprint(rows, owner, start, corner)
 
