@@ -14,13 +14,14 @@ from typing import Any, Self
 import numpy as np
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.physics.elementary import asin_array, atan2_array, cos_array, sin_array
 from riftberg.state import Floats
 
 
 def unit_vectors(lon: Floats, lat: Floats) -> Floats:
     """Return positions (degrees) as vectors of length 1 along a last axis of three."""
     east, north = np.deg2rad(np.asarray(lon, float)), np.deg2rad(np.asarray(lat, float))
-    return np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=-1)
+    return np.stack([cos_array(north) * cos_array(east), cos_array(north) * sin_array(east), sin_array(north)], axis=-1)
 
 
 def near(lon: Any, middle: Any, period: float = 360.0) -> Any:
@@ -42,10 +43,10 @@ class AzimuthalPlane:
         if not self.latlon:
             return np.asarray(lon) - self.lon0, np.asarray(lat) - self.lat0
         dlon, phi, phi0 = (lon - self.lon0) * DEGREE, lat * DEGREE, self.lat0 * DEGREE
-        cosine = np.sin(phi0) * np.sin(phi) + np.cos(phi0) * np.cos(phi) * np.cos(dlon)
+        cosine = sin_array(phi0) * sin_array(phi) + cos_array(phi0) * cos_array(phi) * cos_array(dlon)
         k = self.radius * self._stretch(cosine)
-        x = k * np.cos(phi) * np.sin(dlon)
-        y = k * (np.cos(phi0) * np.sin(phi) - np.sin(phi0) * np.cos(phi) * np.cos(dlon))
+        x = k * cos_array(phi) * sin_array(dlon)
+        y = k * (cos_array(phi0) * sin_array(phi) - sin_array(phi0) * cos_array(phi) * cos_array(dlon))
         return x, y
 
     def inverse(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -55,11 +56,11 @@ class AzimuthalPlane:
         phi0 = self.lat0 * DEGREE
         rho = np.hypot(x, y) / self.radius
         c = self._angle(rho)
-        ratio = np.where(rho > 0, np.sin(c) / np.where(rho > 0, rho, 1.0), 1.0) / self.radius
-        up = np.cos(c) * np.sin(phi0) + y * ratio * np.cos(phi0)
-        east, along = x * ratio, np.cos(phi0) * np.cos(c) - y * ratio * np.sin(phi0)
+        ratio = np.where(rho > 0, sin_array(c) / np.where(rho > 0, rho, 1.0), 1.0) / self.radius
+        up = cos_array(c) * sin_array(phi0) + y * ratio * cos_array(phi0)
+        east, along = x * ratio, cos_array(phi0) * cos_array(c) - y * ratio * sin_array(phi0)
         # Not by the arc of the sine, which is flat at a pole: half of the digits would be lost there.
-        phi, dlon = np.arctan2(up, np.hypot(east, along)), np.arctan2(east, along)
+        phi, dlon = atan2_array(up, np.hypot(east, along)), atan2_array(east, along)
         return self.lon0 + dlon / DEGREE, phi / DEGREE
 
     def moved(self, dlon: float, dlat: float) -> Self:
@@ -86,8 +87,8 @@ class ConformalPlane(AzimuthalPlane):
         a, b, b0 = np.radians(np.asarray(lon) - self.lon0), np.radians(lat), np.radians(self.lat0)
         # The great circle from the point of contact keeps its direction at the contact; its heading turns on the way.
         # With the half-angle formula of Gauss the turn is free of the singularity at the contact itself.
-        turn: Floats = 2.0 * np.arctan2(
-            np.sin(0.5 * (b + b0)) * np.sin(0.5 * a), np.cos(0.5 * (b - b0)) * np.cos(0.5 * a)
+        turn: Floats = 2.0 * atan2_array(
+            sin_array(0.5 * (b + b0)) * sin_array(0.5 * a), cos_array(0.5 * (b - b0)) * cos_array(0.5 * a)
         )
         return turn
 
@@ -96,13 +97,13 @@ class ConformalPlane(AzimuthalPlane):
         if not self.latlon:
             return np.ones(np.shape(lon))
         a, b, b0 = np.radians(np.asarray(lon) - self.lon0), np.radians(lat), np.radians(self.lat0)
-        return np.asarray(2.0 / (1.0 + np.sin(b0) * np.sin(b) + np.cos(b0) * np.cos(b) * np.cos(a)))
+        return np.asarray(2.0 / (1.0 + sin_array(b0) * sin_array(b) + cos_array(b0) * cos_array(b) * cos_array(a)))
 
     def _stretch(self, cosine: Floats) -> Floats:
         return 2.0 / (1.0 + cosine)
 
     def _angle(self, rho: Floats) -> Floats:
-        return np.asarray(2.0 * np.arctan(0.5 * rho))
+        return np.asarray(2.0 * atan2_array(0.5 * rho, 1.0))
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ class EqualAreaPlane(AzimuthalPlane):
         return np.asarray(np.sqrt(2.0 / (1.0 + cosine)))
 
     def _angle(self, rho: Floats) -> Floats:
-        return np.asarray(2.0 * np.arcsin(0.5 * rho))
+        return np.asarray(2.0 * asin_array(0.5 * rho))
 
 
 @dataclass(frozen=True)
@@ -136,8 +137,8 @@ def ellipse(lon: float, lat: float, major: float, minor: float, azimuth: float, 
     clockwise from north.
     """
     angle, turn = np.linspace(0.0, 2.0 * np.pi, corners + 1), np.radians(azimuth)
-    along, across = major * np.cos(angle), minor * np.sin(angle)
-    x, y = along * np.sin(turn) - across * np.cos(turn), along * np.cos(turn) + across * np.sin(turn)
+    along, across = major * cos_array(angle), minor * sin_array(angle)
+    x, y = along * sin_array(turn) - across * cos_array(turn), along * cos_array(turn) + across * sin_array(turn)
     return np.column_stack(EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y))
 
 

@@ -32,6 +32,7 @@ from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.physics.crevasses import prestress, rift_factor, stable_depth
+from riftberg.physics.elementary import atan2_array, cos_array, sin_array
 from riftberg.physics.floating import draft_of
 from riftberg.plane import EqualAreaPlane, near
 from riftberg.state import Bonds, Elements, Floats, build_elements, copy_state
@@ -166,7 +167,7 @@ class BondedBerg:
         """Mass-weighted mean longitude and latitude (degrees; m if not ``latlon``)."""
         e, share = self.elements, self.elements.mass / self.elements.mass.sum()
         lon = near(e.lon, e.lon[0]) if self.latlon else e.lon  # pieces may lie on both sides of the date line
-        return float(share @ lon), float(share @ e.lat)
+        return float((share * lon).sum()), float((share * e.lat).sum())
 
     @property
     def initial_strain(self) -> float:
@@ -492,8 +493,8 @@ def principal_axes(berg: BondedBerg) -> tuple[float, float, float]:
     metric = Metric(berg.latlon, berg.earth_radius, 360.0 if berg.latlon else 0.0)
     x, y = separations(metric, e.lon, e.lat, *centre)
     # The angle that makes the mixed second moment 0.
-    angle = 0.5 * np.arctan2(2.0 * np.mean(x * y), np.mean(x * x) - np.mean(y * y))
-    along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
+    angle = 0.5 * atan2_array(2.0 * np.mean(x * y), np.mean(x * x) - np.mean(y * y))
+    along, across = x * cos_array(angle) + y * sin_array(angle), y * cos_array(angle) - x * sin_array(angle)
     # From rim to rim: the extremes hold for centres.
     size = 2.0 * berg.radius
     return float(np.ptp(along)) + size, float(np.ptp(across)) + size, float((90.0 - np.degrees(angle)) % 180.0)
@@ -537,7 +538,7 @@ def _mark(x: float, y: float, half: float, turn: float, hexagonal: bool, colour:
     reach = half * (1.241 if hexagonal else np.sqrt(2.0))
     first = np.pi / 2.0 if hexagonal else np.pi / 4.0
     angles = first + turn + 2.0 * np.pi * np.arange(corners) / corners
-    points = " ".join(f"{x + reach * np.cos(a):.1f},{y - reach * np.sin(a):.1f}" for a in angles)
+    points = " ".join(f"{x + reach * cos_array(a):.1f},{y - reach * sin_array(a):.1f}" for a in angles)
     return f'<polygon points="{points}" fill="{colour}" stroke="white" stroke-width="0.4"/>'
 
 

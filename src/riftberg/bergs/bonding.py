@@ -21,6 +21,7 @@ from riftberg.bergs.raster import Raster, is_gridded, projection, read_raster
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
+from riftberg.physics.elementary import cos, cos_array, sin_array
 from riftberg.plane import ConformalPlane, near
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
@@ -93,7 +94,7 @@ def separations(metric: Metric, lon_a: Floats, lat_a: Floats, lon_b: Floats, lat
     if not metric.latlon:
         return dx, dy
     mean = 0.5 * (lat_a + lat_b)
-    return dx * (DEGREE * metric.radius * np.cos(mean * DEGREE)), dy * (DEGREE * metric.radius)
+    return dx * (DEGREE * metric.radius * cos_array(mean * DEGREE)), dy * (DEGREE * metric.radius)
 
 
 def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, Ints, Floats]:
@@ -150,11 +151,11 @@ def turn_rigidly(elements: Elements, rate: Any, metric: Metric) -> None:
         )
         if metric.period > 0.0:
             lon = near(lon, lon[0], metric.period)
-        lon0, lat0 = (float(a.mean() + share @ (a - a.mean())) for a in (lon, lat))
+        lon0, lat0 = (float(a.mean() + (share * (a - a.mean())).sum()) for a in (lon, lat))
         if metric.latlon:  # exact on the sphere, in the local axes of each element
             x, y, y0 = (lon - lon0) * DEGREE, lat * DEGREE, lat0 * DEGREE
-            south = np.cos(y0) * np.sin(y) * np.cos(x) - np.sin(y0) * np.cos(y)
-            east[members], north[members] = -metric.radius * south, metric.radius * np.cos(y0) * np.sin(x)
+            south = cos_array(y0) * sin_array(y) * cos_array(x) - sin_array(y0) * cos_array(y)
+            east[members], north[members] = -metric.radius * south, metric.radius * cos_array(y0) * sin_array(x)
         else:
             east[members], north[members] = lat0 - lat, lon - lon0
     give_velocity(elements, rates * east, rates * north)
@@ -312,7 +313,7 @@ def crossings(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bo
     lon0, lat0 = (float(a.mean()) for a in (elements.lon, elements.lat))
     # In plane coordinates about the middle of the berg: whether lines cross does not depend on the scale, but on the
     # shape.
-    squeeze = math.cos(lat0 * DEGREE) if latlon else 1.0
+    squeeze = cos(lat0 * DEGREE) if latlon else 1.0
     x, y = (elements.lon - lon0) * squeeze, elements.lat - lat0
     ax, ay, bx, by = x[bonds.first], y[bonds.first], x[bonds.second], y[bonds.second]
     number, along, fraction = np.full(len(ax), -1), np.zeros(len(ax)), np.zeros(len(ax))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
+from riftberg.physics.elementary import cos, sin
 from riftberg.state import Floats, Ints
 from riftberg.system.input_files import check_elements
 
@@ -174,7 +175,7 @@ def _fill_region(region: Region, radius: float, packing: Packing, shift: tuple[f
         lattice = lattice_points(region.bounds, radius, packing, shift)
     else:
         x0, y0, x1, y1 = region.bounds
-        x, y, c, s = 0.5 * (x0 + x1), 0.5 * (y0 + y1), math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        x, y, c, s = 0.5 * (x0 + x1), 0.5 * (y0 + y1), cos(math.radians(angle)), sin(math.radians(angle))
         # The box of the region as the turned lattice sees it.
         wide, high = 0.5 * (abs(c) * (x1 - x0) + abs(s) * (y1 - y0)), 0.5 * (abs(s) * (x1 - x0) + abs(c) * (y1 - y0))
         turned = lattice_points((-wide, -high, wide, high), radius, packing, shift)

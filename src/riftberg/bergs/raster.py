@@ -21,6 +21,7 @@ from riftberg.bergs.lattice import Booleans
 from riftberg.config.values import required
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
+from riftberg.physics.elementary import cos
 from riftberg.state import Floats
 from riftberg.system.input_files import MOST_VALUES, check_file, is_folder, needed, reading, refuse_large
 from riftberg.system.netcdf_lock import open_lazily
@@ -135,7 +136,7 @@ def reproject(raster: Raster, marked: Booleans) -> Raster:
     dx, dy = (np.diff(axis).min() for axis in (raster.lon, raster.lat))
     x, y = projection(raster.crs).transform(lon.mean(), lat.mean())
     lons, lats = to_lonlat(np.array([x, x + dx, x]), np.array([y, y, y + dy]))
-    narrow = math.cos(lats[0] * DEGREE)
+    narrow = cos(lats[0] * DEGREE)
     step = 0.5 * float(np.hypot(((lons[1:] - lons[0] + 180) % 360 - 180) * narrow, lats[1:] - lats[0]).min())
     # Not finer than the largest number of cells allows.
     step = max(step, math.sqrt(np.ptp(lon) * narrow * np.ptp(lat) / _MOST_CELLS))

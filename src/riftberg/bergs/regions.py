@@ -10,7 +10,6 @@ rigid: there 150 km x 50 km keep 3e-6, and 150 km x 150 km keep 3e-5.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,6 +24,7 @@ from riftberg.bergs.raster import Raster, reproject, unbroken
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
+from riftberg.physics.elementary import cos, cos_array, sin
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Floats, Ints
 
@@ -43,13 +43,13 @@ class ReferencePlane:
     def forward(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return x, y (m) of points (degrees)."""
         scale = DEGREE * self.earth_radius
-        return scale * math.cos(self.reference_latitude * DEGREE) * (lon - self.west), scale * (lat - self.south)
+        return scale * cos(self.reference_latitude * DEGREE) * (lon - self.west), scale * (lat - self.south)
 
     def inverse(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Return longitude and latitude (degrees) of points (m)."""
         scale = np.pi / 180 * self.earth_radius
         lat = self.south + y / scale
-        return self.west + x / (scale * np.cos(np.radians(lat))), lat
+        return self.west + x / (scale * cos_array(np.radians(lat))), lat
 
     def moved(self, dlon: float, dlat: float) -> ReferencePlane:
         """Return the same map moved by some degrees."""
@@ -83,7 +83,7 @@ def move_centroid(
 
 def turned(x: Floats, y: Floats, degrees: float) -> tuple[Floats, Floats]:
     """Turn points counter-clockwise about the origin."""
-    c, s = math.cos(degrees * DEGREE), math.sin(degrees * DEGREE)
+    c, s = cos(degrees * DEGREE), sin(degrees * DEGREE)
     return c * x - s * y, s * x + c * y
 
 
@@ -110,7 +110,7 @@ def relax(lon: Floats, lat: Floats, first: Ints, second: Ints, rest: Floats, met
         if np.max(np.abs(rest - length), initial=0.0) < 1e-6:
             break
         dx, dy = _least_squares(x / length, y / length, first, second, rest - length, len(lon))
-        lon, lat = lon + dx / (scale * np.cos(lat * DEGREE)), lat + dy / scale
+        lon, lat = lon + dx / (scale * cos_array(lat * DEGREE)), lat + dy / scale
     return lon, lat
 
 
@@ -127,18 +127,18 @@ def _least_squares(
 
     move, residual = np.zeros((2, size)), missing.copy()
     gradient = gathered(residual)
-    direction, norm = gradient, float(np.vdot(gradient, gradient))
+    direction, norm = gradient, float((gradient * gradient).sum())
     # Below 1e-8 m per element only round-off is left, and a rigid (hexagonal) lattice would follow it astray.
     target = max(1e-14 * norm, 1e-16 * size)
     for _ in range(ITERATIONS):
         if norm <= target:
             break
         stretch = nx * (direction[0, first] - direction[0, second]) + ny * (direction[1, first] - direction[1, second])
-        step = norm / float(stretch @ stretch)
+        step = norm / float((stretch * stretch).sum())
         move += step * direction
         residual -= step * stretch
         gradient = gathered(residual)
-        norm, old_norm = float(np.vdot(gradient, gradient)), norm
+        norm, old_norm = float((gradient * gradient).sum()), norm
         direction = gradient + norm / old_norm * direction
     return move[0], move[1]
 
@@ -229,7 +229,7 @@ def mask_region(
     mask, is_ice = ice.fraction, ice.there
     width, height = mask.cells()
     lon, lat = np.meshgrid(mask.lon, mask.lat)
-    cell = np.outer(height, width) * np.cos(lat * DEGREE)
+    cell = np.outer(height, width) * cos_array(lat * DEGREE)
     weight = np.where(is_ice, cell, 0.0)
     centroid = (float((weight * lon).sum() / weight.sum()), float((weight * lat).sum() / weight.sum()))
     west, east = (lon - 0.5 * width)[is_ice].min(), (lon + 0.5 * width)[is_ice].max()
@@ -292,7 +292,7 @@ def makeberg_lattice(
     fraction = (np.nan_to_num(mask.values) > 0).astype(np.float64)
     reference = float(lat.mean()) if reference_latitude is None else reference_latitude
     scale = np.pi / 180 * earth_radius
-    x, y = scale * np.cos(np.radians(reference)) * lon, scale * lat
+    x, y = scale * cos_array(np.radians(reference)) * lon, scale * lat
     grid = Raster(x, y, fraction, "mask")
     fine_x, fine_y = np.arange(x[0], x[-1], spacing), np.arange(y[0], y[-1], spacing)
     fine = grid.sample(*np.meshgrid(fine_x, fine_y))

@@ -34,6 +34,7 @@ from riftberg.experiments.registry import Info, Options
 from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import A68A_2022, A68A_2022_KID, ExplicitParameters, Packing
+from riftberg.physics.elementary import cos_array
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.model import Model
 from riftberg.state import Elements, Floats, Ints
@@ -112,7 +113,7 @@ def table_positions(northward: float = _NORTHWARD) -> tuple[Floats, Floats]:
     if northward == 0.0:
         return lon, lat
     middle, north = float(lon.mean()), lat + northward
-    return middle + (lon - middle) * np.cos(lat * DEGREE) / np.cos(north * DEGREE), north
+    return middle + (lon - middle) * cos_array(lat * DEGREE) / cos_array(north * DEGREE), north
 
 
 class ObservedDay(NamedTuple):

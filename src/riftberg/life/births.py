@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Final, NamedTuple, Protocol
 
@@ -16,6 +15,7 @@ from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
 from riftberg.physics.calving import rim_place
+from riftberg.physics.elementary import cos, sin
 from riftberg.physics.geometry import move, wrap_around
 from riftberg.state import Bonds, Elements, Floats, Ints
 
@@ -97,7 +97,7 @@ class Births:
     def _turn_offset(self, e: int, x: float, y: float) -> tuple[float, float]:
         """Metres east and north of metres along the length and the width of an element that has turned."""
         angle = float(self.el.motion.rotation[e])
-        cosine, sine = math.cos(angle), math.sin(angle)
+        cosine, sine = cos(angle), sin(angle)
         return x * cosine - y * sine, x * sine + y * cosine
 
     def bear(

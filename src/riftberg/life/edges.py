@@ -28,6 +28,7 @@ from riftberg.physics.edge_bending import (
     front_moment,
     surface_stress,
 )
+from riftberg.physics.elementary import atan2_array
 from riftberg.plane import ConformalPlane
 from riftberg.state import Elements, Floats, Ints
 
@@ -147,7 +148,7 @@ def _find_corners(outline: Any, step: float, side: float) -> list[tuple[Floats, 
     """Return corners of an outline without its steps, and the angles of the ice there (degrees), between sides as long."""
     ring = np.asarray(orient(shapely.simplify(outline, step)).exterior.coords)[:-1]
     to_previous, to_next = np.roll(ring, 1, axis=0) - ring, np.roll(ring, -1, axis=0) - ring
-    turn = np.arctan2(*to_previous.T[::-1]) - np.arctan2(*to_next.T[::-1])
+    turn = atan2_array(*to_previous.T[::-1]) - atan2_array(*to_next.T[::-1])
     angle = np.degrees(turn) % 360.0
     long = np.minimum(np.hypot(*to_previous.T), np.hypot(*to_next.T)) >= side
     return [(ring[k], float(angle[k])) for k in np.flatnonzero(long)]

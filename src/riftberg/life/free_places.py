@@ -13,6 +13,7 @@ import numpy as np
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.parameters import Parameters
+from riftberg.physics.elementary import cos, sin
 from riftberg.physics.geometry import move
 from riftberg.state import Elements, Floats
 
@@ -57,9 +58,9 @@ class FreePlaces:
         x, y, clearance = x[in_reach], y[in_reach], clearance[in_reach]
         for k in range(DIRECTIONS):
             angle = 2.0 * np.pi * k / DIRECTIONS
-            distance = _exit_distance(x, y, clearance, float(np.cos(angle)), float(np.sin(angle)), farthest)
+            distance = _exit_distance(x, y, clearance, float(cos(angle)), float(sin(angle)), farthest)
             if distance <= farthest:
-                candidates.append((distance, k, float(distance * np.cos(angle)), float(distance * np.sin(angle))))
+                candidates.append((distance, k, float(distance * cos(angle)), float(distance * sin(angle))))
         for _, _, dx, dy in sorted(candidates):
             position = move(lon, lat, dx, dy, 1.0, earth.latlon, earth.radius)
             if allowed(*position):

@@ -24,6 +24,7 @@ from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.lattices import ice_on_plane, laid_flat, lattices
 from riftberg.errors import InputError
 from riftberg.parameters import KernelParameters
+from riftberg.physics.elementary import cos_array, sin_array
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import find_rows, numbered
 
@@ -155,7 +156,7 @@ def _add_lattices(
         middle = xy.mean(axis=0)
         far = 10.0 * (float(np.ptp(xy, axis=0).max()) + 1.0)
         angle = np.arange(8) * (np.pi / 4.0) + 0.1
-        voronoi = Voronoi(np.vstack([xy - middle, far * np.column_stack([np.cos(angle), np.sin(angle)])]))
+        voronoi = Voronoi(np.vstack([xy - middle, far * np.column_stack([cos_array(angle), sin_array(angle)])]))
         regions = [voronoi.regions[voronoi.point_region[k]] for k in range(len(xy))]
         cell = np.array([shapely.Polygon(voronoi.vertices[region] + middle) for region in regions], object)
         cell_area = np.asarray(shapely.area(shapely.intersection(cell, ice)))

@@ -17,6 +17,7 @@ from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.needs import DEPTH, SeaLevel
 from riftberg.physics.drag import ocean_drag
+from riftberg.physics.elementary import sin, sin_array
 from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats, Ints
 
@@ -69,7 +70,7 @@ def balancing_slope(lat: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats]:
     u, v : array
         Eastward and northward current, m s-1.
     """
-    per_speed = 2.0 * EARTH_ROTATION * np.sin(lat * DEGREE) / GRAVITY
+    per_speed = 2.0 * EARTH_ROTATION * sin_array(lat * DEGREE) / GRAVITY
     return per_speed * v, -per_speed * u
 
 
@@ -189,7 +190,7 @@ def drift_in_current(size: float, thickness: float, density: float, lat: float, 
     mass = density * size * size * thickness
     draft, scale = float(draft_of(thickness, density)), drag.ocean_scale
     coefficient = ocean_drag(mass, size, size, size, draft, 1.0, scale, drag.water_side, drag.water_base)  # m-1
-    turning = 2.0j * EARTH_ROTATION * math.sin(lat * DEGREE)  # Velocities are complex: east + i north
+    turning = 2.0j * EARTH_ROTATION * sin(lat * DEGREE)  # Velocities are complex: east + i north
     step, speed, distance = 600.0, 0.0j, 0.0
     for _ in range(round(SHOWN_DAYS * SECONDS_PER_DAY / step)):
         rate = coefficient * abs(speed - SHOWN_SPEED)

@@ -16,6 +16,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
+from riftberg.physics.elementary import atan2, cos
 from riftberg.physics.geometry import (
     Point,
     bilinear,
@@ -215,7 +216,7 @@ def position_from_cell(xi: float, eta: float, i: int, j: int, grid: GridArrays) 
     x4, y4 = polar_plane(lon[j, i - 1], lat[j, i - 1])
     x, y = blend_corners(x3, x4, x2, x1, xi, eta), blend_corners(y3, y4, y2, y1, xi, eta)
     real = lon[j, i] if lat[j - 1, i - 1] >= POLAR_LATITUDE else lon[j - 1, i - 1]
-    return wrap_around(math.atan2(y, x) / DEGREE, real, 360.0), 90.0 - math.hypot(x, y)
+    return wrap_around(atan2(y, x) / DEGREE, real, 360.0), 90.0 - math.hypot(x, y)
 
 
 @kernel
@@ -362,7 +363,7 @@ def _guess_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
 def _nearest_coarse_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
     """Cell whose centre is nearest to a point, among every `COARSE`-th cell in both directions."""
     h, lon, lat = grid.halo, grid.lon_centre, grid.lat_centre
-    narrowing = math.cos(y * DEGREE) if grid.latlon else 1.0
+    narrowing = cos(y * DEGREE) if grid.latlon else 1.0
     best, best_i, best_j = np.inf, h, h
     for j in range(h + min(COARSE, grid.nj) // 2, h + grid.nj, COARSE):
         for i in range(h + min(COARSE, grid.ni) // 2, h + grid.ni, COARSE):

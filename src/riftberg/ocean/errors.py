@@ -28,6 +28,7 @@ from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing, WrappedForcing
+from riftberg.physics.elementary import cos, cos_array, exp, exp_array, sin
 from riftberg.plane import ConformalPlane
 from riftberg.state import Elements, Floats
 
@@ -80,14 +81,14 @@ class RandomField:
         n = self.points
         kx, ky = 2.0 * np.pi * np.fft.rfftfreq(n), 2.0 * np.pi * np.fft.fftfreq(n)[:, None]  # per point
         square = kx**2 + ky**2
-        shape: Floats = np.exp(-0.25 * square * POINTS_PER_LENGTH**2)
+        shape: Floats = exp_array(-0.25 * square * POINTS_PER_LENGTH**2)
         multiplicity = np.where(
             (np.arange(kx.size) == 0) | (2 * np.arange(kx.size) == n), 1.0, 2.0
         )  # an rfft holds half of the waves
         weight = 0.5 * square / self.step**2 if gradient else 1.0
         variance = float((multiplicity * weight * shape**2).sum()) / n**2
         spline = (
-            (2.0 + np.cos(kx)) / 3.0 * (2.0 + np.cos(ky)) / 3.0
+            (2.0 + cos_array(kx)) / 3.0 * (2.0 + cos_array(ky)) / 3.0
         )  # a cubic spline's value at its points over its coefficients
         self._filter = np.asarray(self.error.spread / math.sqrt(variance) * shape / spline)
         self._white: Floats | None = None  # of the knot that was drawn last
@@ -106,7 +107,7 @@ class RandomField:
         if knot not in self._known:
             if self._white is None or knot < self._knot:
                 self._white, self._knot = self._drawn(0), 0
-            keep = math.exp(-1.0 / KNOTS)
+            keep = exp(-1.0 / KNOTS)
             for k in range(self._knot + 1, knot + 1):
                 self._white = keep * self._white + math.sqrt(1.0 - keep * keep) * self._drawn(k)
             self._knot = knot
@@ -127,7 +128,7 @@ class RandomField:
         first = self._coefficients(knot)
         if right == 0.0:
             return first, first, (1.0, 0.0)
-        left, correlation = 1.0 - right, math.exp(-1.0 / KNOTS)
+        left, correlation = 1.0 - right, exp(-1.0 / KNOTS)
         # A plain mean of two fields has less variance than either.
         norm = 1.0 / math.sqrt(left * left + right * right + 2.0 * correlation * left * right)
         return first, self._coefficients(knot + 1), (norm * left, norm * right)
@@ -189,12 +190,12 @@ def onto_plane(lon: Floats, lat: Floats, lon0: float, lat0: float, sphere: bool,
     ``out``: shape (5, places).
     """
     west, south, east, north = np.inf, np.inf, -np.inf, -np.inf
-    sine0, cosine0 = math.sin(lat0 * DEGREE), math.cos(lat0 * DEGREE)
+    sine0, cosine0 = sin(lat0 * DEGREE), cos(lat0 * DEGREE)
     for n in range(lon.size):
         x, y, scale, cosine, sine = lon[n] - lon0, lat[n] - lat0, 1.0, 1.0, 0.0
         if sphere:
-            s, c = math.sin(lat[n] * DEGREE), math.cos(lat[n] * DEGREE)
-            sine_a, cosine_a = math.sin(x * DEGREE), math.cos(x * DEGREE)
+            s, c = sin(lat[n] * DEGREE), cos(lat[n] * DEGREE)
+            sine_a, cosine_a = sin(x * DEGREE), cos(x * DEGREE)
             denominator = 1.0 + sine0 * s + cosine0 * c * cosine_a
             scale = 2.0 / denominator
             x = EARTH_RADIUS_A68 * scale * c * sine_a
@@ -216,7 +217,7 @@ def balanced_flow(
     where there is none), as `read_spline` fills them; ``projected``: as `onto_plane` fills it; ``lat``: degrees; ``start``: the
     Coriolis parameter of the start; it holds everywhere unless on a ``sphere``. ``out``: shape (5, places).
     """
-    least = 2.0 * EARTH_ROTATION * math.sin(EQUATOR * DEGREE)
+    least = 2.0 * EARTH_ROTATION * sin(EQUATOR * DEGREE)
     for n in range(lat.size):
         value, x, y, curve = level[0, n], level[1, n], level[2, n], level[3, n] + level[4, n]
         if factor.shape[1]:
@@ -227,12 +228,12 @@ def balanced_flow(
         scale, cosine, sine = projected[2, n], projected[3, n], projected[4, n]
         east, north = cosine * x + sine * y, cosine * y - sine * x
         # The field is the stream function at the start's latitude: eta = F psi / g, and there u = -d(psi)/dy.
-        f = 2.0 * EARTH_ROTATION * math.sin(lat[n] * DEGREE) if sphere else start
+        f = 2.0 * EARTH_ROTATION * sin(lat[n] * DEGREE) if sphere else start
         ratio = max(abs(start), least) / max(abs(f), least) if sphere else 1.0
         u, v, turn = -ratio * scale * north, ratio * scale * east, ratio * scale**2 * curve
         if sphere and abs(f) > least:
             # d(1/F)/dy turns the zonal flow: F grows poleward.
-            turn += 2.0 * EARTH_ROTATION * math.cos(lat[n] * DEGREE) / EARTH_RADIUS_A68 * u / f
+            turn += 2.0 * EARTH_ROTATION * cos(lat[n] * DEGREE) / EARTH_RADIUS_A68 * u / f
         out[0, n], out[1, n], out[2, n], out[3, n], out[4, n] = u, v, turn, f * v / GRAVITY, -f * u / GRAVITY
 
 
@@ -372,7 +373,7 @@ class UncertainForcing(WrappedForcing):
             self._envelope = Envelope(forcing, self.plane, errors.current.length, errors.current_size)
         self._sphere = latitude is None and latlon
         at = latitude if latitude is not None else self.plane.lat0 if latlon else 0.0
-        self._start = 2.0 * EARTH_ROTATION * math.sin(at * DEGREE)  # s-1
+        self._start = 2.0 * EARTH_ROTATION * sin(at * DEGREE)  # s-1
 
     def describe(self) -> str:
         """Return the forcing and its errors in words."""

@@ -65,6 +65,7 @@ from riftberg.ocean.forcing import (
     pair_text,
 )
 from riftberg.ocean.needs import DEFAULTS, DEPTH, OVER_DRAFT, TEMPERATURE, WAVES
+from riftberg.physics.elementary import cos, cos_array, exp_array, sin, sin_array, tanh_array
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
 
@@ -161,7 +162,7 @@ def _add_inertial_slope(flows: Sequence[Flow], elements: Elements, time: float) 
     east, north = MATERIAL_STEP * e.uo, MATERIAL_STEP * e.vo
     if curved[0].latlon:
         metre = 1.0 / (DEGREE * EARTH_RADIUS_A68)
-        east, north = east * metre / np.maximum(np.cos(place.lat * DEGREE), NEAR_POLE), north * metre
+        east, north = east * metre / np.maximum(cos_array(place.lat * DEGREE), NEAR_POLE), north * metre
     for sign in (1.0, -1.0):
         for flow in curved:
             at = place.lon + sign * east, place.lat + sign * north, time + sign * MATERIAL_STEP
@@ -376,7 +377,7 @@ class Flow(Part):
     def coriolis(self, lat: Floats) -> Floats:
         """Return the Coriolis parameter (s-1) at arrays of points."""
         where = np.asarray(lat, np.float64) if self.latitude is None else np.full(np.shape(lat), self.latitude)
-        return 2.0 * EARTH_ROTATION * np.sin(where * DEGREE)
+        return 2.0 * EARTH_ROTATION * sin_array(where * DEGREE)
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current (m s-1) and its relative vorticity (s-1) at arrays of points."""
@@ -409,12 +410,12 @@ def metric_offsets(point: Pair, lon: Floats, lat: Floats, latlon: bool) -> tuple
         return dx, dy
     dx = dx - 360.0 * np.round(dx / 360.0)
     scale = DEGREE * EARTH_RADIUS_A68
-    return scale * np.cos((point[1] + 0.5 * dy) * DEGREE) * dx, scale * dy
+    return scale * cos_array((point[1] + 0.5 * dy) * DEGREE) * dx, scale * dy
 
 
 def heading(towards: float) -> Pair:
     """Return the unit vector (east, north) of a direction in degrees clockwise from north."""
-    return math.sin(towards * DEGREE), math.cos(towards * DEGREE)
+    return sin(towards * DEGREE), cos(towards * DEGREE)
 
 
 def _check_celsius(temperature: float | None) -> float | None:
@@ -548,7 +549,7 @@ class Eddy(Flow):
         centre = travelled(self.centre, self.velocity, time, bool(self.latlon))
         x, y = metric_offsets(centre, lon, lat, bool(self.latlon))
         q = (x * x + y * y) / self.radius**2
-        turning = self.speed / self.radius * np.exp(0.5 * (1.0 - q))
+        turning = self.speed / self.radius * exp_array(0.5 * (1.0 - q))
         return -turning * y, turning * x, turning * (2.0 - q)
 
     def describe(self) -> str:
@@ -564,7 +565,7 @@ def travelled(point: Pair, velocity: Pair, time: float, latlon: bool) -> Pair:
         return point[0] + east, point[1] + north
     scale = DEGREE * EARTH_RADIUS_A68
     lat = point[1] + north / scale
-    return point[0] + east / (scale * math.cos(0.5 * (point[1] + lat) * DEGREE)), lat
+    return point[0] + east / (scale * cos(0.5 * (point[1] + lat) * DEGREE)), lat
 
 
 class Straight(Flow):
@@ -614,8 +615,9 @@ class Jet(Stream):
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed and its derivative."""
-        bell = self.speed / np.cosh(np.clip(n, -300.0, 300.0)) ** 2
-        return bell, -2.0 * np.tanh(n) * bell / self.width
+        step = tanh_array(n)
+        bell = self.speed * (1.0 - step * step)
+        return bell, -2.0 * step * bell / self.width
 
 
 class Shear(Stream):
@@ -623,7 +625,7 @@ class Shear(Stream):
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed and its derivative."""
-        step = np.tanh(n)
+        step = tanh_array(n)
         return self.speed * step, self.speed * (1.0 - step * step) / self.width
 
 
@@ -659,8 +661,9 @@ class Front(Straight):
                 where="forcing",
                 remedy="Keep it 2 degrees away, or give latitude",
             )
-        bell = -GRAVITY / f * 0.5 * self.step / self.width / np.cosh(np.clip(n, -300.0, 300.0)) ** 2
-        return bell, -2.0 * np.tanh(n) * bell / self.width
+        step = tanh_array(n)
+        bell = -GRAVITY / f * 0.5 * self.step / self.width * (1.0 - step * step)
+        return bell, -2.0 * step * bell / self.width
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add current and slope, and set the temperature of the water."""
@@ -670,7 +673,7 @@ class Front(Straight):
         east, north = heading(self.towards)
         x, y = metric_offsets(self.point, elements.place.lon, elements.place.lat, bool(self.latlon))
         left, right = self.temperature
-        share = 0.5 * (1.0 + np.tanh((x * -north + y * east) / self.width))
+        share = 0.5 * (1.0 + tanh_array((x * -north + y * east) / self.width))
         elements.environment.sst[:] = right + (left - right) * share
         getattr(elements.environment, TEMPERATURE.over_draft)[:] = (
             np.nan
@@ -709,7 +712,7 @@ class Tide(Flow):
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current of the moment."""
         angle = 2.0 * math.pi * time / self.period - self.phase * DEGREE
-        along, left = self.major * math.cos(angle), self.minor * math.sin(angle)
+        along, left = self.major * cos(angle), self.minor * sin(angle)
         east, north = heading(self.towards)
         u, v = along * east - left * north, along * north + left * east
         ones = np.ones(np.shape(lon))
@@ -718,7 +721,7 @@ class Tide(Flow):
     def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
         """Return the level of the moment (m), the same everywhere; constituents are tides that are added up."""
         angle = 2.0 * math.pi * time / self.period - self.level_phase * DEGREE
-        return np.full(np.shape(lon), self.level * math.cos(angle))
+        return np.full(np.shape(lon), self.level * cos(angle))
 
     def describe(self) -> str:
         """Return the values in words."""
@@ -747,7 +750,7 @@ class Seamount(SeaFloor):
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
         x, y = metric_offsets(self.centre, lon, lat, bool(self.latlon))
-        depth: Floats = self.plain - self.height * np.exp(-(x * x + y * y) / (2.0 * self.width**2))
+        depth: Floats = self.plain - self.height * exp_array(-(x * x + y * y) / (2.0 * self.width**2))
         return depth
 
     def describe(self) -> str:

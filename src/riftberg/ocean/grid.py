@@ -18,6 +18,7 @@ from riftberg.constants import EARTH_RADIUS_A68, STRESS_INVERSION_DRAG
 from riftberg.errors import BergError, InputError
 from riftberg.ocean.cells import CORNER_FIELDS, ZERO_OUTSIDE, Fields, GridArrays, locate_points
 from riftberg.ocean.needs import DEFAULTS
+from riftberg.physics.elementary import atan2_array, cos_array, sin_array
 from riftberg.state import Elements, Floats
 
 
@@ -300,7 +301,7 @@ def _check_orientation(lon: Floats, lat: Floats, latlon: bool) -> None:
     x, y, z = lon, lat, np.ones_like(lon)
     if latlon:  # on the sphere, where neither pole nor date line is special
         east, north = np.radians(lon), np.radians(lat)
-        x, y, z = np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)
+        x, y, z = cos_array(north) * cos_array(east), cos_array(north) * sin_array(east), sin_array(north)
     points = np.stack([x, y, z], axis=-1)
     # Half the cross product of the diagonals is the area of a quadrilateral, with the sign of its sense.
     a, b = points[1:, 1:] - points[:-1, :-1], points[1:, :-1] - points[:-1, 1:]
@@ -331,9 +332,9 @@ def haversine(
     2 atan2(sqrt a, sqrt(1 - a)), a = sin2(dlat/2) + cos lat1 cos lat2 sin2(dlon/2) (equations 10.5).
     """
     phi1, phi2 = np.radians(lat1), np.radians(lat2)
-    across = np.sin(0.5 * np.radians(np.subtract(lon2, lon1))) ** 2
-    a = np.sin(0.5 * (phi2 - phi1)) ** 2 + np.cos(phi1) * np.cos(phi2) * across
-    return np.asarray(2.0 * radius * np.arctan2(np.sqrt(a), np.sqrt(np.maximum(1.0 - a, 0.0))))
+    across = sin_array(0.5 * np.radians(np.subtract(lon2, lon1))) ** 2
+    a = sin_array(0.5 * (phi2 - phi1)) ** 2 + cos_array(phi1) * cos_array(phi2) * across
+    return np.asarray(2.0 * radius * atan2_array(np.sqrt(a), np.sqrt(np.maximum(1.0 - a, 0.0))))
 
 
 def cell_areas(lon: Floats, lat: Floats, radius: float, latlon: bool) -> Floats:
@@ -351,7 +352,7 @@ def cell_areas(lon: Floats, lat: Floats, radius: float, latlon: bool) -> Floats:
             # The integral of sin(lat) dlon along an edge that is straight in longitude and latitude; its mean over an edge
             # from y1 to y2 by sinc, which keeps edges along a parallel, 0 / 0, exact.
             turn, half = np.radians((x2 - x1 + 180.0) % 360.0 - 180.0), np.radians(0.5 * (y2 - y1))
-            total += turn * np.sin(np.radians(0.5 * (y1 + y2))) * np.sinc(half / np.pi)
+            total += turn * sin_array(np.radians(0.5 * (y1 + y2))) * np.sinc(half / np.pi)
         else:
             # About the first corner, so that large coordinates cost no digits.
             total += 0.5 * ((x1 - corners[0][0]) * (y2 - corners[1][0]) - (x2 - corners[0][0]) * (y1 - corners[1][0]))

@@ -26,6 +26,7 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import SharedLock
 from riftberg.ocean.grid import wind_from_stress
+from riftberg.physics.elementary import cos, cos_array, sin_array
 from riftberg.products.levels import layer_limits
 from riftberg.products.mesh import Places, ProductPoints, beside, beside_parallel, utc
 from riftberg.products.quantities import QUANTITIES, unlikely
@@ -262,7 +263,7 @@ def fill_vorticity(
     for n in range(out.size):
         j, i, j1, i1 = located.row[n], located.column[n], located.next_row[n], located.next_column[n]
         xi, eta = located.xi[n], located.eta[n]
-        cosine = math.cos(lat[n] * DEGREE)
+        cosine = cos(lat[n] * DEGREE)
         e0, n0 = beside_parallel(x[j, i], y[j, i], lon[n], lat[n], cosine)
         e1, n1 = beside_parallel(x[j, i1], y[j, i1], lon[n], lat[n], cosine)
         e2, n2 = beside_parallel(x[j1, i], y[j1, i], lon[n], lat[n], cosine)
@@ -327,7 +328,7 @@ def fill_slopes(
         west, east, right = _faces(xi, i, columns - 2, points.columns)
         south, north, upper = _faces(eta, j, rows - 2, 0)
         q_xi = e_xi = n_xi = q_eta = e_eta = n_eta = 0.0
-        cosine = math.cos(lat[n] * DEGREE)
+        cosine = cos(lat[n] * DEGREE)
         for k in range(4):
             second = k % 2 == 1
             side = (right if second else 1.0 - right) * (eta if k >= 2 else 1.0 - eta)
@@ -564,7 +565,7 @@ class ProductRecords:
             block["ua"], block["va"] = wind_from_stress(block.pop("taux"), block.pop("tauy"))
         if "wave_direction" in block:  # from where they come; its parts can be interpolated, degrees cannot
             angle = np.deg2rad(block.pop("wave_direction"))
-            block["wave_x"], block["wave_y"] = -np.sin(angle), -np.cos(angle)
+            block["wave_x"], block["wave_y"] = -sin_array(angle), -cos_array(angle)
         if "depth_below_surface" in block:  # land counts as depth 0, so that shores shoal
             block["depth_below_surface"] = np.nan_to_num(block["depth_below_surface"])
         return block

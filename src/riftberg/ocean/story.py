@@ -34,7 +34,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.formulas import MATERIAL_STEP
 from riftberg.ocean.grid import Grid
-from riftberg.physics.exponentials import fast_falling_exp, fast_tanh
+from riftberg.physics.elementary import cos, cosh, exp, sin, tanh
 from riftberg.physics.geometry import fast_cos_latitude
 from riftberg.state import Elements, Floats
 
@@ -167,11 +167,11 @@ def stream(x_local: float, y_local: float, instant: _Instant) -> tuple[float, fl
     """Return psi (m2 s-1), psi_X, psi_Y (m s-1) and the Laplacian of psi (s-1) at a point in local coordinates (m)."""
     x, y = x_local - instant.x, y_local - instant.y
     q, rim = (x * x + y * y) / instant.eddy_radius**2, (x * x + y * y) / instant.drift_radius**2
-    bell, envelope = fast_falling_exp(-q), fast_falling_exp(-rim * rim)
+    bell, envelope = exp(-q), exp(-rim * rim)
     slope = -4.0 * rim / instant.drift_radius**2  # of ln(envelope), along (x, y)
     drift = (instant.v * x - instant.u * y) * envelope
-    jet = fast_tanh((y_local - instant.jet_y) / instant.jet_width)
-    counter = fast_tanh((y_local - instant.counter_y) / instant.counter_width)
+    jet = tanh((y_local - instant.jet_y) / instant.jet_width)
+    counter = tanh((y_local - instant.counter_y) / instant.counter_width)
     jet_profile, counter_profile = 1.0 - jet * jet, 1.0 - counter * counter
     psi = drift + 0.5 * instant.spin * instant.eddy_radius**2 * (1.0 - bell)
     psi += (
@@ -199,23 +199,17 @@ def _polynomial(coefficients: tuple[float, ...], x: float) -> tuple[float, float
     return value * x + coefficients[degree], slope
 
 
-def eddy_spin_rate(n: StoryNumbers, time: float) -> float:
-    """Return the spin (s-1) of the eddy at ``time`` seconds after 9 December 2020 13:00 UTC."""
-    # Not compiled: the square of the C library differs from a product in the last digit.
-    s = time / SECONDS_PER_DAY
-    spin = n.eddy_spin / math.cosh((s - n.eddy_day) / n.eddy_days) ** 2
-    return spin + n.late_spin * 0.5 * (1.0 + math.tanh((s - 9.0) / 1.5))
-
-
 @kernel
-def ocean_instant(n: StoryNumbers, time: float, spin: float) -> _Instant:
-    """Return the ocean at ``time`` seconds after 9 December 2020 13:00 UTC, with the ``spin`` of `eddy_spin_rate`."""
+def ocean_instant(n: StoryNumbers, time: float) -> _Instant:
+    """Return the ocean at ``time`` seconds after 9 December 2020 13:00 UTC."""
     s, metre = time / SECONDS_PER_DAY, EARTH_RADIUS_A68 * DEGREE
     day, late = min(s, n.last_day), max(s - n.last_day, 0.0)
     (x, u), (y, v) = _polynomial(n.path_x, day), _polynomial(n.path_y, day)
-    bump = n.surge * math.exp(-(((s - 7.8) / 0.5) ** 2)) / math.sqrt(2.0)
+    spin = n.eddy_spin / cosh((s - n.eddy_day) / n.eddy_days) ** 2
+    spin += n.late_spin * 0.5 * (1.0 + tanh((s - 9.0) / 1.5))
+    bump = n.surge * exp(-(((s - 7.8) / 0.5) ** 2)) / math.sqrt(2.0)
     rate = bump * -2.0 * (s - 7.8) / 0.25 / SECONDS_PER_DAY
-    on = 0.25 * (1.0 + math.tanh((n.shear_end - s) / 0.5)) * (1.0 + math.tanh((s - n.shear_start) / 0.5))
+    on = 0.25 * (1.0 + tanh((n.shear_end - s) / 0.5)) * (1.0 + tanh((s - n.shear_start) / 0.5))
     return _Instant(
         1e3 * x + late * (1e3 * u) + bump,
         1e3 * y + late * (1e3 * v) + bump,
@@ -238,16 +232,16 @@ def ocean_instant(n: StoryNumbers, time: float, spin: float) -> _Instant:
 @borrower
 def _fill(
     lon: Floats, lat: Floats, uo: Floats, vo: Floats, slope_x: Floats, slope_y: Floats, vorticity: Floats,
-    numbers: StoryNumbers, time: float, spin: float, spin_before: float, spin_after: float,
+    numbers: StoryNumbers, time: float,
 ) -> None:  # fmt: skip
-    """Fill current, slope and vorticity at many points; ``spin_before``, ``spin_after``: by `MATERIAL_STEP`."""
+    """Fill current, slope and vorticity at many points."""
     scale, f_over_g = (
-        math.cos(-55.8 * math.pi / 180.0),
-        2.0 * EARTH_ROTATION * math.sin(-55.8 * math.pi / 180.0) / GRAVITY,
+        cos(-55.8 * math.pi / 180.0),
+        2.0 * EARTH_ROTATION * sin(-55.8 * math.pi / 180.0) / GRAVITY,
     )
-    metre, instant = EARTH_RADIUS_A68 * math.pi / 180.0, ocean_instant(numbers, time, spin)
-    earlier = ocean_instant(numbers, time - MATERIAL_STEP, spin_before)
-    later = ocean_instant(numbers, time + MATERIAL_STEP, spin_after)
+    metre, instant = EARTH_RADIUS_A68 * math.pi / 180.0, ocean_instant(numbers, time)
+    earlier = ocean_instant(numbers, time - MATERIAL_STEP)
+    later = ocean_instant(numbers, time + MATERIAL_STEP)
     for e in range(lon.size):
         west = lon[e] - 360.0 * np.floor((lon[e] + 180.0) / 360.0)
         stretch = scale / fast_cos_latitude(lat[e])
@@ -268,12 +262,16 @@ def _fill(
 
 
 @borrower
-def _fill_exponent(lon, lat, along, metre, shoal_lon, shoal_lat, length, out):
-    """Fill minus the square of the distance to the shoal by its length."""
+def _fill_bell(
+    lon: Floats, lat: Floats, centre_lon: float, centre_lat: float, length: float, height: float, floor: float, depth: Floats
+) -> None:  # fmt: skip
+    """Fill the depth (m) of a flat floor with a bell on it."""
+    metre = EARTH_RADIUS_A68 * DEGREE
+    along = metre * cos(centre_lat * DEGREE)
     for e in range(lon.size):
-        x = along * ((lon[e] + 180.0) % 360.0 - 180.0 - shoal_lon)
-        y = metre * (lat[e] - shoal_lat)
-        out[e] = -(x * x + y * y) / length**2
+        x = along * ((lon[e] + 180.0) % 360.0 - 180.0 - centre_lon)
+        y = metre * (lat[e] - centre_lat)
+        depth[e] = floor - height * exp(-(x * x + y * y) / length**2)
 
 
 class StoryOcean(Forcing):
@@ -309,21 +307,11 @@ class StoryOcean(Forcing):
     def instant(self, time: float) -> _Instant:
         """Return the ocean at a time (s) of the run."""
         time += self._late
-        return plain(ocean_instant)(self.numbers, time, eddy_spin_rate(self.numbers, time))
+        return plain(ocean_instant)(self.numbers, time)
 
     def _fill(self, lon: Floats, lat: Floats, time: float, *fields: Floats) -> None:
         """Fill current, slopes and vorticity at a list of points."""
-        n, step, time = self.numbers, MATERIAL_STEP, time + self._late
-        _fill(
-            lon,
-            lat,
-            *fields,
-            n,
-            time,
-            eddy_spin_rate(n, time),
-            eddy_spin_rate(n, time - step),
-            eddy_spin_rate(n, time + step),
-        )
+        _fill(lon, lat, *fields, self.numbers, time + self._late)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Serve any place and time; far from the berg's path the numbers mean nothing."""
@@ -344,16 +332,10 @@ class StoryOcean(Forcing):
 
     def _fill_depth(self, lon: Floats, lat: Floats, depth: Floats) -> None:
         """Fill the depth of water (m) at a list of points."""
-        shoal_lon, shoal_lat, length, height, floor = self.numbers.shoal
-        if not self.has_shoal:
-            depth[:] = floor
-            return
-        metre = EARTH_RADIUS_A68 * DEGREE
-        _fill_exponent(lon, lat, metre * math.cos(shoal_lat * DEGREE), metre, shoal_lon, shoal_lat, length, depth)
-        # NumPy's exponential: another one differs in the last digit, and with it all that comes after the landing.
-        np.exp(depth, out=depth)
-        np.multiply(depth, height, out=depth)
-        np.subtract(floor, depth, out=depth)
+        if self.has_shoal:
+            _fill_bell(lon, lat, *self.numbers.shoal, depth)
+        else:
+            depth[:] = self.numbers.shoal[-1]
 
     def describe(self) -> str:
         """Return this ocean in plain words."""

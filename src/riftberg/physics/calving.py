@@ -115,7 +115,7 @@ ASPECT: Final = 3.0
 def buoyancy_length(thickness: float, youngs: float) -> float:
     """Length over which a floating plate bends, m: ``(E T3 / (12 (1 - nu2) g rho_w))^(1/4)`` (files, 2.1)."""
     cube = thickness * thickness * thickness
-    return float((1.0 / (GRAVITY * RHO_SEAWATER) * (youngs / STIFF) * cube) ** 0.25)
+    return math.sqrt(math.sqrt(1.0 / (GRAVITY * RHO_SEAWATER) * (youngs / STIFF) * cube))
 
 
 @kernel

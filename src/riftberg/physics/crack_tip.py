@@ -13,14 +13,19 @@ in plane stress, with displacements ``a``.
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.compiled.kernels import kernel
+from riftberg.physics.elementary import atan2, cos, sin
+
 Floats = NDArray[np.float64]
 
 
+@kernel
 def crack_tip_fields(x: Floats, y: Floats, poisson: float) -> tuple[Floats, Floats]:
     """Stress at a crack tip, and how displacements change along the crack, for ``K_I = 1`` and for ``K_II = 1`` Pa m1/2.
 
@@ -38,16 +43,20 @@ def crack_tip_fields(x: Floats, y: Floats, poisson: float) -> tuple[Floats, Floa
     gradient : Floats
         Young's modulus times the derivatives of both displacements along x, Pa; shape (2, n, 2).
     """
-    z = x + 1j * y
     stress, gradient = np.empty((2, x.size, 3)), np.empty((2, x.size, 2))
-    for mode, k in enumerate((1.0, -1.0j)):
-        phi = 0.5 * k / np.sqrt(2.0 * math.pi * z)
-        slope = -0.5 * phi / z
-        psi = 0.5 * (np.conj(k) - k) / np.sqrt(2.0 * math.pi * z) - z * slope
-        mean, deviator = 2.0 * phi.real, z.conj() * slope + psi
-        stress[mode] = np.column_stack([mean - deviator.real, mean + deviator.real, deviator.imag])
-        moved = (3.0 - poisson) * phi - (1.0 + poisson) * (phi.conj() + z * slope.conj() + psi.conj())
-        gradient[mode] = np.column_stack([moved.real, moved.imag])
+    for n in range(x.size):
+        z = complex(x[n], y[n])
+        for mode in range(2):
+            k = complex(1.0, 0.0) if mode == 0 else complex(0.0, -1.0)
+            phi = 0.5 * k / cmath.sqrt(2.0 * math.pi * z)
+            slope = -0.5 * phi / z
+            psi = 0.5 * (k.conjugate() - k) / cmath.sqrt(2.0 * math.pi * z) - z * slope
+            mean, deviator = 2.0 * phi.real, z.conjugate() * slope + psi
+            stress[mode, n, 0], stress[mode, n, 1] = mean - deviator.real, mean + deviator.real
+            stress[mode, n, 2] = deviator.imag
+            potential = phi.conjugate() + z * slope.conjugate() + psi.conjugate()
+            moved = (3.0 - poisson) * phi - (1.0 + poisson) * potential
+            gradient[mode, n, 0], gradient[mode, n, 1] = moved.real, moved.imag
     return stress, gradient
 
 
@@ -71,5 +80,5 @@ def hoop_intensity(opening: float, shearing: float) -> tuple[float, float]:
     """
     if opening < 0.0 or opening == shearing == 0.0:
         return 0.0, 0.0
-    half = math.atan2(-2.0 * shearing, opening + math.hypot(opening, math.sqrt(8.0) * shearing))
-    return 2.0 * half, math.cos(half) * (opening * math.cos(half) ** 2 - 1.5 * shearing * math.sin(2.0 * half))
+    half = atan2(-2.0 * shearing, opening + math.hypot(opening, math.sqrt(8.0) * shearing))
+    return 2.0 * half, cos(half) * (opening * cos(half) ** 2 - 1.5 * shearing * sin(2.0 * half))

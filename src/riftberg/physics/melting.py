@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import GRAVITY, LATENT_HEAT, PI, RHO_SEAWATER, SECONDS_PER_DAY
+from riftberg.physics.elementary import cos, fifth_root, log
 
 PER_DAY: Final = 1.0 / SECONDS_PER_DAY
 """One per day in s-1; rates are multiplied by it, as in the reference."""
@@ -45,13 +46,13 @@ def base_melt_rate(speed: float, temperature: float, length: float) -> float:
     length : float
         Along which the boundary layer grows, m.
     """
-    return max(0.58 * speed**0.8 * (temperature + 4.0) / length**0.2, 0.0) * PER_DAY
+    return max(0.58 * fifth_root(speed) ** 4 * (temperature + 4.0) / fifth_root(length), 0.0) * PER_DAY
 
 
 @kernel
 def bit_melt_rate(speed: float, temperature: float, size: float) -> float:
     """Melt of bergy bits, m s-1: as `base_melt_rate`, with ``t + 2`` (files, 1.9)."""
-    return max(0.58 * speed**0.8 * (temperature + 2.0) / size**0.2, 0.0) * PER_DAY
+    return max(0.58 * fifth_root(speed) ** 4 * (temperature + 2.0) / fifth_root(size), 0.0) * PER_DAY
 
 
 @kernel
@@ -79,7 +80,7 @@ def wave_erosion_rate(wind: float, temperature: float, ice_fraction: float) -> f
     ice_fraction : float
         Part of the sea that sea ice covers, which damps the waves: half the erosion is left at 0.79, none at 1.
     """
-    damped = 1.0 + math.cos(PI * (ice_fraction * ice_fraction * ice_fraction))
+    damped = 1.0 + cos(PI * (ice_fraction * ice_fraction * ice_fraction))
     return max(TWELFTH * (temperature + 2.0) * sea_state(wind) * damped, 0.0) * PER_DAY
 
 
@@ -301,11 +302,11 @@ def _resistance(friction: float, depth: float, stability: float, scaled_laminar:
     """
     ratio = ZETA * ((depth * friction) / (5.0 * VISCOSITY))
     # A strong flux of buoyancy leaves no logarithmic part of the layer.
-    log = math.log(ratio) - 2.0 * math.log(stability) if ratio > 1.0 and ratio > stability * stability else 0.0
+    turbulent = log(ratio) - 2.0 * log(stability) if ratio > 1.0 and ratio > stability * stability else 0.0
     laminar = 0.5 * stability / ZETA
     if scaled_laminar:
-        return (1.0 / VON_KARMAN) * (log + (laminar - 1.0))
-    return (1.0 / VON_KARMAN) * (log - 1.0) + laminar
+        return (1.0 / VON_KARMAN) * (turbulent + (laminar - 1.0))
+    return (1.0 / VON_KARMAN) * (turbulent - 1.0) + laminar
 
 
 @kernel

@@ -6,9 +6,8 @@ Lichey & Hellmer (2001, J. Glaciol. 47, 452-460); the strength is that of Hibler
 
 from __future__ import annotations
 
-import math
-
 from riftberg.compiled.kernels import kernel
+from riftberg.physics.elementary import exp
 
 NO_CAPTURE, LIMITED, LOCKED, OF_REFERENCE = 0, 1, 2, 3
 """What a pack does beside its drag: nothing, hold a berg by as much as it bears, or carry it along. The last is the law of the
@@ -30,7 +29,7 @@ def pack_strength(thickness: float, fraction: float, strength: float, decay: flo
 
     ``strength``: P*, Pa; ``decay``: C; ``thickness``: of the ice, m; ``fraction``: A.
     """
-    return strength * thickness * math.exp(-decay * (1.0 - fraction))
+    return strength * thickness * exp(-decay * (1.0 - fraction))
 
 
 @kernel

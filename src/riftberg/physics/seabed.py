@@ -225,7 +225,7 @@ def bending_length(modulus: float, poisson: float, thickness: float) -> float:
         Of the ice, m.
     """
     rigidity = modulus * thickness**3 / (12.0 * (1.0 - poisson**2))
-    return float((rigidity / WATER_STIFFNESS) ** 0.25)
+    return math.sqrt(math.sqrt(rigidity / WATER_STIFFNESS))
 
 
 def _deflection_table() -> Floats:

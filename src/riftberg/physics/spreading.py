@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
+from riftberg.physics.elementary import atan2, cos, sin
 from riftberg.physics.geometry import metres_per_unit, nearest_image
 
 Floats = NDArray[np.float64]
@@ -80,7 +81,7 @@ def footprint(shape: int, length: float, width: float, angle: float, px: Floats,
     """
     if shape == POINT:
         return 0
-    c, s = math.cos(angle), math.sin(angle)
+    c, s = cos(angle), sin(angle)
     if shape == RECTANGLE:
         for k in range(4):
             along = 0.5 * length if k == 0 or k == 3 else -0.5 * length
@@ -90,7 +91,7 @@ def footprint(shape: int, length: float, width: float, angle: float, px: Floats,
     corner = _corner_of_hexagon(length * width)
     for k in range(6):
         turn = angle + (k + 0.5) * math.pi / 3.0
-        px[k], py[k] = corner * math.cos(turn), corner * math.sin(turn)
+        px[k], py[k] = corner * cos(turn), corner * sin(turn)
     return 6
 
 
@@ -175,9 +176,9 @@ def _in_plane(
     # Orthographic near the poles. Elsewhere parallels are straight: cells may be wide, and their sides are drawn as chords.
     if latlon and abs(lat0) > POLAR_LATITUDE:
         east, north, north0 = (lon - lon0) * DEGREE, lat * DEGREE, lat0 * DEGREE
-        c, s = math.cos(north), math.sin(north)
-        y = math.cos(north0) * s - math.sin(north0) * c * math.cos(east)
-        return radius * (c * math.sin(east)), radius * y
+        c, s = cos(north), sin(north)
+        y = cos(north0) * s - sin(north0) * c * cos(east)
+        return radius * (c * sin(east)), radius * y
     mx, my = metres_per_unit(lat0, latlon, radius)
     return nearest_image(lon - lon0, period) * mx, (lat - lat0) * my
 
@@ -380,14 +381,14 @@ def lattice_angle(
     for b in range(first.size):
         if status[b] == 0:
             # folds is even, so that the direction from the other end counts the same.
-            turn = folds * math.atan2(dy[b], dx[b])
-            c, s = math.cos(turn), math.sin(turn)
+            turn = folds * atan2(dy[b], dx[b])
+            c, s = cos(turn), sin(turn)
             for e in (first[b], second[b]):
                 sums[0, e] += c
                 sums[1, e] += s
     for e in range(angle.size):
         c, s = sums[0, e], sums[1, e]
-        angle[e] = math.atan2(s, c) / folds if c * c + s * s > 1e-12 else own[e]
+        angle[e] = atan2(s, c) / folds if c * c + s * s > 1e-12 else own[e]
 
 
 @kernel
@@ -446,10 +447,10 @@ def quadrant_areas(
         Room for corners.
     """
     side = 2.0 * apothem / math.sqrt(3.0)
-    c, s = math.cos(degrees * DEGREE), math.sin(degrees * DEGREE)
+    c, s = cos(degrees * DEGREE), sin(degrees * DEGREE)
     hx, hy = scratch[0], scratch[1]
     for k in range(6):
-        p, q = side * math.cos(k * math.pi / 3.0), side * math.sin(k * math.pi / 3.0)
+        p, q = side * cos(k * math.pi / 3.0), side * sin(k * math.pi / 3.0)
         hx[k], hy[k] = (p * c + q * s) + x, (-p * s + q * c) + y
     whole = polygon_area(hx, hy, 6)
     areas = (

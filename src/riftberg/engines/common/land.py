@@ -20,6 +20,7 @@ from riftberg.engines.common.broad_phase import NEWBORN_CHILD, NO_PAIRS
 from riftberg.engines.common.forces.sizes import interaction_sizes
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.ocean.cells import settle_elements
+from riftberg.physics.elementary import atan2_array
 from riftberg.plane import unit_vectors
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import near_pairs
@@ -169,8 +170,8 @@ def _apply_correction(el: Elements, lon: Floats, lat: Floats, rows: Ints, leader
         start, end = unit_vectors(lon[leader], lat[leader]), unit_vectors(el.lon[leader], el.lat[leader])
         to = rotate_along(start, end, unit_vectors(lon[rows], lat[rows]))
         x, y = (
-            np.degrees(np.arctan2(to[:, 1], to[:, 0])),
-            np.degrees(np.arctan2(to[:, 2], np.hypot(to[:, 0], to[:, 1]))),
+            np.degrees(atan2_array(to[:, 1], to[:, 0])),
+            np.degrees(atan2_array(to[:, 2], np.hypot(to[:, 0], to[:, 1]))),
         )
     # On the branch of the cell in which it stands.
     el.lon[rows], el.lat[rows] = el.lon[rows] + _nearest(x - el.lon[rows], c.period), y

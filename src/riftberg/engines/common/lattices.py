@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from riftberg.bergs.seams import shrink
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.parameters import KernelParameters
+from riftberg.physics.elementary import atan2_array, cos, cos_array, sin_array
 from riftberg.physics.geometry import nearest_image
 from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -30,7 +31,7 @@ def outline_cells(xy: Floats, radius: float, packing: str, angle: float) -> shap
     corner = angle + (np.arange(sides) + 0.5) * (2.0 * math.pi / sides)
     # Cells reach over their sides at first: those of a lattice in degrees do not fit exactly, for meridians converge.
     over = 0.05 * radius
-    ring = (radius + over) / math.cos(math.pi / sides) * np.column_stack([np.cos(corner), np.sin(corner)])
+    ring = (radius + over) / cos(math.pi / sides) * np.column_stack([cos_array(corner), sin_array(corner)])
     return shrink(shapely.unary_union(shapely.polygons(xy[:, None, :] + ring)), over)
 
 
@@ -69,7 +70,7 @@ def ice_on_plane(
     ``along``: from a cell to a neighbour, m.
     """
     if outline is None:
-        angle = float(np.arctan2(along[1], along[0]))
+        angle = float(atan2_array(along[1], along[0]))
         return outline_cells(xy, float(radius.mean()), "hexagonal" if hexagonal else "square", angle)
     ice = shapely.transform(outline, plane.forward, interleaved=False)
     discs = shapely.buffer(shapely.points(xy), DISC * radius, quad_segs=2)

@@ -45,7 +45,8 @@ from riftberg.engines.quasi_static.contact.islands import (
 from riftberg.engines.quasi_static.fracture.brittle_lattice import BrittleLattice
 from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, grow_damage
 from riftberg.engines.quasi_static.ground.seabed import drop_fragments, join_drifts, join_motions
-from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, supported_loads
+from riftberg.engines.quasi_static.lattice.dense import multiply_stacks
+from riftberg.engines.quasi_static.lattice.equilibrium import balanced_loads, find_mobility, supported_loads
 from riftberg.engines.quasi_static.memory import LawsWithMemory
 from riftberg.engines.quasi_static.rigid_step import (
     BodyState,
@@ -241,7 +242,7 @@ class FragmentMotion:
                 )
             # Fragments with supports move only as these allow: Z (Z^T M Z)^-1 Z^T in place of M^-1.
             z = self.lattice.supports.rigid_modes(inside, self.lattice.xy)
-            op.matrices.mobility[b] = z @ np.linalg.solve(z.T @ op.matrices.inertia[b] @ z, z.T) if z.size else 0.0
+            op.matrices.mobility[b] = find_mobility(op.matrices.inertia[b], z)
         return op
 
     def _supported(self, bodies: Bodies) -> list[tuple[int, Ints]]:
@@ -317,7 +318,7 @@ class FragmentMotion:
         momentum = mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
         momentum += (inertia * el.spin)[:, None] * m[:, 6:9]
         sums = np.array([np.bincount(bodies.body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
-        return np.asarray((op.matrices.mobility @ sums[:, :, None])[:, :, 0])
+        return multiply_stacks(op.matrices.mobility, sums[:, :, None])[:, :, 0]
 
     def workspace(self, bodies: Bodies) -> BodyWorkspace:
         """Return a workspace for the fragments."""

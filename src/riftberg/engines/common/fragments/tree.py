@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
+from riftberg.constants import DEGREE
 from riftberg.engines.common.forces.media import on_the_floor
 from riftberg.engines.common.forces.sizes import count_sides
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import exposed_sides
+from riftberg.physics.elementary import cos, sin
 from riftberg.physics.geometry import nearest_image
 from riftberg.state import Bonds, Elements, Floats, Ints
 
@@ -236,8 +238,8 @@ def _on_sphere(lon: float, lat: float, start: float, latlon: bool, period: float
     """Direction from the centre of the sphere; on a plane the place (m) in its image nearest to ``start``."""
     if not latlon:
         return start + nearest_image(lon - start, period), lat, 0.0
-    lam, phi = math.radians(lon), math.radians(lat)
-    return math.cos(phi) * math.cos(lam), math.cos(phi) * math.sin(lam), math.sin(phi)
+    lam, phi = lon * DEGREE, lat * DEGREE
+    return cos(phi) * cos(lam), cos(phi) * sin(lam), sin(phi)
 
 
 @kernel

@@ -18,6 +18,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.constants import DEGREE
+from riftberg.physics.elementary import atan2, cos, sin
 from riftberg.physics.geometry import multiply, nearest_image
 from riftberg.state import Floats, Ints
 
@@ -41,7 +42,7 @@ class Bodies(NamedTuple):
 def unit_vector(lon: float, lat: float) -> tuple[float, float, float]:
     """Unit vector from the centre of the sphere to a point in degrees."""
     a, b = lon * DEGREE, lat * DEGREE
-    return math.cos(b) * math.cos(a), math.cos(b) * math.sin(a), math.sin(b)
+    return cos(b) * cos(a), cos(b) * sin(a), sin(b)
 
 
 @kernel
@@ -130,7 +131,7 @@ def _rotate_about(q: Floats, x: float, y: float, z: float) -> None:
     angle = math.sqrt(x * x + y * y + z * z)
     if angle == 0.0:
         return
-    a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2
+    a, b = sin(angle) / angle, 2.0 * (sin(0.5 * angle) / angle) ** 2
     for k in range(3):
         v0, v1, v2 = q[0, k], q[1, k], q[2, k]
         c0, c1, c2 = y * v2 - z * v1, z * v0 - x * v2, x * v1 - y * v0
@@ -189,7 +190,7 @@ def move_poses(
             _spin(new[k], 0.5 * dt * twist[k, 2])
             _orthonormalise(new[k])
             continue
-        c, s = math.cos(dt * twist[k, 2]), math.sin(dt * twist[k, 2])
+        c, s = cos(dt * twist[k, 2]), sin(dt * twist[k, 2])
         size = math.sqrt(pose[k, 0, 0] ** 2 + pose[k, 1, 0] ** 2)
         x, y = pose[k, 0, 0] / size, pose[k, 1, 0] / size
         new[k, 0, 0], new[k, 1, 0] = c * x - s * y, s * x + c * y
@@ -227,9 +228,9 @@ def place_elements(
         rx = q[0, 0] * x + q[0, 1] * y + q[0, 2] * z
         ry = q[1, 0] * x + q[1, 1] * y + q[1, 2] * z
         rz = q[2, 0] * x + q[2, 1] * y + q[2, 2] * z
-        new_lon = math.atan2(ry, rx) / DEGREE
+        new_lon = atan2(ry, rx) / DEGREE
         lon[e] += nearest_image(new_lon - lon[e], 360.0)
-        lat[e] = math.atan2(rz, math.sqrt(rx * rx + ry * ry)) / DEGREE
+        lat[e] = atan2(rz, math.sqrt(rx * rx + ry * ry)) / DEGREE
 
 
 @kernel

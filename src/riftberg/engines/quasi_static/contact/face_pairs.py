@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.quasi_static.contact.face_newton import NewtonWorkspace
 from riftberg.engines.quasi_static.contact.islands import Island, element_path
+from riftberg.physics.elementary import cos, sin
 from riftberg.physics.geometry import gap, overlap
 from riftberg.state import Floats, Ints
 
@@ -185,7 +185,7 @@ def locate_pair(island: Island, path: Floats, k: int) -> tuple[float, float, flo
     """
     i, j = island.first[k], island.second[k]
     a, b, c, s = island.body_of[i], island.body_of[j], island.turn[k, 0], island.turn[k, 1]
-    ca, sa, cb, sb = math.cos(path[a, 2]), math.sin(path[a, 2]), math.cos(path[b, 2]), math.sin(path[b, 2])
+    ca, sa, cb, sb = cos(path[a, 2]), sin(path[a, 2]), cos(path[b, 2]), sin(path[b, 2])
     px, py = element_path(island.levers[i], path[a], ca, sa)
     qx, qy = element_path(island.levers[j], path[b], cb, sb)
     return (

@@ -23,7 +23,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.bergs.bonding import Metric, separations
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.constants import DEGREE
 from riftberg.engines.common.forces.media import CORIOLIS, FORCES, MEDIA, SEA_FLOOR, WATER
@@ -40,8 +39,8 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 )
 from riftberg.engines.quasi_static.contact.anchors import ANCHOR_X, ANCHOR_Y, ARM_X, ARM_Y, SLOPE_X, SLOPE_Y, STIFFNESS
 from riftberg.parameters import KernelParameters
-from riftberg.physics.geometry import multiply, solve, times
-from riftberg.plane import near
+from riftberg.physics.elementary import cos, sin
+from riftberg.physics.geometry import multiply, nearest_image, separation, solve, times
 from riftberg.state import Floats, Ints
 
 REFRESH_FRACTION: Final = 1.0 / 32.0
@@ -184,17 +183,22 @@ def _sort_by_group(group: Ints) -> tuple[Ints, Ints, Ints]:
     return entries, start, rank
 
 
+@kernel
 def pair_separations(lon: Floats, lat: Floats, first: Ints, second: Ints, p: KernelParameters) -> tuple[Floats, Floats]:
     """Find vectors from the second to the first element of each pair, and cosine and sine of the angle between their axes.
 
     Vectors are east and north half-way between both, m, from where the axes of the first lie at that angle, and those of the
     second at minus it; two arrays of shape (pairs, 2). ``lon``, ``lat``: of the elements.
     """
-    metric, angle = Metric(p.latlon, p.earth_radius, p.period), np.zeros(first.size)
-    separation = np.column_stack(separations(metric, lon[first], lat[first], lon[second], lat[second]))
-    if p.latlon:
-        angle = 0.5 * DEGREE * near(lon[first] - lon[second], 0.0) * np.sin(0.5 * DEGREE * (lat[first] + lat[second]))
-    return separation, np.column_stack([np.cos(angle), np.sin(angle)])
+    separations, turn, period = np.empty((first.size, 2)), np.zeros((first.size, 2)), 360.0 if p.latlon else p.period
+    for k in range(first.size):
+        i, j = first[k], second[k]
+        east, north = separation(lon[i], lat[i], lon[j], lat[j], p.latlon, p.earth_radius, period)
+        separations[k, 0], separations[k, 1], turn[k, 0] = east, north, 1.0
+        if p.latlon:
+            angle = 0.5 * DEGREE * nearest_image(lon[i] - lon[j], period) * sin(0.5 * DEGREE * (lat[i] + lat[j]))
+            turn[k, 0], turn[k, 1] = cos(angle), sin(angle)
+    return separations, turn
 
 
 def gather_islands(
@@ -487,7 +491,7 @@ def record_loads(
         result.peak_force[e, 0] = force[e, 0] + contact_force[e, 0] + x
         result.peak_force[e, 1] = force[e, 1] + contact_force[e, 1] + y
         result.peak_force[e, 2] = force[e, 2] + contact_force[e, 2] + floor[ARM_X] * y - floor[ARM_Y] * x
-        c, s = math.cos(path[b, 2]), math.sin(path[b, 2])
+        c, s = cos(path[b, 2]), sin(path[b, 2])
         result.peak_axes[e, 0], result.peak_axes[e, 1] = m[9] * c - m[10] * s, m[10] * c + m[9] * s
         result.peak_spin[b] = q[2]
     for b in range(size.size):

@@ -21,8 +21,10 @@ import numpy as np
 
 from riftberg.engines.common.crack_tips import NO_TIPS, RUN_OUT, UNTOLD, CrackTips
 from riftberg.engines.quasi_static.fracture.stress_intensity import TipRing, ring_intensities, tip_ring
+from riftberg.engines.quasi_static.lattice.dense import multiply
 from riftberg.parameters import KernelParameters
 from riftberg.physics.crack_tip import hoop_intensity
+from riftberg.physics.elementary import atan2, cos, sin
 from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import find_rows
@@ -84,9 +86,9 @@ def find_rift_tips(el: Elements, bonds: Bonds, p: KernelParameters) -> CrackTips
             along = b[end] - a[end]
             spacing = float(np.hypot(*along))
             axes = np.array([along, [-along[1], along[0]]]) / spacing
-            position = axes @ (crossings[end] + BEYOND * spacing * direction - a[end])
+            position = multiply(axes, crossings[end] + BEYOND * spacing * direction - a[end])
             beside = [el.body.id[first[end]], el.body.id[second[end]]]
-            tips.append((beside, position, axes @ direction, number, order, length, (0.0, 0.0, UNTOLD)))
+            tips.append((beside, position, multiply(axes, direction), number, order, length, (0.0, 0.0, UNTOLD)))
     if not tips:
         return NO_TIPS
     return CrackTips._make([
@@ -164,7 +166,10 @@ class CrackPaths:
             along = self._xy[j] - self._xy[i]
             spacing = float(np.hypot(*along))
             axes = np.array([along, [-along[1], along[0]]]) / spacing
-            position, direction = self._xy[i] + self.tips.place[n] @ axes, self.tips.direction[n] @ axes
+            position, direction = (
+                self._xy[i] + multiply(axes.T, self.tips.place[n]),
+                multiply(axes.T, self.tips.direction[n]),
+            )
             tips.append(Tip(int(n), int(self._body[i]), position, direction, spacing))
         return tips
 
@@ -202,7 +207,7 @@ class CrackPaths:
             return UNTOLD
         ice = self._cells.triangles_near(tip.body, end, (LARGEST_RING / SHARE_AHEAD + 1.0) * spacing)
         axes = np.array([tip.direction, [-tip.direction[1], tip.direction[0]]])
-        middle, vertex = (ice.vertex.mean(axis=1) - end) @ axes.T, (ice.vertex - end) @ axes.T
+        middle, vertex = multiply(ice.vertex.mean(axis=1) - end, axes.T), multiply(ice.vertex - end, axes.T)
         # No triangle of the ring but those along the crack itself may have a free edge.
         of_others = ~ice.whole & ((middle[:, 0] > FLANK * spacing) | (abs(middle[:, 1]) > FLANK * spacing))
         free = np.concatenate([middle[of_others], vertex[ice.node >= len(self._xy)]])
@@ -283,8 +288,8 @@ class CrackPaths:
         A rift turns by its stress intensity, all else normal to the larger principal stress ahead.
         """
         if intensity is not None and intensity.ring.reliable and self._is_given(tip):
-            c, s = math.cos(intensity.kink), math.sin(intensity.kink)
-            direction = np.array([[c, -s], [s, c]]) @ tip.direction
+            c, s = cos(intensity.kink), sin(intensity.kink)
+            direction = multiply(np.array([[c, -s], [s, c]]), tip.direction)
         else:
             direction = self._across_tension(tip, stress)
         bond, fraction = self._crossed(tip._replace(direction=direction), int(self.tips.crack[tip.row]))
@@ -301,9 +306,9 @@ class CrackPaths:
         (xx, yy, xy), filled = self._cells.mean_ahead(stress, tip.body, tip.place, tip.direction, AHEAD * tip.spacing)
         if filled < LEAST_FILLED or (xx == yy and xy == 0.0):
             return tip.direction
-        angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
-        direction = np.array([math.cos(angle), math.sin(angle)])
-        return direction if direction @ tip.direction >= 0.0 else -direction
+        angle = 0.5 * atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+        direction = np.array([cos(angle), sin(angle)])
+        return direction if (direction * tip.direction).sum() >= 0.0 else -direction
 
     def _crossed(self, tip: Tip, crack: int) -> tuple[int, float]:
         """First unbroken bond on the ray of a tip, and where on the bond; -1 where there is none before another crack."""
@@ -322,16 +327,24 @@ class CrackPaths:
     def _start(self, bond: int, middle: Floats, spacing: float, tensor: Floats) -> None:
         """Start a crack in the middle of a bond, with two tips."""
         xx, yy, xy = tensor
-        angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+        angle = 0.5 * atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
         number = 1 + max(self._last, int(self._bonds.crack.max(initial=0)), int(self.tips.crack.max(initial=0)))
         self._bonds.crack[bond], self._bonds.crack_order[bond], self._bonds.crack_part[bond] = number, 0, 0.5
         for sign in (1.0, -1.0):
-            direction = sign * np.array([math.cos(angle), math.sin(angle)])
+            direction = sign * np.array([cos(angle), sin(angle)])
             self._add(bond, middle + BEYOND * spacing * direction, direction, number, int(sign), spacing)
 
     def _add(self, bond: int, position: Floats, direction: Floats, number: int, order: int, length: float) -> None:
         beside, axes, origin = self._axes(bond)
-        tip = (beside, axes @ (position - origin), axes @ direction, number, order, length, (0.0, 0.0, UNTOLD))
+        tip = (
+            beside,
+            multiply(axes, position - origin),
+            multiply(axes, direction),
+            number,
+            order,
+            length,
+            (0.0, 0.0, UNTOLD),
+        )
         self.tips = CrackTips._make([np.concatenate([old, [new]]) for old, new in zip(self.tips, tip, strict=True)])
 
     def _axes(self, bond: int) -> tuple[list[int], Floats, Floats]:
@@ -346,12 +359,16 @@ class CrackPaths:
         i, j = self._bonds.first[bond], self._bonds.second[bond]
         position = self._xy[i] + fraction * (self._xy[j] - self._xy[i])
         advance = position - tip.place
-        direction = tip.direction if advance @ tip.direction > 0.0 else advance / np.hypot(*advance)
+        direction = tip.direction if (advance * tip.direction).sum() > 0.0 else advance / np.hypot(*advance)
         position = position + BEYOND * tip.spacing * direction
         number, order = int(tips.crack[row]), int(tips.order[row])
         self._bonds.crack[bond], self._bonds.crack_order[bond], self._bonds.crack_part[bond] = number, order, fraction
         beside, axes, origin = self._axes(bond)
-        tips.beside[row], tips.place[row], tips.direction[row] = beside, axes @ (position - origin), axes @ direction
+        tips.beside[row], tips.place[row], tips.direction[row] = (
+            beside,
+            multiply(axes, position - origin),
+            multiply(axes, direction),
+        )
         tips.order[row] += 1 if order > 0 else -1
         tips.intensity[row] = 0.0, 0.0, UNTOLD
         tips.length[tips.crack == number] += np.hypot(*(position - tip.place))

@@ -36,6 +36,7 @@ from riftberg.physics.bonds import (
     residual_strength,
     stress_ratio,
 )
+from riftberg.physics.elementary import atan2, cos, sin
 from riftberg.state import Bonds, Floats, Ints
 
 
@@ -332,8 +333,8 @@ def _most_in_line(
     lattice: ElasticLattice, intact: Ints, tensor: Floats, stress: Floats, strengths: Strengths, row: int
 ) -> int:
     """Row of the failing bond at either end of the one in ``row`` that is the most nearly in line with the tension there."""
-    angle = 0.5 * math.atan2(2.0 * tensor[row, 2], tensor[row, 0] - tensor[row, 1])
-    x, y, i, j = math.cos(angle), math.sin(angle), lattice.first[intact[row]], lattice.second[intact[row]]
+    angle = 0.5 * atan2(2.0 * tensor[row, 2], tensor[row, 0] - tensor[row, 1])
+    x, y, i, j = cos(angle), sin(angle), lattice.first[intact[row]], lattice.second[intact[row]]
     best = row
     nearest = abs(lattice.nx[intact[row]] * x + lattice.ny[intact[row]] * y)
     for k in range(intact.size):

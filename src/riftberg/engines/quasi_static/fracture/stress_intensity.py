@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
+from riftberg.engines.quasi_static.lattice.dense import multiply
 from riftberg.physics.crack_tip import crack_tip_fields
 from riftberg.state import Floats, Ints
 
@@ -108,7 +109,7 @@ def tip_ring(
 
     youngs, poisson = elastic
     axes = np.array([direction, [-direction[1], direction[0]]])
-    vertex = (ice.vertex - position) @ axes.T
+    vertex = multiply(ice.vertex - position, axes.T)
     disc = np.hypot(*vertex.mean(axis=1).T) < 0.5 * radius
     weight = np.clip(2.0 - 2.0 * np.hypot(vertex[..., 0], vertex[..., 1]) / radius, 0.0, 1.0)
     rows = np.flatnonzero(ice.whole & (weight.max(axis=1) > 0.0) & (weight.min(axis=1) < 1.0))
@@ -123,7 +124,7 @@ def tip_ring(
     strain[:, 0, :, 0], strain[:, 1, :, 1] = slope[..., 0], slope[..., 1]
     strain[:, 2, :, 0], strain[:, 2, :, 1] = 0.5 * slope[..., 1], 0.5 * slope[..., 0]
     stress = np.einsum("ij,tjvc->tivc", plane_stress(1.0, poisson) * [1.0, 1.0, 2.0], strain)
-    middle = (MIDDLES @ vertex).reshape(-1, 2)
+    middle = np.einsum("ij,tjc->tic", MIDDLES, vertex).reshape(-1, 2)
     by_displacement = np.zeros((2, count, 3, 2))
     for mode, (s, gradient) in enumerate(zip(*crack_tip_fields(middle[:, 0], middle[:, 1], poisson), strict=True)):
         s, gradient = s.reshape(count, 3, 3).mean(axis=1), gradient.reshape(count, 3, 2).mean(axis=1)
@@ -147,12 +148,12 @@ def tip_ring(
     arm = where - where.mean(axis=0)
     rotation = np.column_stack([-arm[:, 1], arm[:, 0]])
 
-    centre = (centre - position) @ axes.T
+    centre = multiply(centre - position, axes.T)
     weight = np.clip(2.0 - 2.0 * np.hypot(*centre.T) / radius, 0.0, 1.0)
     loaded = np.flatnonzero(weight > 0.0)
     _, gradient = crack_tip_fields(centre[loaded, 0], centre[loaded, 1], poisson)
     weights = RingWeights(
-        ice.row[rows], at, youngs * by_displacement @ axes, node, rotation / np.sqrt((rotation**2).sum()),
-        element[loaded], weight[loaded, None] * gradient @ axes, ice.row[disc], ice.area[disc],
+        ice.row[rows], at, youngs * multiply(by_displacement, axes), node, rotation / np.sqrt((rotation**2).sum()),
+        element[loaded], multiply(weight[loaded, None] * gradient, axes), ice.row[disc], ice.area[disc],
     )  # fmt: skip
     return TipRing(weights, position, radius, reliable, beside)

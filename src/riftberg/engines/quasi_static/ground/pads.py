@@ -14,6 +14,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
 from riftberg.engines.quasi_static.lattice.footprints import BodyFootprint
+from riftberg.physics.elementary import atan2, exp2, log2
 from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS, add_moments, bending_length, cut
 from riftberg.state import Floats, Ints
 
@@ -60,7 +61,7 @@ def choose_pad_sides(modulus: float, poisson: float, thickness: Floats) -> Float
     side = np.empty(thickness.size)
     for b in range(side.size):
         target = math.sqrt(2.0) * bending_length(modulus, poisson, thickness[b]) / SIDES_PER_LAMBDA
-        side[b] = 2.0 ** (math.floor(RUNGS * math.log2(target)) / RUNGS)
+        side[b] = exp2(math.floor(RUNGS * log2(target)) / RUNGS)
     return side
 
 
@@ -290,4 +291,4 @@ def place_points(
     east = pose[0, 0] * u + pose[0, 1] * v + pose[0, 2] * w
     north = pose[1, 0] * u + pose[1, 1] * v + pose[1, 2] * w
     up = pose[2, 0] * u + pose[2, 1] * v + pose[2, 2] * w
-    return math.atan2(north, east) / DEGREE, math.atan2(up, math.sqrt(east * east + north * north)) / DEGREE
+    return atan2(north, east) / DEGREE, atan2(up, math.sqrt(east * east + north * north)) / DEGREE

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.engines.quasi_static.ground.pads import Pads
+from riftberg.physics.elementary import exp2, log2
 from riftberg.physics.geometry import solve
 from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS
 from riftberg.state import Floats, Ints
@@ -277,7 +278,7 @@ def fit_plate(
 
     ``merged``: squares along the side of a group that bends as one; elements are no smaller.
     """
-    rounded, per = 2.0 ** (math.floor(LENGTH_RUNGS * math.log2(length) + 0.5) / LENGTH_RUNGS), int(SIDES_PER_LAMBDA)
+    rounded, per = exp2(math.floor(LENGTH_RUNGS * log2(length) + 0.5) / LENGTH_RUNGS), int(SIDES_PER_LAMBDA)
     first = plates.element_start[b]
     while per < merged:
         per *= 2

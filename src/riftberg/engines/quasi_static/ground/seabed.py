@@ -30,9 +30,11 @@ from riftberg.engines.quasi_static.ground.pads import (
 from riftberg.engines.quasi_static.ground.press import LIFT
 from riftberg.engines.quasi_static.ground.shoal import Keels, Shoal, find_near
 from riftberg.engines.quasi_static.ground.soundings import DepthSampler, Soundings
+from riftberg.engines.quasi_static.lattice.dense import multiply
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
 from riftberg.errors import InputError, RunError
 from riftberg.ocean.forcing import Forcing
+from riftberg.physics.elementary import atan2, cos, sin
 from riftberg.physics.floating import draft_of
 from riftberg.physics.seabed import POISSON, UNBENT_MODULUS, bending_stress
 from riftberg.state import Floats, Ints
@@ -473,9 +475,11 @@ def bent_bonds(
         if share >= INSIDE:
             middle = np.average(mine[:, 3:], axis=0, weights=mine[:, 0])
             offset = mine[:, 3:] - middle
-            axis = np.linalg.eigh((offset * mine[:, :1]).T @ offset)[1][:, 1]
-            side, ends = (xy - middle) @ np.array([-axis[1], axis[0]]) > 0.0, offset @ axis
-            along = (0.5 * (xy[first] + xy[second]) - middle) @ axis
+            xx, yy, xy_moment = ((mine[:, 0] * offset.T[i] * offset.T[j]).sum() for i, j in ((0, 0), (1, 1), (0, 1)))
+            angle = 0.5 * atan2(2.0 * xy_moment, xx - yy)
+            axis, across = np.array([cos(angle), sin(angle)]), np.array([-sin(angle), cos(angle)])
+            side, ends = multiply(xy - middle, across) > 0.0, multiply(offset, axis)
+            along = multiply(0.5 * (xy[first] + xy[second]) - middle, axis)
             spanned = (along > ends.min() - reach) & (along < ends.max() + reach)
             spanned |= (group[first] == g) | (group[second] == g)  # the shortest crack is one element long
             if (cut := (side[first] != side[second]) & spanned).any():

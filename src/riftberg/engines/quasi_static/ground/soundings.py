@@ -16,6 +16,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
 from riftberg.engines.quasi_static.ground.pads import place_points
+from riftberg.physics.elementary import asin, cos, sin
 from riftberg.state import Floats, Ints
 
 SPACING: Final = 300.0
@@ -58,7 +59,7 @@ def _columns(row: int, height: float) -> int:
     """Tiles around the earth in a row, counted from the south pole, of a height in degrees."""
     low, high = row * height - 90.0, (row + 1) * height - 90.0
     widest = 0.0 if low < 0.0 < high else min(abs(low), abs(high))
-    return max(1, math.ceil(360.0 * math.cos(widest * DEGREE) / height))
+    return max(1, math.ceil(360.0 * cos(widest * DEGREE) / height))
 
 
 @kernel
@@ -93,9 +94,7 @@ def _list_tiles(
     if latlon:
         height, angle, west, south = tile / radius / DEGREE, min(search_radius / radius / DEGREE, 180.0), -180.0, -90.0
         # The meridians that touch the circle of that angle; all of them where it holds a pole.
-        wide = (
-            math.asin(math.sin(angle * DEGREE) / math.cos(lat * DEGREE)) / DEGREE if abs(lat) + angle < 90.0 else 180.0
-        )
+        wide = asin(sin(angle * DEGREE) / cos(lat * DEGREE)) / DEGREE if abs(lat) + angle < 90.0 else 180.0
     low, high = math.floor((lat - angle - south) / height), math.floor((lat + angle - south) / height) + 1
     if latlon:
         low, high = max(low, 0), min(high, math.ceil(180.0 / height))
@@ -107,7 +106,7 @@ def _list_tiles(
             if latlon:
                 phi = min((row + 0.5) * height - 90.0, 90.0) * DEGREE
                 theta = ((column + 0.5) * width - 180.0) * DEGREE
-                a, b, c = math.cos(phi) * math.cos(theta), math.cos(phi) * math.sin(theta), math.sin(phi)
+                a, b, c = cos(phi) * cos(theta), cos(phi) * sin(theta), sin(phi)
                 w = 1.0 + pose[0, 2] * a + pose[1, 2] * b + pose[2, 2] * c
                 if w < 0.1:  # nearly on the other side of the earth
                     continue

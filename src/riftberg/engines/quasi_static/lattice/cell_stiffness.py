@@ -27,6 +27,7 @@ from riftberg.engines.quasi_static.lattice.cells import (
 )
 from riftberg.engines.quasi_static.lattice.dense import factor_semidefinite
 from riftberg.engines.quasi_static.lattice.equilibrium import ElasticLattice
+from riftberg.engines.quasi_static.lattice.frames import fit_rotations
 from riftberg.engines.quasi_static.lattice.triangles import (
     ClosingFaces,
     FaceTables,
@@ -42,6 +43,7 @@ from riftberg.engines.quasi_static.lattice.triangles import (
 )
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import principal
+from riftberg.physics.elementary import exp, exp_array
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import find_rows
 
@@ -345,16 +347,8 @@ class CellStiffness:
         mesh, living = self._mesh, np.flatnonzero(row >= 0)
         # Each fragment has turned from the plane of its mesh by the angle that fits the centres best.
         fragment, count = body[row[living]], int(body.max()) + 1
-        mesh_position, position = (
-            positions[:, 0] + 1j * positions[:, 1] for positions in (mesh.xy[living], xy[row[living]])
-        )
-        size = np.bincount(fragment, minlength=count)
-        for positions in (mesh_position, position):
-            mean = np.bincount(fragment, positions.real, count) + 1j * np.bincount(fragment, positions.imag, count)
-            positions -= (mean / np.maximum(size, 1))[fragment]
-        product = mesh_position.conj() * position
-        turn = np.bincount(fragment, product.real, count) + 1j * np.bincount(fragment, product.imag, count)
-        turn = np.where(turn == 0.0, 1.0, turn) / np.where(turn == 0.0, 1.0, abs(turn))
+        turn = fit_rotations(fragment, count, mesh.xy[living], xy[row[living]])
+        turn[~turn.any(axis=1), 0] = 1.0
 
         # A triangle belongs to the fragment of an edge that is not free. Vertices of that fragment stand at the centres of
         # their cells, or in their place beside them; others keep their place relative to the ends of that edge.
@@ -367,7 +361,7 @@ class CellStiffness:
         self._within: Booleans = np.asarray((in_fragment & (triangle < mesh.cells)).all(axis=1))
         anchor = np.where(in_fragment, mesh.owner[triangle], mesh.owner[end])
         offset = mesh.xy[triangle] - mesh.xy[anchor]
-        c, s = turn.real[triangle_body], turn.imag[triangle_body]
+        c, s = turn[triangle_body, 0], turn[triangle_body, 1]
         turned = np.stack([c * offset[..., 0] - s * offset[..., 1], s * offset[..., 0] + c * offset[..., 1]], axis=2)
         vertex = np.asarray(xy[row[anchor]] + turned)
         self._middle = vertex.mean(axis=1)
@@ -485,9 +479,9 @@ class CellStiffness:
         """
         offset = self._middle - point
         square = (offset**2).sum(axis=1)
-        weight = self._mesh.weight * self._mesh.area * np.exp(-0.5 * square / radius**2)
+        weight = self._mesh.weight * self._mesh.area * exp_array(-0.5 * square / radius**2)
         weight *= (self._of_body == body) & (square <= 9.0 * radius**2)
-        filled = float(weight.sum()) / (2.0 * math.pi * radius**2 * (1.0 - math.exp(-4.5)))
+        filled = float(weight.sum()) / (2.0 * math.pi * radius**2 * (1.0 - exp(-4.5)))
         weight *= offset[:, 0] * direction[0] + offset[:, 1] * direction[1] > 0.0
         total = float(weight.sum())
         return (np.asarray((weight[:, None] * stress).sum(axis=0) / total) if total > 0.0 else np.zeros(3)), filled

@@ -193,25 +193,25 @@ def outline_ties(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
     following[start], leading[end] = end, start
     tie = mesh.edge_tie.ravel()[at]
     start, end, tie = start[tie >= 0], end[tie >= 0], tie[tie >= 0]
-    position, cells = mesh.xy[:, 0] + 1j * mesh.xy[:, 1], mesh.owner[np.column_stack([start, end])]
-    first_centre, second_centre = position[cells].T
-    reach = REACH * abs(second_centre - first_centre)
+    position, cells = mesh.xy, mesh.owner[np.column_stack([start, end])]
+    first_centre, second_centre = position[cells].swapaxes(0, 1)
+    reach = REACH * _distances(second_centre, first_centre)
     along = position[end] - position[start]
     incoming, outgoing = (
         position[start] - position[_farther(leading, position, start, reach)],
         position[_farther(following, position, end, reach)] - position[end],
     )
-    turns = np.angle(along * incoming.conj()), np.angle(outgoing * along.conj())
+    turns = _turns(incoming, along), _turns(along, outgoing)
     inwards = np.min([*turns, turns[0] + turns[1]], axis=0) < -INWARDS
 
     middle = _parting_points(position, start, end, cells)
-    nearest = cKDTree(mesh.xy[: mesh.cells]).query(np.column_stack([middle.real, middle.imag]))[0]
+    nearest = cKDTree(mesh.xy[: mesh.cells]).query(middle)[0]
     bond_cell = np.column_stack([np.repeat(mesh.edge_bond.ravel(), 2), mesh.owner[ends].ravel()])
     first, second = np.unique(bond_cell[bond_cell[:, 0] >= 0], axis=0)[:, 1].reshape(-1, 2).T.copy()
     hangs = np.zeros(first.size, np.int64)
     hangs[find_bridges(first, second, np.arange(first.size), mesh.cells).bond] = 1
     block = connected_parts(mesh.cells, first, second, hangs)[cells]
-    meet = (block[:, 0] != block[:, 1]) & ~inwards & (nearest > NEARER * abs(middle - first_centre))
+    meet = (block[:, 0] != block[:, 1]) & ~inwards & (nearest > NEARER * _distances(middle, first_centre))
     tie, first = np.unique(tie[meet], return_index=True)
     return tie, cells[meet][first]
 
@@ -229,13 +229,14 @@ def faces_across(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Floats
     at, bond = at[order], bond[order]
     once = np.flatnonzero(np.bincount(bond, minlength=mesh.bonds) == 2)
     pair = np.searchsorted(bond, once)[:, None] + [0, 1]
-    position, (start, end) = mesh.xy[:, 0] + 1j * mesh.xy[:, 1], np.moveaxis(ends[at[pair]], -1, 0)
+    start, end = np.moveaxis(ends[at[pair]], -1, 0)
     cells = np.sort(mesh.owner[ends[at[pair]]], axis=-1)
-    left, right = _parting_points(position, start, end, cells).T
-    first, second = position[cells[:, 0]].T
+    left, right = _parting_points(mesh.xy, start, end, cells).swapaxes(0, 1)
+    first, second = mesh.xy[cells[:, 0]].swapaxes(0, 1)
+    across, offset, distance = second - first, left + right - first - second, _distances(second, first)
     from_cell, shift, length = np.full(mesh.bonds, -1), np.zeros(mesh.bonds), np.zeros(mesh.bonds)
-    from_cell[once], length[once] = cells[:, 0, 0], abs(left - right) / abs(second - first)
-    shift[once] = ((left + right - first - second) / (2.0j * (second - first))).real
+    from_cell[once], length[once] = cells[:, 0, 0], _distances(left, right) / distance
+    shift[once] = 0.5 * (across[:, 0] * offset[:, 1] - across[:, 1] * offset[:, 0]) / distance**2
     return from_cell, shift, length
 
 
@@ -246,19 +247,32 @@ def find_outline_edges(mesh: CellMesh) -> tuple[Ints, Ints]:
     return ends, at[count == 1]
 
 
-def _parting_points(position: Any, start: Ints, end: Ints, cells: Ints) -> Any:
+def _distances(a: Floats, b: Floats) -> Floats:
+    """Distances (m) between points; shape without the last axis."""
+    return np.asarray(np.hypot(a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]))
+
+
+def _turns(a: Floats, b: Floats) -> Floats:
+    """Angles (rad) from vectors to others, to the left."""
+    left, ahead = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
+    return np.asarray(np.arctan2(left, ahead))
+
+
+def _parting_points(position: Floats, start: Ints, end: Ints, cells: Ints) -> Floats:
     """Points of the outline, between nodes, at equal distances from the centres of two cells."""
-    first, second = np.moveaxis(position[cells], -1, 0)
-    at_start, at_end = (abs(abs(position[n] - first) ** 2 - abs(position[n] - second) ** 2) for n in (start, end))
+    first, second = position[cells[..., 0]], position[cells[..., 1]]
+    at_start, at_end = (
+        abs(_distances(position[n], first) ** 2 - _distances(position[n], second) ** 2) for n in (start, end)
+    )
     share = at_start / np.where(at_start + at_end > 0.0, at_start + at_end, 1.0)
-    return position[start] + (position[end] - position[start]) * share
+    return np.asarray(position[start] + (position[end] - position[start]) * share[..., None])
 
 
-def _farther(step: Ints, position: Any, start: Ints, reach: Floats) -> Ints:
+def _farther(step: Ints, position: Floats, start: Ints, reach: Floats) -> Ints:
     """Nodes that are at least so far (m) from others, by steps along the outline."""
     node = step[start]
     for _ in range(MOST_STEPS):
-        node = np.where(abs(position[node] - position[start]) < reach, step[node], node)
+        node = np.where(_distances(position[node], position[start]) < reach, step[node], node)
     return node
 
 

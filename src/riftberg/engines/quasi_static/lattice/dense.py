@@ -81,3 +81,59 @@ def factor_semidefinite(matrix: Floats, negligible: float) -> Floats:
             left[pivot, i] = left[i, pivot] = 0.0
         rank += 1
     return rows[:rank]
+
+
+@kernel
+def _multiply_stacks(a: Floats, b: Floats) -> Floats:
+    product = np.zeros((a.shape[0], a.shape[1], b.shape[2]))
+    for t in range(a.shape[0]):
+        for i in range(a.shape[1]):
+            for j in range(a.shape[2]):
+                for k in range(b.shape[2]):
+                    product[t, i, k] += a[t, i, j] * b[t, j, k]
+    return product
+
+
+def multiply_stacks(a: Floats, b: Floats) -> Floats:
+    """Return the products of two stacks of matrices, one by one; either may be one matrix for all."""
+    count = len(a if a.ndim == 3 else b)
+    a, b = (np.ascontiguousarray(np.broadcast_to(m, (count, *m.shape[-2:]))) for m in (a, b))
+    return np.asarray(_multiply_stacks(a, b))
+
+
+@kernel
+def _solve_stacks(matrix: Floats, right: Floats) -> Floats:
+    x = np.empty(right.shape)
+    for t in range(matrix.shape[0]):
+        x[t] = solve_dense(matrix[t], right[t])
+    return x
+
+
+def solve_stacks(matrix: Floats, right: Floats) -> Floats:
+    """Solve a stack of systems of equations, one by one."""
+    return np.asarray(_solve_stacks(np.ascontiguousarray(matrix), np.ascontiguousarray(right)))
+
+
+def multiply(a: Floats, b: Floats) -> Floats:
+    """Return the product of a matrix, or a stack of some, and another matrix or a vector."""
+    return np.asarray(np.einsum("...ij,jk->...ik" if b.ndim == 2 else "...ij,j->...i", a, b))
+
+
+def find_null_space(rows: Floats, negligible: float) -> Floats:
+    """Return unit vectors, as columns, at right angles to all rows; a part ``negligible`` of the largest counts as 0."""
+    size = rows.shape[1]
+    basis: list[Floats] = []
+    for vectors, enough in ((rows, negligible * np.abs(rows).max(initial=0.0)), (np.eye(size), 0.0)):
+        left = vectors.copy()
+        while len(basis) < size:
+            square = (left * left).sum(axis=1)
+            longest = int(square.argmax())
+            if square[longest] <= enough * enough:
+                break
+            unit = left[longest] / math.sqrt(square[longest])
+            basis.append(unit)
+            for _ in range(2):  # once more takes away what round-off has left
+                left -= (left * unit).sum(axis=1)[:, None] * unit
+        if vectors is rows:
+            rank = len(basis)
+    return np.array(basis[rank:]).reshape(-1, size).T

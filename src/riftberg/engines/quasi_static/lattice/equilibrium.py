@@ -16,6 +16,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.common.forces.sizes import Sizes
+from riftberg.engines.quasi_static.lattice.dense import find_null_space, multiply, solve_dense
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import bond_overlap, bond_section
 from riftberg.state import Bonds, Floats, Ints
@@ -190,9 +191,13 @@ class Supports:
             return np.eye(3)
         scaled = np.array(rows)
         length = max(float(np.abs(scaled[:, 2]).max()), 1.0)
-        _, size, axes = np.linalg.svd(scaled / [1.0, 1.0, length])
-        rank = int((size > 1e-9 * size[0]).sum())
-        return np.asarray(axes[rank:].T / np.array([1.0, 1.0, length])[:, None])
+        scale = np.array([1.0, 1.0, length])
+        return np.asarray(find_null_space(scaled / scale, 1e-9) / scale[:, None])
+
+
+def find_mobility(inertia: Floats, z: Floats) -> Floats:
+    """Return the velocities by a unit of each force (kg-1) of a body that moves by the motions ``z`` (columns) alone."""
+    return multiply(z, solve_dense(multiply(z.T, multiply(inertia, z)), z.T)) if z.size else np.zeros(inertia.shape)
 
 
 def rigid_mode_row(position: Floats, freedom: int) -> Floats:
@@ -221,7 +226,7 @@ def supported_loads(
     weight = np.stack([m, m, inertia[inside]])
     matrix = np.einsum("ran,rn,rbn->ab", rows, weight, rows)
     sums = np.einsum("ran,nr->a", rows, load)
-    acceleration = z @ np.linalg.solve(z.T @ matrix @ z, z.T @ sums)
+    acceleration = multiply(find_mobility(matrix, z), sums)
     return np.asarray(load - (weight * np.einsum("ran,a->rn", rows, acceleration)).T)
 
 

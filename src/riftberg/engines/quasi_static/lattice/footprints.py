@@ -30,7 +30,9 @@ from riftberg.engines.quasi_static.lattice.crack_cuts import (
     divide_polygon,
     touches_line,
 )
+from riftberg.engines.quasi_static.lattice.frames import fit_rotations
 from riftberg.parameters import KernelParameters
+from riftberg.physics.elementary import atan2_array, cos_array, sin_array
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import find_rows
 
@@ -100,9 +102,9 @@ def _make_lone_footprints(el: Elements, rows: Ints, radius: Floats, p: KernelPar
     owner = np.repeat(np.arange(rows.size), sides)
     start = np.concatenate([[0], np.cumsum(sides)]).astype(np.int64)
     angle = (np.arange(owner.size) - start[owner] + 0.5) * (2.0 * np.pi / sides[owner])
-    distance = (radius / np.cos(np.pi / sides))[owner]
+    distance = (radius / cos_array(np.pi / sides))[owner]
     size = el.body.length[rows] * el.body.width[rows]
-    corner = np.column_stack([distance * np.cos(angle), distance * np.sin(angle)])
+    corner = np.column_stack([distance * cos_array(angle), distance * sin_array(angle)])
     centre, east = np.zeros((rows.size, 2)), np.zeros(rows.size)
     return Footprints(el.body.id[rows], centre, size, east, np.arange(rows.size), start, corner, NO_BONDS)
 
@@ -119,7 +121,7 @@ def _make_footprints(
         along = xy[index[bonds.second[bonded[0]]]] - xy[index[bonds.first[bonded[0]]]] if bonded.size else (1.0, 0.0)
         hexagonal = count_sides(int(el.body.sides[rows[0]]), p) == 6
         packing = "hexagonal" if hexagonal else "square"
-        ice = outline_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
+        ice = outline_cells(xy, radius, packing, float(atan2_array(along[1], along[0])))
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
     size, berg = el.body.length[rows] * el.body.width[rows], np.unique(el.berg[rows], return_inverse=True)[1]
@@ -284,26 +286,13 @@ def body_footprint(
     footprint_row, has_footprint = find_rows(footprints.element, el.body.id[rows])
     assert has_footprint.all()
     body = np.zeros(rows.size, np.int64) if body is None else body
-    count, number = int(body.max(initial=0)) + 1, np.bincount(body)
+    count = int(body.max(initial=0)) + 1
     # A fragment has turned from the plane of its footprints by the angle that fits the centres best; one of a single element
     # by the angle of the fragment of the start, as axes are carried along where a fragment parts.
-    # Without a product of matrices, for which BLAS would wake its threads.
-    old_centre, new_centre, old_corner = (
-        x + 1j * y for x, y in (footprints.centre[footprint_row].T, xy[rows].T, footprints.corner.T)
-    )
-
-    def total(values: Any) -> Any:
-        return np.bincount(body, values.real, count) + 1j * np.bincount(body, values.imag, count)
-
-    size = np.maximum(number, 1)
-    old_offset, new_offset = (
-        old_centre - (total(old_centre) / size)[body],
-        new_centre - (total(new_centre) / size)[body],
-    )
-    turn = total(old_offset.conj() * new_offset)
-    several = abs(turn) > 0.0
-    fit = turn / np.where(several, abs(turn), 1.0)
-    turn = np.where(several[body], fit[body], np.exp(-1j * footprints.east[footprint_row]))
+    old_centre, centre, east = footprints.centre[footprint_row], xy[rows], footprints.east[footprint_row]
+    fit = fit_rotations(body, count, old_centre, centre)[body]
+    several = fit.any(axis=1)
+    c, s = np.where(several, fit[:, 0], cos_array(east)), np.where(several, fit[:, 1], -sin_array(east))
     new_row = np.full(footprints.element.size, -1)
     new_row[footprint_row] = np.arange(rows.size)
     polygons = np.flatnonzero(new_row[footprints.owner] >= 0)
@@ -317,8 +306,10 @@ def body_footprint(
         if shrinks
         else np.ones(rows.size)
     )
-    corner = new_centre[corner_row] + (old_corner[index] - old_centre[corner_row]) * (turn * shrunk)[corner_row]
-    return BodyFootprint(rows, owner, start, np.column_stack([corner.real, corner.imag]))
+    offset = footprints.corner[index] - old_centre[corner_row]
+    c, s, x, y = (c * shrunk)[corner_row], (s * shrunk)[corner_row], offset[:, 0], offset[:, 1]
+    corner = centre[corner_row] + np.column_stack([c * x - s * y, s * x + c * y])
+    return BodyFootprint(rows, owner, start, corner)
 
 
 class FootprintBook:

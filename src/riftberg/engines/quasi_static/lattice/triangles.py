@@ -28,6 +28,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.engines.quasi_static.lattice.cells import Booleans, CellMesh
+from riftberg.engines.quasi_static.lattice.dense import multiply_stacks, solve_stacks
 from riftberg.state import Floats, Ints
 
 DRILLING = 0.3
@@ -75,7 +76,7 @@ def find_open_edges(vertex: Floats, freed: Booleans, youngs: float, poisson: flo
     """Find the matrices of triangles, and how their freed edges close; arguments as of `find_triangles`."""
     triangles, elongation, stretch, inner_stiffness, stress = _condense_edges(vertex, freed, youngs, poisson, DRILLING)
     of_freed = freed[:, :, None] & freed[:, None, :]
-    give = np.asarray(np.linalg.inv(inner_stiffness) * of_freed, np.float64)
+    give = solve_stacks(inner_stiffness, np.broadcast_to(np.eye(3), inner_stiffness.shape)) * of_freed
     return triangles, OpenEdges(elongation - stretch, give, stress)
 
 
@@ -101,29 +102,30 @@ def _condense_edges(
             rotation[i, n, 6 + end] = 1.0
 
     # Strain (xx, yy, 2 xy) by elongations, and the shear m of each edge by elongations.
-    strain = np.linalg.inv(np.stack([tx**2, ty**2, tx * ty], axis=2)) / length[:, None, :]
-    edge_shear = np.stack([-tx * ty, tx * ty, 0.5 * (tx**2 - ty**2)], axis=2) @ strain
+    along = np.stack([tx**2, ty**2, tx * ty], axis=2)
+    strain = solve_stacks(along, np.broadcast_to(np.eye(3), along.shape)) / length[:, None, :]
+    edge_shear = multiply_stacks(np.stack([-tx * ty, tx * ty, 0.5 * (tx**2 - ty**2)], axis=2), strain)
     elastic = plane_stress(youngs, poisson)
-    natural = strain.transpose(0, 2, 1) @ elastic @ strain
+    natural = multiply_stacks(strain.transpose(0, 2, 1), multiply_stacks(elastic, strain))
     shear_modulus = 0.5 * youngs / (1.0 + poisson)
     drill = drilling * shear_modulus / 6.0  # 2 c
 
     # W in the freedoms x and the inner unknowns s: z = q for unfreed edges, z = s for freed ones.
     is_unfreed, z = (~freed).astype(np.float64), np.zeros((count, 3, 12))
     z[..., :9], z[:, range(3), range(9, 12)] = is_unfreed[:, :, None] * elongation, freed
-    drilled = rotation - (turn - edge_shear @ z)[:, :, None]
+    drilled = rotation - (turn - multiply_stacks(edge_shear, z))[:, :, None]
     weighted = drilled * (drill * is_unfreed)[:, :, None, None]
-    energy = z.transpose(0, 2, 1) @ natural @ z
-    energy += drilled.reshape(count, 6, 12).transpose(0, 2, 1) @ weighted.reshape(count, 6, 12)
+    energy = multiply_stacks(z.transpose(0, 2, 1), multiply_stacks(natural, z))
+    energy += multiply_stacks(drilled.reshape(count, 6, 12).transpose(0, 2, 1), weighted.reshape(count, 6, 12))
     xx, xs, ss = energy[:, :9, :9], energy[:, :9, 9:], energy[:, 9:, 9:]
 
     # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
     ss += np.eye(3) * (is_unfreed * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
-    least = -np.linalg.solve(ss, xs.transpose(0, 2, 1))
-    stiffness = xx + xs @ least
+    least = -solve_stacks(ss, xs.transpose(0, 2, 1))
+    stiffness = xx + multiply_stacks(xs, least)
     stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
-    stretch, stress = z[..., :9] + freed[..., None] * least, elastic @ strain
-    return Triangles(stiffness, stress @ stretch), elongation, stretch, ss, stress
+    stretch, stress = z[..., :9] + freed[..., None] * least, multiply_stacks(elastic, strain)
+    return Triangles(stiffness, multiply_stacks(stress, stretch)), elongation, stretch, ss, stress
 
 
 class FaceTables(NamedTuple):
@@ -213,7 +215,7 @@ def find_gap_shares(vertex: Floats, freed: Booleans, faces: Booleans, normal: Fl
     mean = np.where(mean.any(axis=1, keepdims=True), mean, (toward * counts).sum(axis=1))
     mean /= np.hypot(*mean.T)[:, None]
     # No share below 0: without a gap on one edge alone there is none on both, so that no break stores energy.
-    both_shares = np.linalg.solve(toward.transpose(0, 2, 1), mean[..., None])[..., 0]
+    both_shares = solve_stacks(toward.transpose(0, 2, 1), mean[..., None])[..., 0]
     shares[rows[:, None], edge] = np.maximum(both_shares, 0.0)
     return shares
 
