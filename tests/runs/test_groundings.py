@@ -332,6 +332,30 @@ def test_keel_and_floor_at_the_start_are_named(depth: float, scheme: str, law: s
     assert said in words if said else "keel" not in words
 
 
+def test_of_several_bergs_the_keel_that_is_nearest_to_the_floor_is_named(tmp_path: Path) -> None:
+    """A thin berg in shallow water and a thick one in deep water are both afloat."""
+    (tmp_path / "e.yaml").write_text(
+        "start: 2025-02-28 06:00\ndays: 0.25\nbergs:\n"
+        "  - {rectangle: {length: 6 km, width: 6 km}, placement: [-37, -55], thickness: 100 m}\n"
+        "  - {rectangle: {length: 6 km, width: 6 km}, placement: [-35, -55], thickness: 250 m}\n"
+        "forcing: {slope: {point: [-37, -55], towards: 90, gradient: 0.002, depth: 120}}\n"
+    )
+    told = CliRunner().invoke(app, ["doctor", "--for", str(tmp_path / "e.yaml")])
+    words = " ".join(told.output.split())
+    assert "the keel of berg 1 is 83 m deep" in words
+    assert "34 m of water below the keel" in words
+
+
+def test_a_keel_that_is_refused_is_not_ready(tmp_path: Path) -> None:
+    (tmp_path / "e.yaml").write_text(
+        "start: 2025-02-28 06:00\ndays: 0.25\nberg: {rectangle: {length: 12 km, width: 6 km}, placement: [-37, -55]}\n"
+        "forcing: {uniform: {depth: 160}}\nparameters: {grounding: {start: refuse}}\n"
+    )
+    told = CliRunner().invoke(app, ["doctor", "--for", str(tmp_path / "e.yaml")])
+    assert told.exit_code == 1
+    assert "m below the sea floor" in " ".join(told.output.split())
+
+
 ROW = GroundingEvent(
     1, HOUR, 5 * HOUR, -38.9, -55.0, 45.0, 3, 2, 4 * HOUR, 5, 4e11, 2e11, 3e9, 0.4, 2.5e5, 0.1, 900.0, 310.0, 3 * HOUR,
     -0.4,

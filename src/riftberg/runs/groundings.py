@@ -282,23 +282,28 @@ def ground_lines(ground: dict[str, Any]) -> list[str]:
 
 
 def keel_line(model: BareModel) -> str:
-    """Return how deep the keel is at the start, and the chart under the berg and near it; nothing where no depth is known."""
+    """Return how deep the keel that is nearest to the floor is at the start, and the chart under its berg and near it.
+
+    Nothing where no depth is known.
+    """
     el, p = model.elements, model.parameters
     if p.grounding.law == "none" or el.size == 0:
         return ""
-    draft = float(draft_of(el.thickness, p.ice.density).max())
-    earth, lon0, lat0 = p.earth, float(el.lon.mean()), float(el.lat.mean())
-    scale = math.radians(1.0) * earth.radius if earth.latlon else 1.0
-    along = scale * (math.cos(math.radians(lat0)) if earth.latlon else 1.0)
-    reach = np.linspace(-1.0, 1.0, AROUND_POINTS)
-    half_x, half_y = NEARBY + 0.5 * along * np.ptp(el.lon), NEARBY + 0.5 * scale * np.ptp(el.lat)
-    nearby_points = np.meshgrid(lon0 + reach * half_x / along, lat0 + reach * half_y / scale)
-    under, nearby = (np.asarray(model.forcing.depth(*points), float) for points in ((el.lon, el.lat), nearby_points))
+    draft, under = draft_of(el.thickness, p.ice.density), np.asarray(model.forcing.depth(el.lon, el.lat), float)
     if not np.isfinite(under).any() or not np.nanmin(under) < NO_FLOOR:
         return ""
+    nearest = int(np.nanargmin(under - draft))
+    gap, berg = float(under[nearest] - draft[nearest]), el.berg == el.berg[nearest]
+    earth, lon, lat = p.earth, el.lon[berg], el.lat[berg]
+    lon0, lat0, scale = float(lon.mean()), float(lat.mean()), math.radians(1.0) * earth.radius if earth.latlon else 1.0
+    along = scale * (math.cos(math.radians(lat0)) if earth.latlon else 1.0)
+    reach = np.linspace(-1.0, 1.0, AROUND_POINTS)
+    half_x, half_y = NEARBY + 0.5 * along * np.ptp(lon), NEARBY + 0.5 * scale * np.ptp(lat)
+    nearby_points = np.meshgrid(lon0 + reach * half_x / along, lat0 + reach * half_y / scale)
+    nearby = np.asarray(model.forcing.depth(*nearby_points), float)
+    whom = "" if berg.all() else f" of berg {el.berg[nearest]}"
     spacing = model.forcing.depth_spacing()
     chart = f"the chart, with a node every {_kilometres(spacing)}," if spacing else "the sea floor"
-    gap = float(np.nanmin(under)) - draft
     clearance = (
         f"{gap:.0f} m of water below the keel"
         if gap >= 0.0
@@ -307,7 +312,10 @@ def keel_line(model: BareModel) -> str:
     least = (
         f"; within {NEARBY / 1e3:.0f} km of it at least {np.nanmin(nearby):.0f} m" if np.isfinite(nearby).any() else ""
     )
-    return f"the keel is {draft:.0f} m deep; {chart} has at least {np.nanmin(under):.0f} m under the berg ({clearance}){least}"
+    return (
+        f"the keel{whom} is {draft[nearest]:.0f} m deep; {chart} has at least {under[nearest]:.0f} m under the berg "
+        f"({clearance}){least}"
+    )
 
 
 def _kilometres(metres: float) -> str:
