@@ -300,8 +300,30 @@ def test_since_when_it_is_held_or_slides_is_told() -> None:
     assert ground_lines(model)[0] == "  1 element of small pieces stands aground"
 
 
+@pytest.mark.parametrize(("off", "towards"), [(0.0, None), (4.5e3, 90.0)])
+def test_a_side_that_touched_is_told_and_none_of_a_berg_on_its_middle(off: float, towards: float | None) -> None:
+    x = -37.0 + off / (111e3 * math.cos(math.radians(55.0)))
+    berg = Iceberg.rectangle(12e3, 6e3, thickness=200.0, radius=1500.0, placement=(-37.0, -55.0))
+    model = Model(berg, Forcing.seamount((x, -55.0), height=100.0, width=700.0, depth=262.0))
+    model.run(steps=1)
+    stay = ground_of(model)["stays"][0]
+    assert stay["towards"] == (None if towards is None else pytest.approx(towards, abs=5.0))
+
+
+def test_of_many_bergs_the_number_that_stands_aground_is_told() -> None:
+    """Of twelve bergs four are thicker than the sea is deep."""
+    lon, thickness = -37.0 + 0.1 * np.arange(12), np.where(np.arange(12) < 4, 220.0, 100.0)
+    bergs = Iceberg.from_points(lon, -55.0 + 0.0 * lon, thickness=thickness, radius=100.0)
+    model = Model(bergs, Forcing.uniform((0.1, 0.0), depth=170.0), Parameters(bonds={"law": "none"}))
+    model.run(steps=1)
+    line = short_summary(summarize(model))[2]
+    assert line.startswith("  4 of them stand aground: load "), short_summary(summarize(model))
+    assert "the bed can hold" in line
+
+
 def test_a_run_that_passes_near_the_floor_says_how_near() -> None:
     for depth, said in (
+        (166.2, ["  the keel passed 0.3 m above the floor; a chart is good to some tens of metres"]),
         (178.0, ["  the keel passed 12 m above the floor; a chart is good to some tens of metres"]),
         (800.0, []),
     ):

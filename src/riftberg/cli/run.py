@@ -556,7 +556,7 @@ def berg_line(model: Model) -> str:
 def short_summary(summary: dict[str, Any]) -> list[str]:
     """Return a summary in a few lines."""
     from riftberg.config.units import area_text, count_text, duration_text, minute_text, place_text
-    from riftberg.runs.groundings import ground_lines
+    from riftberg.runs.groundings import ground_lines, standing_lines
 
     latlon, breakups, bergs = summary["numerics"]["earth"]["latlon"], summary["breakups"], summary.get("bergs", [])
     collisions, short = summary.get("collisions", []), summary["days"] < 1.0
@@ -594,7 +594,8 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
     pieces = f"{count_text(count, 'fragment')}{of_bergs}"
     if many_bergs and not breakups:
         pieces = f"{count} bergs" if count == len(bergs) else f"{count}{of_bergs}"
-    return [*lines, f"  {pieces} at the end: {_areas(summary['areas_km2'], count)}", *ground_lines(ground)]
+    pieces_line = f"  {pieces} at the end: {_areas(summary['areas_km2'], count)}"
+    return [*lines, pieces_line, *standing_lines(ground), *ground_lines(ground)]
 
 
 def ledger_lines(summary: dict[str, Any]) -> list[str]:

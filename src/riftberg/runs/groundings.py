@@ -71,9 +71,10 @@ class Stay:
         row = self.event
         return {
             "number": row.number, "name": self.name, "first": self.began, "last": self.ended, "lasts": self.lasts,
-            "lon": row.lon, "lat": row.lat, "towards": row.towards, "hours": row.seconds / 3600.0, "times": row.times,
-            "elements": row.carried, "load": row.load, "capacity": row.capacity, "pressing": row.pressing,
-            "lift": row.lift, "bending_stress": row.stress, "gouge": row.gouge, "way_aground": row.way,
+            "lon": row.lon, "lat": row.lat, "towards": None if row.towards < 0.0 else row.towards,
+            "hours": row.seconds / 3600.0, "times": row.times, "elements": row.carried, "load": row.load,
+            "capacity": row.capacity, "pressing": row.pressing, "lift": row.lift, "bending_stress": row.stress,
+            "gouge": row.gouge, "way_aground": row.way,
             "stopped_within": None if row.stopped < 0.0 else row.stopped, "held_since": self.held or None, "sea_level": row.level,
         }  # fmt: skip
 
@@ -239,6 +240,18 @@ def stay_words(entry: dict[str, Any], weight: float) -> str:
     return f"aground since {short_date(entry['first'])} ({inside}{held_text}{pressed}{motion_text})"
 
 
+def standing_lines(ground: dict[str, Any]) -> list[str]:
+    """Return for many pieces or bergs how many stand on the floor at the end of a run, what it carries and what holds them."""
+    count = sum(stay["lasts"] for stay in ground["stays"])
+    if not count:
+        return []
+    held_text = f"; the bed can hold {force_text(ground['capacity'])}," if ground["capacity"] > 0.0 else ";"
+    return [
+        f"  {count} of them stand{'s' if count == 1 else ''} aground: load {force_text(ground['load'])}{held_text} "
+        f"the sea presses with {force_text(ground['pressing'])}"
+    ]
+
+
 def title_lines(stays: list[Stay]) -> list[str]:
     """Return for the title of a map the stay that lasts, else the first, in a line, and how many more there were."""
     if not stays:
@@ -273,10 +286,11 @@ def ground_lines(ground: dict[str, Any]) -> list[str]:
     if ground["stays"] and abs(level := ground["stays"][0]["sea_level"]) >= LEAST_LEVEL:
         lines.append(f"  the sea stood {level:+.2f} m from the zero of the depth where and when it first touched")
     clearance, spacing = ground["least_clearance"], ground["bathymetry_spacing"]
-    if ground["first"] is None and clearance is not None and 0.0 < clearance < DOUBTFUL_CLEARANCE:
+    if ground["first"] is None and clearance is not None and 0.0 <= clearance < DOUBTFUL_CLEARANCE:
         nodes = f" and has a node every {_kilometres(spacing)} here" if spacing else ""
+        digits = 0 if clearance >= 9.5 else 1
         lines.append(
-            f"  the keel passed {clearance:.0f} m above the floor; a chart is good to some tens of metres{nodes}"
+            f"  the keel passed {clearance:.{digits}f} m above the floor; a chart is good to some tens of metres{nodes}"
         )
     return lines
 
@@ -330,7 +344,7 @@ def why_lines(stays: list[Stay], parameters: Parameters, *, latlon: bool) -> lis
         whom = f"{stay.name} was aground" if stay.name else "Aground"
         until = "the end" if stay.lasts else minute_text(stay.ended)
         position = place_text(row.lon, row.lat, latlon=latlon, digits=2)
-        clauses = [f"{whom} {minute_text(stay.began)} to {until}: touched with its {_side(row.towards)} at {position}"]
+        clauses = [f"{whom} {minute_text(stay.began)} to {until}: touched {_side(row.towards)}at {position}"]
         if row.times > 1:
             clauses.append(f"touched {row.times} times and stood for {_length(row.seconds / 86400.0)} in all")
         clauses.append(
@@ -374,8 +388,8 @@ def _metres(distance: float) -> str:
 
 
 def _side(towards: float) -> str:
-    """Return the side of a berg that lies in a direction, such as ``north-eastern side``."""
-    return f"{POINTS[round(towards / 45.0) % 8]}ern side"
+    """Return the side of a berg that lies in a direction, such as ``with its north-eastern side ``; nothing for its middle."""
+    return f"with its {POINTS[round(towards / 45.0) % 8]}ern side " if towards >= 0.0 else ""
 
 
 def _count_elements(model: BareModel, row: GroundingEvent) -> int:
