@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shlex
 from collections.abc import Mapping, Sequence
@@ -288,7 +289,8 @@ def run_again(
     if data is None and PLACE in attributes:
         data = Path(os.path.normpath(home / attributes[PLACE]))
     single = {**single, "--output": str(folder), **({} if data is None else {"--data": str(data)})}
-    words = [*words_without(words, *single), *more, *(argument for pair in single.items() for argument in pair)]
+    step = _first_step(attributes, home, [*words, *more], single)
+    words = [*words_without(words, *single), *step, *more, *(argument for pair in single.items() for argument in pair)]
     file = folder / experiment
     file_existed = FILE in attributes and file.exists()
     if file_existed and file.read_text("utf-8", errors="replace") != attributes[FILE]:
@@ -313,6 +315,23 @@ def run_again(
             raise
         if FILE in attributes and not file_existed:  # it lacks what was changed, and the run file keeps both
             file.unlink(missing_ok=True)
+
+
+def _first_step(
+    attributes: Mapping[str, str], home: Path, words: Sequence[str], single: Mapping[str, str]
+) -> list[str]:
+    """Return the option by which a run takes the time step of the first, unless its steps or records are to be others."""
+    from riftberg.experiments.changes import setting
+    from riftberg.runs.layout import read_parameters
+
+    parameters = read_parameters(attributes.get("parameters_json"), home)
+    given = "--numerics" in single or any(word.startswith("stepping.") for word in words)
+    if given or not parameters.stepping.in_equilibrium:
+        return []
+    step = parameters.time_step
+    steps = 3600.0 * float(single.get("--every", "nan")) / step
+    divides = math.isnan(steps) or (steps > 0.5 and abs(steps - round(steps)) < 1e-9)
+    return ["--set", setting("stepping.time_step", step)] if divides else []
 
 
 @report_errors

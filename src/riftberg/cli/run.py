@@ -198,7 +198,7 @@ class RunOptions(NamedTuple):
         """Return the attributes by which a run file in a folder keeps its command, for ``riftberg rerun``."""
         from riftberg.experiments.changes import origin
 
-        ignored = ("--map", "--no-map", "--quiet", "-q", self.experiment)
+        ignored = ("--map", "--no-map", "--quiet", "-q", "--verbose", "-v", "-vv", self.experiment)
         words = [word for word in words_without(self.words, *KEPT_APART)[2:] if word not in ignored]
         return origin(self.experiment, words, self.settings, self.data, folder)
 
