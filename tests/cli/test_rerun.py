@@ -82,6 +82,21 @@ def test_a_rerun_takes_the_time_step_of_the_first_run(first: Path) -> None:
             assert f'"time_step":{step}' in run.attrs["parameters_json"]
 
 
+def test_a_rerun_is_checked_bit_by_bit(first: Path) -> None:
+    same = call("rerun", "a", "-o", "same", "-q", "--no-map", "--check")
+    assert (same.exit_code, same.stdout.splitlines()[-1]) == (0, "The same bits in all 7 records")
+    other = call(
+        "rerun", "a", "-o", "other", "-q", "--no-map", "--check", "--days", "0.125", "--set", "drag.air_top=0.0016"
+    )
+    assert other.exit_code == 1
+    assert other.stdout.splitlines()[-1] == "Other bits from 2020-12-09 01:00 on, record 2 of 4"
+    with open_run("a") as run:
+        run.drop_vars("state_digest").to_netcdf("old.nc")
+    refused = call("rerun", "old.nc", "-o", "third", "--check")
+    assert refused.exit_code == 2
+    assert "keeps no digest of its state" in refused.output
+
+
 def test_a_refused_rerun_leaves_nothing_behind(first: Path) -> None:
     result = call("rerun", "a", "-o", "b", "-q", "--set", "ice.densty=1")
     assert result.exit_code == 2

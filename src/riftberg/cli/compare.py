@@ -233,26 +233,33 @@ def rerun(
     without: Without = None,
     numerics: NumericsName = None,
     every: Every = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Report whether both runs have the same bits, record by record.")
+    ] = False,
     map_: Map = True,
     quiet: Quiet = False,
 ) -> None:
     """Repeat a run from the experiment file that it keeps, with other parameters or another length."""
+    from riftberg.runs.derived import STATE_DIGEST
     from riftberg.runs.run_file import open_run
 
-    member = split_member(run)
+    member, first = split_member(run), run
     if member is None:
         with open_run(run) as dataset:
-            attributes, member_settings = dict(dataset.attrs), list[str]()
+            attributes, member_settings, has_digest = dict(dataset.attrs), list[str](), STATE_DIGEST in dataset
     else:
         # What a sweep keeps of its command, and what is set for one of its members.
         from riftberg.ensembles.result import varied_values
         from riftberg.experiments.changes import setting
 
         member_data = opened_result(run)
-        run, attributes, member_settings = (
+        run, attributes, member_settings, has_digest = (
             member[0],
             *(dict(member_data.attrs), [setting(name, value) for name, value in varied_values(member_data).items()]),
+            False,
         )
+    if check and not has_digest:
+        raise InputError("keeps no digest of its state", where=str(first), remedy="Name a run that this version made")
     name = Path(str(attributes["experiment"])).stem
     folder = output_folder(output, name if member is None else f"{name}-member-{member[1]}")
     more = [argument for option, values in (("--set", [*member_settings, *(settings or ())]), ("--without", without))
@@ -260,6 +267,25 @@ def rerun(
     more += [word for word, is_set in (("--no-map", not map_), ("--quiet", quiet)) if is_set]
     single = {"--days": days, "--numerics": numerics, "--every": every}
     run_again(run, attributes, folder, more, {option: str(v) for option, v in single.items() if v is not None}, data)
+    if check:
+        _compare_digests(first, folder)
+
+
+def _compare_digests(first: Path, second: Path) -> None:
+    """Say whether two runs have the same bits at the times that both record; exits with 1 where they have not."""
+    import numpy as np
+
+    from riftberg.runs.derived import STATE_DIGEST
+    from riftberg.runs.run_file import open_run
+
+    with open_run(first) as a, open_run(second) as b:
+        times, *rows = np.intersect1d(a["time"].values, b["time"].values, return_indices=True)
+        digests = (run[STATE_DIGEST].values[..., row].ravel() for run, row in zip((a, b), rows, strict=True))
+        other = np.flatnonzero(np.not_equal(*digests))
+    if other.size:
+        tell(f"Other bits from {minute_text(times[other[0]])} on, record {other[0] + 1} of {times.size}")
+        raise typer.Exit(1)
+    tell(f"The same bits in all {times.size} records")
 
 
 def run_again(
