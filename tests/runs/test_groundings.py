@@ -310,6 +310,18 @@ def test_a_side_that_touched_is_told_and_none_of_a_berg_on_its_middle(off: float
     assert stay["towards"] == (None if towards is None else pytest.approx(towards, abs=5.0))
 
 
+def test_pieces_aground_are_told_beside_the_largest() -> None:
+    """A berg that lies half on a bank breaks in bending: what the bed carries is not the load of the largest piece alone."""
+    berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, radius=1500.0, placement=(-37.0, -55.0))
+    bank = Forcing.slope((-37.0, -55.0), 0.0, 0.001, 164.0)
+    model = Model(berg, bank, Parameters(fracture={"flexural_strength": 2e5}))
+    model.run(steps=1)
+    text = short_summary(summarize(model))
+    k = next(k for k, line in enumerate(text) if " pieces (" in line)
+    assert "aground since" in text[k]
+    assert text[k + 1].startswith("  3 of them stand aground: load 3.7e+12 N; the bed can hold 1.8e+12 N"), text
+
+
 def test_of_many_bergs_the_number_that_stands_aground_is_told() -> None:
     """Of twelve bergs four are thicker than the sea is deep."""
     lon, thickness = -37.0 + 0.1 * np.arange(12), np.where(np.arange(12) < 4, 220.0, 100.0)

@@ -588,7 +588,9 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
     # A beam under its load goes nowhere: it bends.
     verb = "bent: its centre moved" if summary["numerics"].get("stepping", {}).get("only_interactions") else DRIFTED
     if berg_lines := _berg_lines(bergs, latlon, ground["stays"], verb):
-        return [*lines, *berg_lines, *ground_lines(ground)]
+        told = {berg["largest"] for berg in bergs}
+        others_stand = any(stay["lasts"] and stay["number"] not in told for stay in ground["stays"])
+        return [*lines, *berg_lines, *(standing_lines(ground) if others_stand else []), *ground_lines(ground)]
     count, many_bergs = summary["fragments"], len(bergs) > 1
     of_bergs = f" of {len(bergs)} bergs" if many_bergs else ""
     pieces = f"{count_text(count, 'fragment')}{of_bergs}"
