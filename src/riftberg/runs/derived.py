@@ -151,7 +151,8 @@ def _state_digest(model: Any) -> tuple[float]:
     """Return a checksum of what moves and breaks: places, motion, ice and keels of the elements, and their bonds."""
     el, total = model.elements, 0
     for array in (*el.place, *el.motion, *el.body, *el.keel, model.bonds.status):
-        total = zlib.crc32(np.ascontiguousarray(array), total)
+        values: Any = np.ascontiguousarray(array)
+        total = zlib.crc32(values, total)
     return (float(total),)
 
 
