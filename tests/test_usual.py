@@ -162,6 +162,14 @@ def test_a_keel_a_little_below_the_floor_or_on_a_knoll_is_as_usual(floor: Any, g
     assert not [text for text in notices if "floor" in text]
 
 
+@pytest.mark.parametrize(("depth", "velocity", "told"), [(5.0, 0.3, True), (5.0, 0.0, False), (-5.0, 0.3, False)])
+def test_a_berg_that_is_given_a_velocity_and_stands_aground_is_told(depth: float, velocity: float, told: bool) -> None:
+    made = berg(length=12e3, width=6e3, thickness=250.0, density=850.0, velocity=(velocity, 0.0))
+    notices = Model(made, Forcing.uniform(depth=KEEL - depth), Parameters(ice={"density": 850.0})).notices
+    words = "berg 1 is given a velocity of 0.3 m/s and stands up to 5 m deep in the sea floor, which holds it"
+    assert bool([text for text in notices if words in text]) == told, notices
+
+
 def test_a_law_that_is_left_out_by_zero_is_as_usual() -> None:
     for group, name in (("drag", "ocean_scale"), ("sea_ice", "strength")):
         assert Model(berg(), Forcing.uniform(), Parameters().changed(**{group: {name: 0.0}})).notices == ()

@@ -215,6 +215,11 @@ class BareModel(RunState):
         self._start_ledgers()
         self._stepper = make_stepper(self)
 
+    def take_forcing(self, forcing: Forcing) -> None:
+        """Take another forcing before the first step; the scheme asks it for the depth of the sea floor too."""
+        self.forcing = forcing
+        self._stepper = make_stepper(self)
+
     def __getstate__(self) -> dict[str, Any]:
         """Return the state of a copy: not the stepper, whose tables point into the arrays of this model."""
         state = dict(self.__dict__)

@@ -57,9 +57,44 @@ def test_a_run_is_repeated_with_the_same_digits_and_with_changes(first: Path, mo
     with open_run("third") as third:
         assert '"density":800.0' in third.attrs["parameters_json"]
         assert third.attrs["command"].endswith(
-            "--days 0.125 --set ice.density=820 --set ice.density=800 --set bonds.poisson=0.3"
+            "--days 0.125 --set ice.density=820 --set stepping.time_step=3600 --set ice.density=800 --set bonds.poisson=0.3"
         )
         assert third.sizes["time"] == 4
+
+
+def test_a_rerun_takes_the_time_step_of_the_first_run(first: Path) -> None:
+    """A berg of 12 km takes steps of an hour, and one of 6 km half of it, but not as a change of the first."""
+    (first / "large.yaml").write_text(
+        YAML.replace("{file: shape.csv}, thickness", "{file: here/shape.csv}, thickness").replace(
+            "outline: {file: here/shape.csv}", "rectangle: {length: 12 km, width: 6 km}, placement: [-39, -55]"
+        )
+    )
+    assert call("run", "large.yaml", "-o", "large", "--no-map", "-v").exit_code == 0
+    for folder, more, step in (
+        ("smaller", ("--set", "berg.rectangle.length=6 km"), 3600.0),
+        ("denser", ("--every", "0.75"), 2700.0),  # which an hour does not divide
+        ("asked", ("--set", "stepping.time_step=900"), 900.0),
+    ):
+        result = call("rerun", "large", "-o", folder, "--no-map", *more)
+        assert result.exit_code == 0, result.output
+        assert "riftberg.model" not in result.output  # the log was asked for the first run alone
+        with open_run(folder) as run:
+            assert f'"time_step":{step}' in run.attrs["parameters_json"]
+
+
+def test_a_rerun_is_checked_bit_by_bit(first: Path) -> None:
+    same = call("rerun", "a", "-o", "same", "-q", "--no-map", "--check")
+    assert (same.exit_code, same.stdout.splitlines()[-1]) == (0, "The same bits in all 7 records")
+    other = call(
+        "rerun", "a", "-o", "other", "-q", "--no-map", "--check", "--days", "0.125", "--set", "drag.air_top=0.0016"
+    )
+    assert other.exit_code == 1
+    assert other.stdout.splitlines()[-1] == "Other bits from 2020-12-09 01:00 on, record 2 of 4"
+    with open_run("a") as run:
+        run.drop_vars("state_digest").to_netcdf("old.nc")
+    refused = call("rerun", "old.nc", "-o", "third", "--check")
+    assert refused.exit_code == 2
+    assert "keeps no digest of its state" in refused.output
 
 
 def test_a_refused_rerun_leaves_nothing_behind(first: Path) -> None:

@@ -359,6 +359,14 @@ def test_a_bond_that_broke_is_not_the_one_that_came_nearest_to_breaking(tmp_path
     assert max(whole.used) == whole.nearest.stress / whole.nearest.strength == pytest.approx(0.5)
 
 
+def test_a_berg_that_nothing_pushes_is_drawn_without_a_legend_of_forces(tmp_path: Path) -> None:
+    """Matplotlib warned of an empty legend on the terminal."""
+    berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, radius=1500.0, placement=(-40.0, -55.0))
+    Model(berg, Forcing.uniform(depth=400.0)).run(steps=4, output=tmp_path / "still.nc")
+    with open_run(tmp_path / "still.nc") as still:
+        assert draw_reasons(explain(still), tmp_path / "still.png", dpi=40).exists()
+
+
 def test_a_berg_without_bonds_and_one_that_may_not_break_are_told_as_such(tmp_path: Path) -> None:
     """Sisters of the run that did not break: a lone berg has no bond to name, and without fracture none can fail."""
     lone = made(tmp_path / "run.nc", break_time=math.inf).isel(bond=slice(0, 0))

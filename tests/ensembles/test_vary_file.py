@@ -65,6 +65,14 @@ def test_current_and_wind_are_scaled(file: str) -> None:
     np.testing.assert_allclose(u, 2.0 * plain.forcing.currents(np.array([-39.0]), np.array([-55.0]), 0.0)[0])
 
 
+def test_members_with_another_depth_run_aground_on_it(file: str) -> None:
+    """The keel is 166 m deep: the bed is that with the error of the depth, not that of the experiment."""
+    shallow = YAML.replace("wind: [4, 2]", "wind: [4, 2], depth: 170 m")
+    Path(file).write_text(shallow)
+    result = sweep(file, "floor_error.offset=-10,0 m", every_hours=1, workers=0)
+    assert result["first_aground"].notnull().values.tolist() == [True, False]
+
+
 def test_the_berg_of_a_built_in_experiment_is_changed() -> None:
     plain = build("a68a")[0]
     settings = ("berg.thickness=150 m", "berg.placement=[-40, -57]", "berg.rotation=90", "berg.velocity=[0.1, 0.2]")

@@ -300,8 +300,42 @@ def test_since_when_it_is_held_or_slides_is_told() -> None:
     assert ground_lines(model)[0] == "  1 element of small pieces stands aground"
 
 
+@pytest.mark.parametrize(("off", "towards"), [(0.0, None), (4.5e3, 90.0)])
+def test_a_side_that_touched_is_told_and_none_of_a_berg_on_its_middle(off: float, towards: float | None) -> None:
+    x = -37.0 + off / (111e3 * math.cos(math.radians(55.0)))
+    berg = Iceberg.rectangle(12e3, 6e3, thickness=200.0, radius=1500.0, placement=(-37.0, -55.0))
+    model = Model(berg, Forcing.seamount((x, -55.0), height=100.0, width=700.0, depth=262.0))
+    model.run(steps=1)
+    stay = ground_of(model)["stays"][0]
+    assert stay["towards"] == (None if towards is None else pytest.approx(towards, abs=5.0))
+
+
+def test_pieces_aground_are_told_beside_the_largest() -> None:
+    """A berg that lies half on a bank breaks in bending: what the bed carries is not the load of the largest piece alone."""
+    berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, radius=1500.0, placement=(-37.0, -55.0))
+    bank = Forcing.slope((-37.0, -55.0), 0.0, 0.001, 164.0)
+    model = Model(berg, bank, Parameters(fracture={"flexural_strength": 2e5}))
+    model.run(steps=1)
+    text = short_summary(summarize(model))
+    k = next(k for k, line in enumerate(text) if " pieces (" in line)
+    assert "aground since" in text[k]
+    assert text[k + 1].startswith("  3 of them stand aground: load 3.7e+12 N; the bed can hold 1.8e+12 N"), text
+
+
+def test_of_many_bergs_the_number_that_stands_aground_is_told() -> None:
+    """Of twelve bergs four are thicker than the sea is deep."""
+    lon, thickness = -37.0 + 0.1 * np.arange(12), np.where(np.arange(12) < 4, 220.0, 100.0)
+    bergs = Iceberg.from_points(lon, -55.0 + 0.0 * lon, thickness=thickness, radius=100.0)
+    model = Model(bergs, Forcing.uniform((0.1, 0.0), depth=170.0), Parameters(bonds={"law": "none"}))
+    model.run(steps=1)
+    line = short_summary(summarize(model))[2]
+    assert line.startswith("  4 of them stand aground: load "), short_summary(summarize(model))
+    assert "the bed can hold" in line
+
+
 def test_a_run_that_passes_near_the_floor_says_how_near() -> None:
     for depth, said in (
+        (166.2, ["  the keel passed 0.3 m above the floor; a chart is good to some tens of metres"]),
         (178.0, ["  the keel passed 12 m above the floor; a chart is good to some tens of metres"]),
         (800.0, []),
     ):
@@ -330,6 +364,30 @@ def test_keel_and_floor_at_the_start_are_named(depth: float, scheme: str, law: s
     assert told.exit_code == 0, told.output
     words = " ".join(told.output.split())
     assert said in words if said else "keel" not in words
+
+
+def test_of_several_bergs_the_keel_that_is_nearest_to_the_floor_is_named(tmp_path: Path) -> None:
+    """A thin berg in shallow water and a thick one in deep water are both afloat."""
+    (tmp_path / "e.yaml").write_text(
+        "start: 2025-02-28 06:00\ndays: 0.25\nbergs:\n"
+        "  - {rectangle: {length: 6 km, width: 6 km}, placement: [-37, -55], thickness: 100 m}\n"
+        "  - {rectangle: {length: 6 km, width: 6 km}, placement: [-35, -55], thickness: 250 m}\n"
+        "forcing: {slope: {point: [-37, -55], towards: 90, gradient: 0.002, depth: 120}}\n"
+    )
+    told = CliRunner().invoke(app, ["doctor", "--for", str(tmp_path / "e.yaml")])
+    words = " ".join(told.output.split())
+    assert "the keel of berg 1 is 83 m deep" in words
+    assert "34 m of water below the keel" in words
+
+
+def test_a_keel_that_is_refused_is_not_ready(tmp_path: Path) -> None:
+    (tmp_path / "e.yaml").write_text(
+        "start: 2025-02-28 06:00\ndays: 0.25\nberg: {rectangle: {length: 12 km, width: 6 km}, placement: [-37, -55]}\n"
+        "forcing: {uniform: {depth: 160}}\nparameters: {grounding: {start: refuse}}\n"
+    )
+    told = CliRunner().invoke(app, ["doctor", "--for", str(tmp_path / "e.yaml")])
+    assert told.exit_code == 1
+    assert "m below the sea floor" in " ".join(told.output.split())
 
 
 ROW = GroundingEvent(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shlex
 from collections.abc import Mapping, Sequence
@@ -232,26 +233,33 @@ def rerun(
     without: Without = None,
     numerics: NumericsName = None,
     every: Every = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Report whether both runs have the same bits, record by record.")
+    ] = False,
     map_: Map = True,
     quiet: Quiet = False,
 ) -> None:
     """Repeat a run from the experiment file that it keeps, with other parameters or another length."""
+    from riftberg.runs.derived import STATE_DIGEST
     from riftberg.runs.run_file import open_run
 
-    member = split_member(run)
+    member, first = split_member(run), run
     if member is None:
         with open_run(run) as dataset:
-            attributes, member_settings = dict(dataset.attrs), list[str]()
+            attributes, member_settings, has_digest = dict(dataset.attrs), list[str](), STATE_DIGEST in dataset
     else:
         # What a sweep keeps of its command, and what is set for one of its members.
         from riftberg.ensembles.result import varied_values
         from riftberg.experiments.changes import setting
 
         member_data = opened_result(run)
-        run, attributes, member_settings = (
+        run, attributes, member_settings, has_digest = (
             member[0],
             *(dict(member_data.attrs), [setting(name, value) for name, value in varied_values(member_data).items()]),
+            False,
         )
+    if check and not has_digest:
+        raise InputError("keeps no digest of its state", where=str(first), remedy="Name a run that this version made")
     name = Path(str(attributes["experiment"])).stem
     folder = output_folder(output, name if member is None else f"{name}-member-{member[1]}")
     more = [argument for option, values in (("--set", [*member_settings, *(settings or ())]), ("--without", without))
@@ -259,6 +267,25 @@ def rerun(
     more += [word for word, is_set in (("--no-map", not map_), ("--quiet", quiet)) if is_set]
     single = {"--days": days, "--numerics": numerics, "--every": every}
     run_again(run, attributes, folder, more, {option: str(v) for option, v in single.items() if v is not None}, data)
+    if check:
+        _compare_digests(first, folder)
+
+
+def _compare_digests(first: Path, second: Path) -> None:
+    """Say whether two runs have the same bits at the times that both record; exits with 1 where they have not."""
+    import numpy as np
+
+    from riftberg.runs.derived import STATE_DIGEST
+    from riftberg.runs.run_file import open_run
+
+    with open_run(first) as a, open_run(second) as b:
+        times, *rows = np.intersect1d(a["time"].values, b["time"].values, return_indices=True)
+        digests = (run[STATE_DIGEST].values[..., row].ravel() for run, row in zip((a, b), rows, strict=True))
+        other = np.flatnonzero(np.not_equal(*digests))
+    if other.size:
+        tell(f"Other bits from {minute_text(times[other[0]])} on, record {other[0] + 1} of {times.size}")
+        raise typer.Exit(1)
+    tell(f"The same bits in all {times.size} records")
 
 
 def run_again(
@@ -288,7 +315,8 @@ def run_again(
     if data is None and PLACE in attributes:
         data = Path(os.path.normpath(home / attributes[PLACE]))
     single = {**single, "--output": str(folder), **({} if data is None else {"--data": str(data)})}
-    words = [*words_without(words, *single), *more, *(argument for pair in single.items() for argument in pair)]
+    step = _first_step(attributes, home, [*words, *more], single)
+    words = [*words_without(words, *single), *step, *more, *(argument for pair in single.items() for argument in pair)]
     file = folder / experiment
     file_existed = FILE in attributes and file.exists()
     if file_existed and file.read_text("utf-8", errors="replace") != attributes[FILE]:
@@ -313,6 +341,23 @@ def run_again(
             raise
         if FILE in attributes and not file_existed:  # it lacks what was changed, and the run file keeps both
             file.unlink(missing_ok=True)
+
+
+def _first_step(
+    attributes: Mapping[str, str], home: Path, words: Sequence[str], single: Mapping[str, str]
+) -> list[str]:
+    """Return the option by which a run takes the time step of the first, unless its steps or records are to be others."""
+    from riftberg.experiments.changes import setting
+    from riftberg.runs.layout import read_parameters
+
+    parameters = read_parameters(attributes.get("parameters_json"), home)
+    given = "--numerics" in single or any(word.startswith("stepping.") for word in words)
+    if given or not parameters.stepping.in_equilibrium:
+        return []
+    step = parameters.time_step
+    steps = 3600.0 * float(single.get("--every", "nan")) / step
+    divides = math.isnan(steps) or (steps > 0.5 and abs(steps - round(steps)) < 1e-9)
+    return ["--set", setting("stepping.time_step", step)] if divides else []
 
 
 @report_errors

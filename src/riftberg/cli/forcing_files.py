@@ -137,9 +137,12 @@ def _try_run(experiment: str, files: Sequence[str], choices: Mapping[str, Choice
         model, info = build(experiment, options)
         model.fit_time_step(3600.0 * info.output_every_hours)
         check_start(model, info.days, info.output_every_hours)
+        notices, keel = collect_notices(info, model, options, info.output_every_hours), keel_line(model)
+        if getattr(model.parameters.grounding, "start", "") == "refuse":
+            model.step()  # The floor is asked for under the whole keel, not in the middle of elements, when it is lifted
     except RiftbergError as error:
         return str(error), [], ""
-    return "", collect_notices(info, model, options, info.output_every_hours), keel_line(model)
+    return "", notices, keel
 
 
 def _try_files(

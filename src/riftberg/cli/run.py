@@ -198,7 +198,7 @@ class RunOptions(NamedTuple):
         """Return the attributes by which a run file in a folder keeps its command, for ``riftberg rerun``."""
         from riftberg.experiments.changes import origin
 
-        ignored = ("--map", "--no-map", "--quiet", "-q", self.experiment)
+        ignored = ("--map", "--no-map", "--quiet", "-q", "--verbose", "-v", "-vv", self.experiment)
         words = [word for word in words_without(self.words, *KEPT_APART)[2:] if word not in ignored]
         return origin(self.experiment, words, self.settings, self.data, folder)
 
@@ -556,7 +556,7 @@ def berg_line(model: Model) -> str:
 def short_summary(summary: dict[str, Any]) -> list[str]:
     """Return a summary in a few lines."""
     from riftberg.config.units import area_text, count_text, duration_text, minute_text, place_text
-    from riftberg.runs.groundings import ground_lines
+    from riftberg.runs.groundings import ground_lines, standing_lines
 
     latlon, breakups, bergs = summary["numerics"]["earth"]["latlon"], summary["breakups"], summary.get("bergs", [])
     collisions, short = summary.get("collisions", []), summary["days"] < 1.0
@@ -588,13 +588,16 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
     # A beam under its load goes nowhere: it bends.
     verb = "bent: its centre moved" if summary["numerics"].get("stepping", {}).get("only_interactions") else DRIFTED
     if berg_lines := _berg_lines(bergs, latlon, ground["stays"], verb):
-        return [*lines, *berg_lines, *ground_lines(ground)]
+        told = {berg["largest"] for berg in bergs}
+        others_stand = any(stay["lasts"] and stay["number"] not in told for stay in ground["stays"])
+        return [*lines, *berg_lines, *(standing_lines(ground) if others_stand else []), *ground_lines(ground)]
     count, many_bergs = summary["fragments"], len(bergs) > 1
     of_bergs = f" of {len(bergs)} bergs" if many_bergs else ""
     pieces = f"{count_text(count, 'fragment')}{of_bergs}"
     if many_bergs and not breakups:
         pieces = f"{count} bergs" if count == len(bergs) else f"{count}{of_bergs}"
-    return [*lines, f"  {pieces} at the end: {_areas(summary['areas_km2'], count)}", *ground_lines(ground)]
+    pieces_line = f"  {pieces} at the end: {_areas(summary['areas_km2'], count)}"
+    return [*lines, pieces_line, *standing_lines(ground), *ground_lines(ground)]
 
 
 def ledger_lines(summary: dict[str, Any]) -> list[str]:

@@ -30,17 +30,17 @@ collisions : list, one entry per collision of two bergs or fragments: time, end,
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
     azimuth of its long axis in degrees clockwise from north, 0 to 180, null where it has none
 largest_km2, areas_km2 : area of the largest fragment, and of all, largest first, at the end
-ground : effects of the sea floor: law, least_clearance (m, water under the keel at the least; negative where it stands deeper
-    than the floor), bathymetry_spacing (m between the nodes of the chart under the berg, null for formulas), first (date of the
-    first touch, null where none), stays: list, one entry per stay of a berg, or of a fragment of 5 % of its berg or more:
-    number, name, first, last, lasts (aground at the end), lon, lat, towards (degrees from north, of the side that touched),
-    hours, times (touches), elements, load (N), capacity (N, friction that could hold it), pressing (N, force of the sea), lift
-    (m, largest rise of the keel), bending_stress (Pa, largest of the ice that the floor lifts), gouge (m, how deep a bed that
-    yields was pressed), way_aground (m), stopped_within (m, null where it did not stop), held_since (date, null while it
-    slides), sea_level (m above the zero of the depth, at the first touch). elements_of_small_pieces: aground at the end, of
-    pieces without a stay. For all of them together: hours, times, elements, load, capacity, pressing, lift, bending_stress,
-    gouge, way_aground (the longest); with the law seabed the sediment, and capacity_on: capacity of the same load on clay and
-    on rock (N)
+ground : effects of the sea floor: law, least_clearance (m, water under the keel at the least; in the explicit schemes
+    negative where it stands deeper than the floor), bathymetry_spacing (m between the nodes of the chart under the berg,
+    null for formulas), first (date of the first touch, null where none), stays: list, one entry per stay of a berg, or of a
+    fragment of 5 % of its berg or more: number, name, first, last, lasts (aground at the end), lon, lat, towards (degrees
+    from north, of the side that touched, null for the middle), hours, times (touches), elements, load (N), capacity (N,
+    friction that could hold it), pressing (N, force of the sea), lift (m, largest rise of the keel), bending_stress (Pa,
+    largest of the ice that the floor lifts), gouge (m, how deep a bed that yields was pressed), way_aground (m),
+    stopped_within (m, null where it did not stop), held_since (date, null while it slides), sea_level (m above the zero of
+    the depth, at the first touch). elements_of_small_pieces: aground at the end, of pieces without a stay. For all of them
+    together: hours, times, elements, load, capacity, pressing, lift, bending_stress, gouge, way_aground (the longest); with
+    the law seabed the sediment, and capacity_on: capacity of the same load on clay and on rock (N)
 ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and the part of the
     turnover by which the ledgers of mass and heat do not close; by_fragment: melt water (kg) by process of each fragment;
     null where nothing melts

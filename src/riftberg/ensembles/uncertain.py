@@ -137,10 +137,10 @@ def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
     if errors != Errors(seed=errors.seed):
         earth = model.parameters.earth
         plane = earth.f_plane or not earth.latlon
-        started_model.forcing = UncertainForcing(
+        started_model.take_forcing(UncertainForcing(
             started_model.forcing, errors, started_model.elements, latlon=earth.latlon,
             latitude=earth.reference_latitude if plane else None,
-        )  # fmt: skip
+        ))  # fmt: skip
     return started_model
 
 

@@ -25,7 +25,7 @@ PADS_ACROSS: Final = 2.0
 
 
 def floor_notices(forcing: Forcing, elements: Elements, parameters: Parameters, *, placed: bool) -> Iterator[str]:
-    """Say which keels start far below the sea floor, and which seamounts are too narrow for pads, a sentence each.
+    """Say which keels start far below the sea floor or move although they stand on it, and which seamounts are too narrow.
 
     ``placed``: whether the bergs are where they start.
     """
@@ -34,7 +34,11 @@ def floor_notices(forcing: Forcing, elements: Elements, parameters: Parameters, 
     from riftberg.ocean.formulas import Seamount  # runs on another bed do without formulas
 
     if placed:
-        yield from _deep_keel(forcing, elements, parameters.ice.density)
+        below: Floats = draft_of(elements.thickness, parameters.ice.density) - np.asarray(
+            forcing.depth(elements.lon, elements.lat), float
+        )
+        yield from _deep_keel(below, elements)
+        yield from _moving_keel(below, elements)
     modulus = parameters.grounding.ice_modulus if parameters.grounding.bending else UNBENT_MODULUS
     side = math.sqrt(2.0) * bending_length(modulus, POISSON, float(elements.thickness.min())) / SIDES_PER_LAMBDA
     for component in forcing.components():
@@ -46,9 +50,11 @@ def floor_notices(forcing: Forcing, elements: Elements, parameters: Parameters, 
             )
 
 
-def _deep_keel(forcing: Forcing, elements: Elements, density: float) -> Iterator[str]:
-    """Say of the berg with the largest share of its area far below the floor that it starts there."""
-    below: Floats = draft_of(elements.thickness, density) - np.asarray(forcing.depth(elements.lon, elements.lat), float)
+def _deep_keel(below: Floats, elements: Elements) -> Iterator[str]:
+    """Say of the berg with the largest share of its area far below the floor that it starts there.
+
+    ``below``: how deep keels stand below the floor, m.
+    """
     numbers, of = np.unique(elements.berg, return_inverse=True)
     area = elements.length * elements.width
     share = np.bincount(of, area * (below > DEEP)) / np.bincount(of, area)
@@ -57,4 +63,16 @@ def _deep_keel(forcing: Forcing, elements: Elements, density: float) -> Iterator
         yield (
             f"the keel of berg {numbers[worst]} starts up to {np.nanmax(below[of == worst]):.0f} m below the sea floor, "
             f"more than {DEEP:.0f} m under {100.0 * share[worst]:.0f} % of it: compare its thickness with the depth"
+        )
+
+
+def _moving_keel(below: Floats, elements: Elements) -> Iterator[str]:
+    """Say of the fastest berg that is given a velocity and stands on the floor that this holds it."""
+    speed = np.where(np.isin(elements.berg, elements.berg[below > 0.0]), np.hypot(elements.u, elements.v), 0.0)
+    fastest = int(speed.argmax())
+    if speed[fastest] > 0.0:
+        yield (
+            f"berg {elements.berg[fastest]} is given a velocity of {speed[fastest]:.2g} m/s and stands up to "
+            f"{np.nanmax(below[elements.berg == elements.berg[fastest]]):.2g} m deep in the sea floor, which holds it: "
+            "compare its thickness with the depth, or leave the velocity out"
         )

@@ -5,6 +5,7 @@ Applied forces, the ledgers of momentum, energy, ice and heat, and the variables
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -145,6 +146,22 @@ MOTION: Final = (
 )  # fmt: skip
 """The ledger of momentum and energy."""
 
+
+def _state_digest(model: Any) -> tuple[float]:
+    """Return a checksum of what moves and breaks: places, motion, ice and keels of the elements, and their bonds."""
+    el, total = model.elements, 0
+    for array in (*el.place, *el.motion, *el.body, *el.keel, model.bonds.status):
+        values: Any = np.ascontiguousarray(array)
+        total = zlib.crc32(values, total)
+    return (float(total),)
+
+
+STATE_DIGEST: Final = "state_digest"
+"""Variable by which runs are compared bit by bit."""
+
+DIGEST: Final = Derived((Variable(STATE_DIGEST, "1", "checksum of the state; the same in runs of the same bits"),),
+                        _state_digest, "total")  # fmt: skip
+
 IN_BONDS: Final = Derived((
     Variable("elastic_energy", "J", "elastic energy in bonds"),
     Variable("dissipated_energy", "J", "energy lost in dampers and contacts since the start"),
@@ -180,7 +197,7 @@ FRAGMENT_MELT: Final = "fragment_melt_water"
 
 def list_ledgers(model: BareModel) -> tuple[Derived, ...]:
     """Return the ledgers that a model keeps; not all models that may be written keep any."""
-    motion: tuple[Derived, ...] = MOTION if model.motion is not None else ()
+    motion: tuple[Derived, ...] = (*MOTION, DIGEST) if model.motion is not None else ()
     if motion and (names := model.laws.several()):
         motion = (*motion, _own_totals(names))
     if motion and bonds_vibrate(model):

@@ -71,9 +71,10 @@ class Stay:
         row = self.event
         return {
             "number": row.number, "name": self.name, "first": self.began, "last": self.ended, "lasts": self.lasts,
-            "lon": row.lon, "lat": row.lat, "towards": row.towards, "hours": row.seconds / 3600.0, "times": row.times,
-            "elements": row.carried, "load": row.load, "capacity": row.capacity, "pressing": row.pressing,
-            "lift": row.lift, "bending_stress": row.stress, "gouge": row.gouge, "way_aground": row.way,
+            "lon": row.lon, "lat": row.lat, "towards": None if row.towards < 0.0 else row.towards,
+            "hours": row.seconds / 3600.0, "times": row.times, "elements": row.carried, "load": row.load,
+            "capacity": row.capacity, "pressing": row.pressing, "lift": row.lift, "bending_stress": row.stress,
+            "gouge": row.gouge, "way_aground": row.way,
             "stopped_within": None if row.stopped < 0.0 else row.stopped, "held_since": self.held or None, "sea_level": row.level,
         }  # fmt: skip
 
@@ -239,6 +240,18 @@ def stay_words(entry: dict[str, Any], weight: float) -> str:
     return f"aground since {short_date(entry['first'])} ({inside}{held_text}{pressed}{motion_text})"
 
 
+def standing_lines(ground: dict[str, Any]) -> list[str]:
+    """Return for many pieces or bergs how many stand on the floor at the end of a run, what it carries and what holds them."""
+    count = sum(stay["lasts"] for stay in ground["stays"])
+    if not count:
+        return []
+    held_text = f"; the bed can hold {force_text(ground['capacity'])}," if ground["capacity"] > 0.0 else ";"
+    return [
+        f"  {count} of them stand{'s' if count == 1 else ''} aground: load {force_text(ground['load'])}{held_text} "
+        f"the sea presses with {force_text(ground['pressing'])}"
+    ]
+
+
 def title_lines(stays: list[Stay]) -> list[str]:
     """Return for the title of a map the stay that lasts, else the first, in a line, and how many more there were."""
     if not stays:
@@ -273,32 +286,38 @@ def ground_lines(ground: dict[str, Any]) -> list[str]:
     if ground["stays"] and abs(level := ground["stays"][0]["sea_level"]) >= LEAST_LEVEL:
         lines.append(f"  the sea stood {level:+.2f} m from the zero of the depth where and when it first touched")
     clearance, spacing = ground["least_clearance"], ground["bathymetry_spacing"]
-    if ground["first"] is None and clearance is not None and 0.0 < clearance < DOUBTFUL_CLEARANCE:
+    if ground["first"] is None and clearance is not None and 0.0 <= clearance < DOUBTFUL_CLEARANCE:
         nodes = f" and has a node every {_kilometres(spacing)} here" if spacing else ""
+        digits = 0 if clearance >= 9.5 else 1
         lines.append(
-            f"  the keel passed {clearance:.0f} m above the floor; a chart is good to some tens of metres{nodes}"
+            f"  the keel passed {clearance:.{digits}f} m above the floor; a chart is good to some tens of metres{nodes}"
         )
     return lines
 
 
 def keel_line(model: BareModel) -> str:
-    """Return how deep the keel is at the start, and the chart under the berg and near it; nothing where no depth is known."""
+    """Return how deep the keel that is nearest to the floor is at the start, and the chart under its berg and near it.
+
+    Nothing where no depth is known.
+    """
     el, p = model.elements, model.parameters
     if p.grounding.law == "none" or el.size == 0:
         return ""
-    draft = float(draft_of(el.thickness, p.ice.density).max())
-    earth, lon0, lat0 = p.earth, float(el.lon.mean()), float(el.lat.mean())
-    scale = math.radians(1.0) * earth.radius if earth.latlon else 1.0
-    along = scale * (math.cos(math.radians(lat0)) if earth.latlon else 1.0)
-    reach = np.linspace(-1.0, 1.0, AROUND_POINTS)
-    half_x, half_y = NEARBY + 0.5 * along * np.ptp(el.lon), NEARBY + 0.5 * scale * np.ptp(el.lat)
-    nearby_points = np.meshgrid(lon0 + reach * half_x / along, lat0 + reach * half_y / scale)
-    under, nearby = (np.asarray(model.forcing.depth(*points), float) for points in ((el.lon, el.lat), nearby_points))
+    draft, under = draft_of(el.thickness, p.ice.density), np.asarray(model.forcing.depth(el.lon, el.lat), float)
     if not np.isfinite(under).any() or not np.nanmin(under) < NO_FLOOR:
         return ""
+    nearest = int(np.nanargmin(under - draft))
+    gap, berg = float(under[nearest] - draft[nearest]), el.berg == el.berg[nearest]
+    earth, lon, lat = p.earth, el.lon[berg], el.lat[berg]
+    lon0, lat0, scale = float(lon.mean()), float(lat.mean()), math.radians(1.0) * earth.radius if earth.latlon else 1.0
+    along = scale * (math.cos(math.radians(lat0)) if earth.latlon else 1.0)
+    reach = np.linspace(-1.0, 1.0, AROUND_POINTS)
+    half_x, half_y = NEARBY + 0.5 * along * np.ptp(lon), NEARBY + 0.5 * scale * np.ptp(lat)
+    nearby_points = np.meshgrid(lon0 + reach * half_x / along, lat0 + reach * half_y / scale)
+    nearby = np.asarray(model.forcing.depth(*nearby_points), float)
+    whom = "" if berg.all() else f" of berg {el.berg[nearest]}"
     spacing = model.forcing.depth_spacing()
     chart = f"the chart, with a node every {_kilometres(spacing)}," if spacing else "the sea floor"
-    gap = float(np.nanmin(under)) - draft
     clearance = (
         f"{gap:.0f} m of water below the keel"
         if gap >= 0.0
@@ -307,7 +326,10 @@ def keel_line(model: BareModel) -> str:
     least = (
         f"; within {NEARBY / 1e3:.0f} km of it at least {np.nanmin(nearby):.0f} m" if np.isfinite(nearby).any() else ""
     )
-    return f"the keel is {draft:.0f} m deep; {chart} has at least {np.nanmin(under):.0f} m under the berg ({clearance}){least}"
+    return (
+        f"the keel{whom} is {draft[nearest]:.0f} m deep; {chart} has at least {under[nearest]:.0f} m under the berg "
+        f"({clearance}){least}"
+    )
 
 
 def _kilometres(metres: float) -> str:
@@ -322,7 +344,7 @@ def why_lines(stays: list[Stay], parameters: Parameters, *, latlon: bool) -> lis
         whom = f"{stay.name} was aground" if stay.name else "Aground"
         until = "the end" if stay.lasts else minute_text(stay.ended)
         position = place_text(row.lon, row.lat, latlon=latlon, digits=2)
-        clauses = [f"{whom} {minute_text(stay.began)} to {until}: touched with its {_side(row.towards)} at {position}"]
+        clauses = [f"{whom} {minute_text(stay.began)} to {until}: touched {_side(row.towards)}at {position}"]
         if row.times > 1:
             clauses.append(f"touched {row.times} times and stood for {_length(row.seconds / 86400.0)} in all")
         clauses.append(
@@ -366,8 +388,8 @@ def _metres(distance: float) -> str:
 
 
 def _side(towards: float) -> str:
-    """Return the side of a berg that lies in a direction, such as ``north-eastern side``."""
-    return f"{POINTS[round(towards / 45.0) % 8]}ern side"
+    """Return the side of a berg that lies in a direction, such as ``with its north-eastern side ``; nothing for its middle."""
+    return f"with its {POINTS[round(towards / 45.0) % 8]}ern side " if towards >= 0.0 else ""
 
 
 def _count_elements(model: BareModel, row: GroundingEvent) -> int:

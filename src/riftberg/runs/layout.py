@@ -118,7 +118,12 @@ GROUNDING_VARIABLES: Final = (
     Variable("end", "s", "end of the last long step at whose end the sea floor carried it"),
     Variable("lon", "degrees_east", "longitude where the sea floor carried it first"),
     Variable("lat", "degrees_north", "latitude where the sea floor carried it first"),
-    Variable("towards", "degrees", "direction of that from its centre, clockwise from north", limits=(0.0, 360.0)),
+    Variable(
+        "towards",
+        "degrees",
+        "direction of that from its centre, clockwise from north; -1 for its middle",
+        limits=(-1.0, 360.0),
+    ),
     Variable("elements", "1", "elements that touched first", dtype="i8", limits=(0, LARGEST_WHOLE)),
     Variable("times", "1", "how often it touched", dtype="i8", limits=(1, LARGEST_WHOLE)),
     Variable("seconds", "s", "time on the sea floor", limits=(0.0, LARGEST)),

@@ -345,8 +345,9 @@ def colour_bar(axes: Sequence[Axes], shades: Any, label: str, **options: Any) ->
 
 
 def legend_above(ax: Axes, **options: Any) -> None:
-    """Put the legend of a curve above the right end of its axes."""
-    ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.1, **options)
+    """Put the legend of curves above the right end of their axes, if any has a name."""
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.1, **options)
 
 
 def legend_below(figure: Any, handles: Sequence[Any], *, columns: int) -> None:

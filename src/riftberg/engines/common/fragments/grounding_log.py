@@ -28,6 +28,9 @@ AFLOAT_TIME: Final = 6.0 * 3600.0
 LEAST_SHARE: Final = 0.05
 """Part of the area of its berg from which on a fragment has events of its own."""
 
+MIDDLE: Final = 0.1
+"""Distance from the centre of a berg, in parts of the root of its area, within which it touches with its middle, and no side."""
+
 STANDSTILL: Final = 1e-3
 """Speed (m s-1) below which a berg aground has come to rest."""
 
@@ -41,7 +44,8 @@ class GroundingEvent:
     end: float  # End of the last long step at whose end the floor carried it, s since the start of the run
     lon: float  # Where the floor carried it first, degrees (m on a Cartesian grid)
     lat: float
-    towards: float  # Direction of that from its centre, degrees clockwise from north
+    # Direction of that from its centre, degrees clockwise from north; -1 where it touched with its middle, or is one element
+    towards: float
     elements: int  # Elements that touched first
     times: int  # How often it touched; a tide lifts it off for a while
     seconds: float  # Time on the floor, s
@@ -204,7 +208,10 @@ def _measured(
     touch_x, touch_y, centre_x, centre_y = total[2] / weights, total[3] / weights, total[4] / masses, total[5] / masses
     way, speed = np.hypot(*total[6:8]) / masses, np.hypot(*total[8:10]) / masses
     pressing, (carried, borne, holds, area) = np.hypot(*total[10:12]), total[12:]
-    towards = np.degrees(np.arctan2((touch_x - centre_x) * east[first], (touch_y - centre_y) * north)) % 360.0
+    off_x, off_y = (touch_x - centre_x) * east[first], (touch_y - centre_y) * north
+    towards = np.where(
+        np.hypot(off_x, off_y) > MIDDLE * np.sqrt(area), np.degrees(np.arctan2(off_x, off_y)) % 360.0, -1.0
+    )
     columns = (
         numbers, area, place.lon[first] + touch_x, place.lat[first] + touch_y, towards, carried, borne, holds, pressing, *largest,
         way, speed,
