@@ -99,6 +99,9 @@ def test_the_price_of_a_survey_is_bounded_for_any_way(where: str) -> None:
             before, again = asked[0], soundings.find_tiles(pose, box, reach)
             assert asked[0] == before
             assert np.array_equal(again.least, floor.least)
+            # Soundings that are all alike do not tell that the floor between them is level: it may rise by 1 m in a kilometre.
+            assert floor.slope.min() >= 1e-3
+            assert floor.slope.max() < 1.1e-3
 
 
 def test_a_floor_is_sounded_once_on_the_way_over_it() -> None:
