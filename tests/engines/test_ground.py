@@ -554,3 +554,13 @@ def test_open_water_costs_one_survey_in_kilometres_of_way(monkeypatch: pytest.Mo
     way = math.hypot(55.6e3 * east, 111.2e3 * north)
     assert way > 25e3
     assert 1 <= asked[0] <= way / 5e3
+
+
+@pytest.mark.parametrize("towards", [0.0, 90.0, 180.0, 270.0])
+def test_a_knoll_some_kilometres_aside_leaves_the_way_open_on_whichever_side_it_lies(towards: float) -> None:
+    """The soundings around the berg reach it, its pads need no look: the clearance is that under the berg."""
+    x, y = 12e3 * math.cos(math.radians(towards)), 12e3 * math.sin(math.radians(towards))
+    knoll = Forcing.seamount((x, y), height=650.0, width=1e3, depth=700.0, latlon=False)
+    berg = Iceberg.rectangle(2e3, 2e3, radius=500.0, thickness=THICKNESS, latlon=False)
+    model = aground(berg, Forcing.uniform(latlon=False, latitude=0.0) + knoll, bed())
+    assert model.groundings.clearance == pytest.approx(700.0 - DRAFT, rel=1e-9)
