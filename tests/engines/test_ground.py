@@ -256,6 +256,14 @@ def test_ice_that_hardly_bends_rests_as_a_rigid_body() -> None:
     assert long.press(floor, bed()).total < 0.9 * long.press(floor, bed(bending=False)).total
 
 
+def test_a_rising_sea_lifts_the_keel_by_its_level_at_the_end_of_the_step() -> None:
+    """Of a steady level, and of one that falls and rises within a step; on a bed that lifts nothing."""
+    for levels in ((0.25, 0.25, 0.25), (0.0, -0.5, 0.75), (0.5, 0.5, -0.25)):
+        level = lambda time, levels=levels: levels[round(time / 5e-4)]  # noqa: E731
+        now = Berg(4, 3, 500.0).press(lambda x, y: DRAFT - 1.0, SOFT, level=level)
+        np.testing.assert_allclose(now.loads, 1e-3 * 500.0**2 * (1.0 - levels[-1]), rtol=3e-6)
+
+
 @pytest.mark.parametrize("where", [{"turn": 1.1}, {"turn": -2.6}, {"shift": (4e4, -7e4)}, {"turn": math.pi}])
 def test_the_balance_does_not_depend_on_how_the_berg_lies(where: dict[str, Any]) -> None:
     """Pads are fixed along the axes of the fragment, so turned axes cut them otherwise: within 1 %."""
@@ -564,3 +572,21 @@ def test_a_knoll_some_kilometres_aside_leaves_the_way_open_on_whichever_side_it_
     berg = Iceberg.rectangle(2e3, 2e3, radius=500.0, thickness=THICKNESS, latlon=False)
     model = aground(berg, Forcing.uniform(latlon=False, latitude=0.0) + knoll, bed())
     assert model.groundings.clearance == pytest.approx(700.0 - DRAFT, rel=1e-9)
+
+
+@pytest.mark.parametrize("gradient", [1e-3, 1e-2])
+def test_a_berg_comes_to_rest_in_some_tens_of_looks_at_the_floor(gradient: float) -> None:
+    """From 0.3 m/s by tenths of its speed down to millimetres a second; held, it needs the middle and the end of a step alone."""
+    sea = Floor(lambda x, y: DRAFT - gradient * (x - 1e3))
+    berg = Iceberg.rectangle(2e3, 1e3, radius=500.0, thickness=THICKNESS, latlon=False, velocity=(0.3, 0.0))
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0}, grounding=bed(bending=False),
+        fracture={"enabled": False},
+    )  # fmt: skip
+    model = Model(berg, sea, p)
+    model.advance(steps=4)
+    assert np.abs(model.elements.u).max() < 1e-5
+    assert len(sea.asked) < 2.0 * math.log(0.3 / 1e-3) / math.log(1.1)
+    looks = len(sea.asked)
+    model.step()
+    assert len(sea.asked) - looks == 2
