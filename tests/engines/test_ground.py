@@ -165,6 +165,30 @@ def test_several_bergs_are_cut_as_each_alone() -> None:
     assert np.array_equal(loads[2], np.concatenate(loads[:2]))
 
 
+def test_bergs_that_land_at_once_go_as_each_alone() -> None:
+    """Friction and slope of the floor act on the elements of each: to the bit, whichever comes first in the state."""
+    floor, ways = Floor(lambda x, y: DRAFT - 1e-3 * (x - 700.0) - 5e-5 * y), []
+    bergs = [
+        Iceberg.rectangle(
+            1500.0, 1000.0, radius=250.0, thickness=THICKNESS, latlon=False, placement=(0.0, y), velocity=at
+        )
+        for y, at in ((0.0, (0.3, 0.1)), (-4e3, (0.2, 0.2)), (5e3, (0.0, 0.0)))
+    ]
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0}, grounding=bed(bending=False),
+        fracture={"enabled": False},
+    )  # fmt: skip
+    for berg in (*bergs, Iceberg.join(bergs)):
+        model = Model(berg, floor, p)
+        model.advance(steps=2)
+        el = model.elements
+        ways.append(
+            np.stack([el.lon, el.lat, el.u, el.v, el.spin, el.keel.floor_x, el.keel.floor_y, el.keel.floor_load])
+        )
+    assert all(way[7].any() for way in ways)
+    np.testing.assert_allclose(ways[3], np.concatenate(ways[:3], axis=1), rtol=1e-10, atol=1e-12)
+
+
 def test_melt_of_the_sides_takes_its_part_of_each_element() -> None:
     berg = Iceberg.rectangle(2700.0, 1800.0, radius=450.0, thickness=THICKNESS, latlon=False, rotation=17.0)
     model = aground(berg, Floor(lambda x, y: DRAFT - 1.0), SOFT)
@@ -335,6 +359,16 @@ def test_ice_is_as_stiff_at_each_of_its_edges_wherever_the_raster_ends(towards: 
     assert max(loads) < 1.03 * min(loads)
 
 
+def test_a_long_bar_bears_at_its_far_end_as_at_its_near_one() -> None:
+    """Where the raster of elements ends, beyond the ice, hardly anything bears: else the far end is stiffer by 1 %."""
+    length = 60_260.0
+    near, far = (
+        Berg(20, 1, length / 20.0).press(lambda x, y, a=a: DRAFT - 1e-3 * (a * x - 0.5 * length + 300.0), ROCK)
+        for a in (-1.0, 1.0)
+    )
+    assert far.total == pytest.approx(near.total, rel=0.005)
+
+
 @pytest.mark.parametrize("gap", [1e-3, 1.0])
 def test_a_berg_wholly_on_a_flat_bed_is_borne_by_all_of_it(gap: float) -> None:
     """More pads than bend one by one, and few: the bed bears the water that the berg does not displace."""
@@ -478,15 +512,17 @@ def test_the_floor_of_a_plane_that_repeats_is_asked_for_within_its_period() -> N
 def test_land_of_no_known_depth_is_dry_for_the_bed() -> None:
     """It was 10 km deep, as what lies beyond all data: a keel went over the coast as if nothing were there.
 
-    Beyond the data it is as deep as at its edge.
+    Beyond the data it is as deep as the deepest that is known.
     """
-    sea = Floor(lambda x, y: np.where(x < 0.0, 300.0, np.nan), dry=lambda x, y: (x >= 0.0) & (x < 4e3))
+    known = lambda x: np.where(x < -1.5e3, DRAFT - 1.0, 300.0)  # noqa: E731
+    sea = Floor(lambda x, y: np.where(x < 0.0, known(x), np.nan), dry=lambda x, y: (x >= 0.0) & (x < 4e3))
     berg = Iceberg.rectangle(10e3, 3e3, radius=500.0, thickness=THICKNESS, latlon=False, placement=(2e3, 0.0))
     model = aground(berg, sea, SOFT)
     el = model.elements
     on_land = (el.lon > 1e3) & (el.lon < 3e3)
     np.testing.assert_allclose(el.keel.floor_load[on_land], 1e-3 * 1e6 * DRAFT, rtol=1e-3)
-    assert (el.keel.floor_load[(el.lon < -1e3) | (el.lon > 5e3)] == 0.0).all()
+    np.testing.assert_allclose(el.keel.floor_load[el.lon < -2e3], 1e-3 * 1e6, rtol=1e-3)
+    assert (el.keel.floor_load[el.lon > 5e3] == 0.0).all()
 
 
 @pytest.mark.parametrize("thickness", [100.0, 250.0])
@@ -521,6 +557,19 @@ def bent(*knolls: tuple[float, float], turn: float = 0.0, reach: float = 600.0) 
     number = 6 * row + column
     ends = np.sort(np.stack([number[b.first], number[b.second]], axis=1)[b.flexural_stress > 0.0], axis=1)
     return set(map(tuple, ends.tolist()))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_ice_over_a_knoll_is_stressed_most_at_a_corner_and_least_inside(turn: float) -> None:
+    """At most as by a force N at its tip, 3 N / H^2, at an edge by less than half, inside by less than a quarter of that."""
+    stiffness = (600.0 / math.sqrt(2.0)) ** 4 * WATER * 12.0 * (1.0 - 0.3**2) / THICKNESS**3
+    for x, y, low, high in ((1490.0, 1240.0, 0.75, 1.0), (1490.0, 0.0, 0.2, 0.5), (0.0, 0.0, 0.15, 0.25)):
+        knoll = lambda u, v, x=x, y=y: 4.0 * np.exp(-((u - x) ** 2 + (v - y) ** 2) / (2.0 * 60.0**2))  # noqa: E731
+        berg = Berg(6, 5, 500.0, turn=turn)
+        now = berg.press(lambda u, v, knoll=knoll: DRAFT + 3.0 - knoll(u, v), ROCK | {"ice_modulus": stiffness})
+        assert low < now.stress.max() / (3.0 * now.total / THICKNESS**2) < high
+        assert now.stress.max() == now.model.bonds.flexural_stress.max()
+        assert ((now.stress > 0.0) == (now.loads > 0.0)).all()
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7])
@@ -578,7 +627,7 @@ def test_a_knoll_some_kilometres_aside_leaves_the_way_open_on_whichever_side_it_
 def test_a_berg_comes_to_rest_in_some_tens_of_looks_at_the_floor(gradient: float) -> None:
     """From 0.3 m/s by tenths of its speed down to millimetres a second; held, it needs the middle and the end of a step alone."""
     sea = Floor(lambda x, y: DRAFT - gradient * (x - 1e3))
-    berg = Iceberg.rectangle(2e3, 1e3, radius=500.0, thickness=THICKNESS, latlon=False, velocity=(0.3, 0.0))
+    berg = Iceberg.rectangle(2e3, 1e3, radius=250.0, thickness=THICKNESS, latlon=False, velocity=(0.3, 0.0))
     p = Parameters(
         earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0}, grounding=bed(bending=False),
         fracture={"enabled": False},
