@@ -359,6 +359,17 @@ def test_ice_is_as_stiff_at_each_of_its_edges_wherever_the_raster_ends(towards: 
     assert max(loads) < 1.03 * min(loads)
 
 
+def test_a_bar_narrower_than_a_pad_bends_as_much_whichever_way_it_crosses_the_raster() -> None:
+    """By the second moments of the ice in each square, of both signs: along a diagonal of squares all of them are cut."""
+    ahead, *askew = (
+        Berg(25, 1, 400.0, turn=turn)
+        .press(lambda x, y: DRAFT - 1e-3 * (x - 5000.0 + 300.0), ROCK | {"ice_modulus": 5e10})
+        .total
+        for turn in (0.0, 0.25 * math.pi, -0.25 * math.pi)
+    )
+    assert askew == pytest.approx([ahead] * 2, rel=0.004)
+
+
 def test_a_long_bar_bears_at_its_far_end_as_at_its_near_one() -> None:
     """Where the raster of elements ends, beyond the ice, hardly anything bears: else the far end is stiffer by 1 %."""
     length = 60_260.0
