@@ -196,6 +196,28 @@ def test_bergs_that_land_at_once_go_as_each_alone() -> None:
     np.testing.assert_allclose(ways[3], np.concatenate(ways[:3], axis=1), rtol=1e-10, atol=1e-12)
 
 
+def test_a_berg_that_is_struck_as_the_sea_rises_keeps_the_marks_of_low_water() -> None:
+    """How deep the bed yielded, and how stiff the largest load made its anchors: contact takes it through the step."""
+    floor = lambda x, y: DRAFT - 1.0 + 1e-4 * x  # noqa: E731
+    size: dict[str, Any] = {"radius": 250.0, "latlon": False}
+    one = Iceberg.rectangle(1000.0, 1000.0, thickness=THICKNESS, **size)
+    two = Iceberg.rectangle(
+        1000.0, 1000.0, thickness=THICKNESS - 10.0, placement=(1005.0, 100.0), velocity=(-0.2, 0.0), **size
+    )
+    low = aground(one, Floor(floor, lambda time: -0.5), bed(bending=False)).elements.keel
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": 60.0}, grounding=bed(bending=False),
+        fracture={"enabled": False},
+    )  # fmt: skip
+    model = Model(Iceberg.join([one, two]), Floor(floor, lambda time: -0.5 if time < 60.0 else 0.0), p)
+    model.step()
+    keel = model.elements.keel
+    assert model.elements.u[4:].min() > 0.0
+    assert (keel.floor_hold[:4] < 0.7 * low.floor_hold).all()
+    np.testing.assert_allclose(keel.floor_yield[:4], low.floor_yield, rtol=1e-6)
+    np.testing.assert_allclose(keel.anchor_capacity[:4], low.floor_hold, rtol=1e-6)
+
+
 def test_melt_of_the_sides_takes_its_part_of_each_element() -> None:
     berg = Iceberg.rectangle(2700.0, 1800.0, radius=450.0, thickness=THICKNESS, latlon=False, rotation=17.0)
     model = aground(berg, Floor(lambda x, y: DRAFT - 1.0), SOFT)
