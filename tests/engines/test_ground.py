@@ -196,6 +196,27 @@ def test_bergs_that_land_at_once_go_as_each_alone() -> None:
     np.testing.assert_allclose(ways[3], np.concatenate(ways[:3], axis=1), rtol=1e-10, atol=1e-12)
 
 
+def test_the_least_clearance_of_several_bergs_is_that_of_the_one_that_lands() -> None:
+    bergs = [
+        Iceberg.rectangle(
+            1500.0, 1000.0, radius=250.0, thickness=THICKNESS, latlon=False, placement=at, velocity=(u, 0.0)
+        )
+        for at, u in (((0.0, 0.0), 0.3), ((-1e3, 4e3), 0.0))
+    ]
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0}, grounding=bed(bending=False),
+        fracture={"enabled": False},
+    )  # fmt: skip
+    alone, together = (
+        Model(berg, Floor(lambda x, y: DRAFT - 1e-3 * (x - 800.0)), p) for berg in (bergs[1], Iceberg.join(bergs))
+    )
+    for model in (alone, together):
+        model.step()
+    assert alone.groundings.clearance == pytest.approx(1.05)
+    assert together.groundings.clearance == 0.0
+    assert (together.elements.keel.floor_load[6:] == 0.0).all()
+
+
 def test_a_berg_that_is_struck_as_the_sea_rises_keeps_the_marks_of_low_water() -> None:
     """How deep the bed yielded, and how stiff the largest load made its anchors: contact takes it through the step."""
     floor = lambda x, y: DRAFT - 1.0 + 1e-4 * x  # noqa: E731
