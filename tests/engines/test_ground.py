@@ -175,7 +175,7 @@ def test_bergs_that_land_at_once_go_as_each_alone() -> None:
         Iceberg.rectangle(
             1500.0, 1000.0, radius=250.0, thickness=THICKNESS, latlon=False, placement=(0.0, y), velocity=at
         )
-        for y, at in ((0.0, (0.3, 0.1)), (-4e3, (0.2, 0.2)), (5e3, (0.0, 0.0)))
+        for y, at in ((0.0, (0.3, 0.1)), (-4e3, (0.2, 0.2)), (5e3, (0.0, 0.05)))
     ]
     p = Parameters(
         earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0}, grounding=bed(bending=False),
@@ -192,7 +192,7 @@ def test_bergs_that_land_at_once_go_as_each_alone() -> None:
             np.stack([el.lon, el.lat, el.u, el.v, el.spin, el.keel.floor_x, el.keel.floor_y, el.keel.floor_load])
         )
     assert all(way[7].any() for way in ways)
-    assert max(looks[:3]) <= looks[3] < 100
+    assert max(looks[:3]) <= looks[3] < 150
     np.testing.assert_allclose(ways[3], np.concatenate(ways[:3], axis=1), rtol=1e-10, atol=1e-12)
 
 
