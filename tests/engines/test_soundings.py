@@ -80,6 +80,23 @@ def test_a_summit_within_reach_is_known_however_narrow(where: str, reach: float)
             assert floor.slope[near].max() > 0.6 * 600.0 / 1000.0
 
 
+@pytest.mark.parametrize("where", PLACES)
+def test_soundings_lie_around_the_middles_of_their_tiles(where: str) -> None:
+    """Those of each tile come together; their mean is the middle, on the sphere too."""
+    (latlon, pose), asked = PLACES[where], []
+
+    def depth(lon: Any, lat: Any) -> Any:
+        asked.append(np.stack([lon, lat]).reshape(2, -1, 256).mean(axis=2))
+        return np.full(lon.shape, PLAIN)
+
+    floor = Soundings(depth, latlon, RADIUS).find_tiles(pose, BOX, 2e3)
+    lon, lat = np.concatenate(asked, axis=1)
+    assert lon.size == floor.x.size
+    for x, y in zip(floor.x, floor.y, strict=True):
+        away = np.hypot(*metres(lon, lat, *place_points(x, y, pose, latlon, RADIUS), latlon))
+        assert away.min() < 5.0  # the last row ends at the pole
+
+
 @pytest.mark.parametrize("where", ["plane", "Weddell Sea", "South Pole"])
 def test_the_price_of_a_survey_is_bounded_for_any_way(where: str) -> None:
     """Bug: rasters of two pads over a ring of 45 km took 3e8 points for a berg 3 m thick, and the process was killed."""
@@ -99,6 +116,9 @@ def test_the_price_of_a_survey_is_bounded_for_any_way(where: str) -> None:
             before, again = asked[0], soundings.find_tiles(pose, box, reach)
             assert asked[0] == before
             assert np.array_equal(again.least, floor.least)
+            # Soundings that are all alike do not tell that the floor between them is level: it may rise by 1 m in a kilometre.
+            assert floor.slope.min() >= 1e-3
+            assert floor.slope.max() < 1.1e-3
 
 
 def test_a_floor_is_sounded_once_on_the_way_over_it() -> None:
