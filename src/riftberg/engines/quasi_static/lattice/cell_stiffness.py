@@ -19,11 +19,8 @@ from riftberg.engines.quasi_static.lattice.block_ldl import BlockLDL, Factors, s
 from riftberg.engines.quasi_static.lattice.cells import (
     Booleans,
     ElasticCells,
-    faces_across,
-    find_outline_edges,
     freed_edges,
     held_ties,
-    outline_ties,
 )
 from riftberg.engines.quasi_static.lattice.dense import factor_semidefinite
 from riftberg.engines.quasi_static.lattice.equilibrium import ElasticLattice
@@ -84,12 +81,11 @@ class CellTopology:
         fields = ("triangle", "weight", "area", "edge_bond", "edge_tie")
         self.mesh = mesh._replace(**{name: getattr(mesh, name)[has_held_edge] for name in fields})
         self.lost = lost[has_held_edge]
-        edges = find_outline_edges(mesh)
-        tie, cells_of_tie = outline_ties(mesh, edges)
-        is_living = living[cells_of_tie].all(axis=1)
-        self.outline_tie, self.on_outline = tie[is_living], row[cells_of_tie[is_living]]
-        from_cell, self.face_shift, self.face_length = faces_across(mesh, edges)
-        self.face_from = np.where(from_cell >= 0, row[from_cell], -1)
+        outline = cells.outline
+        is_living = living[outline.tie_cells].all(axis=1)
+        self.outline_tie, self.on_outline = outline.tie[is_living], row[outline.tie_cells[is_living]]
+        self.face_from = np.where(outline.face_from >= 0, row[outline.face_from], -1)
+        self.face_shift, self.face_length = outline.face_shift, outline.face_length
         self.freed = freed_edges(self.mesh, self.broken) | self.lost
         vertex = self.mesh.triangle
         self.at = freedoms(number[vertex], number[mesh.owner[vertex]])
