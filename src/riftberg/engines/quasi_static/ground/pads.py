@@ -103,19 +103,42 @@ def _double(table: Any) -> Any:
     return out
 
 
+@kernel
+def _find_extents(fragment: Ints, start: Ints, corner: Floats, origin: Floats, low: Floats, high: Floats) -> None:
+    """Find the centroids of fragments from their polygons, and how far these reach from them."""
+    total = np.zeros(len(origin))
+    for k in range(fragment.size):
+        b, (area, x, y) = fragment[k], _centroid(corner, start[k], start[k + 1])
+        total[b] += area
+        origin[b, 0] += area * x
+        origin[b, 1] += area * y
+    for b in range(len(origin)):
+        for i in range(2):
+            origin[b, i] /= total[b]
+            low[b, i], high[b, i] = math.inf, -math.inf
+    for k in range(fragment.size):
+        b = fragment[k]
+        for n in range(start[k], start[k + 1]):
+            for i in range(2):
+                low[b, i] = min(low[b, i], corner[n, i] - origin[b, i])
+                high[b, i] = max(high[b, i], corner[n, i] - origin[b, i])
+
+
 # Many arguments: the polygons come as flat lists, without an object for each.
 @kernel
 def _cut_by_squares(
     order: Ints, first: Ints, start: Ints, corner: Floats, most: int, origin: Floats, side: Floats, low: Floats, shape: Ints,
-    piece_start: Ints,
+    squares: int, piece_start: Ints,
 ) -> tuple[Ints, Floats]:  # fmt: skip
-    """Cut polygons, in ``order`` and of each fragment from ``first`` on, by the squares; ``most``: room for corners of one.
+    """Cut polygons, in ``order`` and of each fragment from ``first`` on, by ``squares``; ``most``: room for corners of one.
 
     Returns of each piece its polygon, row and column of its square and where its corners begin, with a row for the end, and
     these. ``piece_start`` takes where those of each fragment begin.
     """
     polygon, band, room, piece = np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2))
-    count, pieces, corners = 0, np.zeros((CORNERS, 4), np.int64), np.empty((most, 2))
+    # Most squares hold one piece of four corners, or none.
+    count, pieces, corners = 0, np.empty((squares + 1, 4), np.int64), np.empty((4 * squares + most, 2))
+    pieces[0, 3] = 0
     for b in range(first.size - 1):
         for at in range(first[b], first[b + 1]):
             k = order[at]
@@ -188,19 +211,16 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats
     """
     start, corner, fragment = footprint.start, footprint.corner, body[footprint.owner]
     order, numbers = np.argsort(fragment, kind="stable"), np.arange(side.size + 1)
-    sums, low, high = np.zeros((side.size, 3)), np.full((side.size, 2), math.inf), np.full((side.size, 2), -math.inf)
-    for k in range(fragment.size):
-        area, x, y = _centroid(corner, start[k], start[k + 1])
-        sums[fragment[k]] += area, area * x, area * y
-    origin, corner_fragment = sums[:, 1:] / sums[:, :1], np.repeat(fragment, np.diff(start))
-    np.minimum.at(low, corner_fragment, corner - origin[corner_fragment])
-    np.maximum.at(high, corner_fragment, corner - origin[corner_fragment])
+    origin, low, high = np.zeros((3, side.size, 2))
+    _find_extents(fragment, start, corner, origin, low, high)
     low -= 0.25 * side[:, None]  # a berg that is smaller than a pad lies in one square
     shape = np.floor((high - low) / side[:, None]).astype(np.int64)[:, ::-1] + 1
     square_start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))])
     most, polygon_start = 2 * int(np.diff(start).max()) + CORNERS, np.zeros(side.size + 1, np.int64)
     first = np.searchsorted(fragment[order], numbers)
-    pieces, corners = _cut_by_squares(order, first, start, corner, most, origin, side, low, shape, polygon_start)
+    pieces, corners = _cut_by_squares(
+        order, first, start, corner, most, origin, side, low, shape, square_start[-1], polygon_start
+    )
     pads = Pads(
         rows=footprint.rows, row_start=np.searchsorted(body, numbers), element=xy - origin[body],
         moments=np.zeros((body.size, 6)), origin=origin, side=side, low=low, shape=shape, square_start=square_start[:-1],
