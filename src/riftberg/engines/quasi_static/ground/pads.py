@@ -94,16 +94,6 @@ def _cut_strip(polygon: Floats, size: int, column: int, low: float, high: float,
 
 
 @kernel
-def _double(table: Any) -> Any:
-    """Return a table with room for twice as many rows."""
-    out = np.empty((2 * table.shape[0], table.shape[1]), table.dtype)
-    for n in range(table.shape[0]):
-        for k in range(table.shape[1]):
-            out[n, k] = table[n, k]
-    return out
-
-
-@kernel
 def _find_extents(fragment: Ints, start: Ints, corner: Floats, origin: Floats, low: Floats, high: Floats) -> None:
     """Find the centroids of fragments from their polygons, and how far these reach from them."""
     total = np.zeros(len(origin))
@@ -124,21 +114,29 @@ def _find_extents(fragment: Ints, start: Ints, corner: Floats, origin: Floats, l
                 high[b, i] = max(high[b, i], corner[n, i] - origin[b, i])
 
 
+@kernel
+def _lengthen(corners: Floats, size: int) -> Floats:
+    """Return a list of corners with more room."""
+    out = np.empty((size, 2))
+    for n in range(len(corners)):
+        out[n, 0], out[n, 1] = corners[n, 0], corners[n, 1]
+    return out
+
+
 # Many arguments: the polygons come as flat lists, without an object for each.
 @kernel
 def _cut_by_squares(
     order: Ints, first: Ints, start: Ints, corner: Floats, most: int, origin: Floats, side: Floats, low: Floats, shape: Ints,
-    squares: int, piece_start: Ints,
-) -> tuple[Ints, Floats]:  # fmt: skip
-    """Cut polygons, in ``order`` and of each fragment from ``first`` on, by ``squares``; ``most``: room for corners of one.
+    piece_start: Ints, polygons: Ints, square: Ints, corner_start: Ints,
+) -> Floats:  # fmt: skip
+    """Cut polygons, in ``order`` and of each fragment from ``first`` on, by the squares; ``most``: room for corners of one.
 
-    Returns of each piece its polygon, row and column of its square and where its corners begin, with a row for the end, and
-    these. ``piece_start`` takes where those of each fragment begin.
+    Returns the corners of all pieces. Fills where the pieces of each fragment begin, and of each piece the polygon, row and
+    column of its square, and where its corners begin.
     """
     polygon, band, room, piece = np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2))
-    # Most squares hold one piece of four corners, or none.
-    count, pieces, corners = 0, np.empty((squares + 1, 4), np.int64), np.empty((4 * squares + most, 2))
-    pieces[0, 3] = 0
+    count, corners = 0, np.empty((5 * polygons.size + most, 2))  # most pieces are squares
+    corner_start[0] = piece_start[0] = 0
     for b in range(first.size - 1):
         for at in range(first[b], first[b + 1]):
             k = order[at]
@@ -159,17 +157,16 @@ def _cut_by_squares(
                     # Round-off leaves slivers along the lines of the raster.
                     if piece_size < 3 or _centroid(piece, 0, piece_size)[0] < 1e-9 * side[b] * side[b]:
                         continue
-                    if count + 1 == len(pieces):
-                        pieces = _double(pieces)
-                    while pieces[count, 3] + piece_size > len(corners):
-                        corners = _double(corners)
+                    end_corner = corner_start[count] + piece_size
+                    if end_corner > len(corners):
+                        corners = _lengthen(corners, 2 * end_corner)
                     for n in range(piece_size):
-                        corners[pieces[count, 3] + n, 0], corners[pieces[count, 3] + n, 1] = piece[n, 0], piece[n, 1]
-                    pieces[count, 0], pieces[count, 1], pieces[count, 2] = k, j, i
-                    pieces[count + 1, 3] = pieces[count, 3] + piece_size
+                        corners[corner_start[count] + n, 0], corners[corner_start[count] + n, 1] = piece[n, 0], piece[n, 1]
+                    polygons[count], square[count, 0], square[count, 1] = k, j, i
                     count += 1
+                    corner_start[count] = end_corner
         piece_start[b + 1] = count
-    return pieces[: count + 1], corners[: pieces[count, 3]]
+    return corners
 
 
 @kernel
@@ -216,16 +213,22 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats
     low -= 0.25 * side[:, None]  # a berg that is smaller than a pad lies in one square
     shape = np.floor((high - low) / side[:, None]).astype(np.int64)[:, ::-1] + 1
     square_start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))])
-    most, polygon_start = 2 * int(np.diff(start).max()) + CORNERS, np.zeros(side.size + 1, np.int64)
-    first = np.searchsorted(fragment[order], numbers)
-    pieces, corners = _cut_by_squares(
-        order, first, start, corner, most, origin, side, low, shape, square_start[-1], polygon_start
+    most, first = 2 * int(np.diff(start).max()) + CORNERS, np.searchsorted(fragment[order], numbers)
+    # Each polygon gives a piece at most in each square that its bounds reach.
+    extent = np.maximum.reduceat(corner, start[:-1]) - np.minimum.reduceat(corner, start[:-1])
+    pieces = int((np.floor(extent / side[fragment, None]) + 2.0).prod(axis=1).sum())
+    polygon_start, polygon = np.empty(side.size + 1, np.int64), np.empty(pieces, np.int64)
+    square, corner_start = np.empty((pieces, 2), np.int64), np.empty(pieces + 1, np.int64)
+    corners = _cut_by_squares(
+        order, first, start, corner, most, origin, side, low, shape, polygon_start, polygon, square, corner_start
     )
+    count = polygon_start[-1]
     pads = Pads(
         rows=footprint.rows, row_start=np.searchsorted(body, numbers), element=xy - origin[body],
         moments=np.zeros((body.size, 6)), origin=origin, side=side, low=low, shape=shape, square_start=square_start[:-1],
-        ice=np.zeros((square_start[-1], 6)), polygon_start=polygon_start, owner=footprint.owner[pieces[:-1, 0]],
-        square=pieces[:-1, 1:3].copy(), centre=np.empty((len(pieces) - 1, 2)), start=pieces[:, 3].copy(), corner=corners,
+        ice=np.zeros((square_start[-1], 6)), polygon_start=polygon_start,
+        owner=footprint.owner[polygon[:count]], square=square[:count], centre=np.empty((count, 2)),
+        start=corner_start[: count + 1], corner=corners[: corner_start[count]],
     )  # fmt: skip
     _sum_up_ice(pads, most)
     return pads
