@@ -389,7 +389,9 @@ class CellStiffness:
         np.add.at(reduction, (index[:, :, None], index[:, None, :]), stiffness[changed] - new_stiffness)
         least = NEGLIGIBLE * float((stiffness[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
         stiffness[changed], self._triangles.stress[changed] = new_stiffness, new.stress
-        self._blocks = self._outline = self._faces = self._tables = None
+        self._blocks = self._faces = self._tables = None
+        if (at >= 3 * self.topology.elements).any():  # nodes on the outline have lost some hold
+            self._outline = None
         self.at_tips = {}
         rows = factor_semidefinite(reduction * np.outer(scale[at], scale[at]), least)
         columns = np.zeros((len(rows), scale.size))
