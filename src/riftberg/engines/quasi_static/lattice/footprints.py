@@ -66,6 +66,9 @@ SHORTEST_EDGE: Final = 1e-5
 NO_AREA: Final = 1e-9
 """Area of a polygon, over the square of the radius, that is none."""
 
+MOST_GROUPS: Final = 3
+"""Groups in which the elements of a run are stepped."""
+
 
 def add_new_footprints(
     footprints: Footprints | None, el: Elements, bonds: Bonds, outlines: Sequence[Any], p: KernelParameters
@@ -330,6 +333,8 @@ class FootprintBook:
 
     def __init__(self, model: RunState) -> None:
         self._footprints: Footprints | None = None
+        # Elements and bonds that they hold for: of the groups that a population is stepped in.
+        self._followed: list[tuple[bytes, ...]] = []
         self.divided = 0
         if model.step_number == 0:
             self.begin_step(model)
@@ -342,8 +347,13 @@ class FootprintBook:
 
     def follow(self, model: RunState) -> Footprints:
         """Make the footprints of elements that are new, and divide them by cracks."""
-        footprints = add_new_footprints(self._footprints, model.elements, model.bonds, model.outlines, model.constants)
-        self._footprints = divide_by_cracks(footprints, model.elements, model.bonds)
+        el, bonds = model.elements, model.bonds
+        key = tuple(array.tobytes() for array in (el.body.id, el.berg, bonds.id, bonds.crack))
+        if self._footprints is not None and key in self._followed:
+            return self._footprints
+        self._followed = [*self._followed[-MOST_GROUPS:], key]
+        footprints = add_new_footprints(self._footprints, el, bonds, model.outlines, model.constants)
+        self._footprints = divide_by_cracks(footprints, el, bonds)
         self.divided += self._footprints is not footprints
         return self._footprints
 
@@ -354,5 +364,5 @@ class FootprintBook:
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore the arrays of `state_dict`."""
         if all(name in saved for name in FOOTPRINT_NAMES):
-            self._footprints = Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES))
+            self._footprints, self._followed = Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES)), []
             self.divided += 1

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from riftberg.bergs.seams import join_polygons, join_tiles
 from riftberg.engines.common.run_state import RunState
-from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, Footprints, body_footprint
+from riftberg.engines.quasi_static.lattice.footprints import MOST_GROUPS, FootprintBook, Footprints, body_footprint
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import find_rows
 
@@ -29,8 +29,6 @@ SHARE_OF_SIZE: Final = 0.25
 
 SEAM: Final = 1e-3
 """Gaps between footprints that count as none, in distances of elements."""
-
-MOST_GROUPS: Final = 3
 
 MOST_FRAGMENTS: Final = 10_000
 """Outlines that are remembered: some kB each."""

@@ -149,15 +149,14 @@ def _condense_edges(
     weighted = drilled * (drill * is_unfreed)[:, :, None, None]
     energy = z.transpose(0, 2, 1) @ natural @ z
     energy += drilled.reshape(count, 6, size).transpose(0, 2, 1) @ weighted.reshape(count, 6, size)
-    xx, xs, ss = energy[:, :9, :9], energy[:, :9, 9:], energy[:, 9:, 9:]
-
-    # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
-    ss += np.eye(inner) * (is_unfreed[:, :inner] * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
-    least = -np.linalg.solve(ss, xs.transpose(0, 2, 1))
-    stiffness = xx + xs @ least
+    stiffness, stretch, ss, stress = energy[:, :9, :9], z[..., :9], energy[:, 9:, 9:], elastic @ strain
+    if inner:
+        # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
+        ss += np.eye(3) * (is_unfreed * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
+        xs = energy[:, :9, 9:]
+        least = -np.linalg.solve(ss, xs.transpose(0, 2, 1))
+        stiffness, stretch = stiffness + xs @ least, stretch + freed[..., None] * least
     stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
-    stretch, stress = z[..., :9].copy(), elastic @ strain
-    stretch[:, :inner] += freed[:, :inner, None] * least
     return Triangles(stiffness, stress @ stretch), elongation, stretch, ss, stress
 
 
