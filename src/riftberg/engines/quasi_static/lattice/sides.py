@@ -72,8 +72,9 @@ class FragmentSides:
         if len(self._fragments) > MOST_FRAGMENTS:
             self._fragments.clear()
         for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1):
-            ice = (footprints.corner[first:end].tobytes() for first, end in bounds[:, rows].T.tolist())
-            key = el.body.id[rows].tobytes(), xy[rows].tobytes(), *ice
+            first, number = bounds[0, rows], bounds[1, rows] - bounds[0, rows]
+            corners = np.arange(number.sum()) + np.repeat(first - np.cumsum(number) + number, number)
+            key = el.body.id[rows].tobytes(), xy[rows].tobytes(), footprints.corner[corners].tobytes()
             fragment = self._fragments.get(key) or _find_points(footprints, el, rows, row[rows], xy)
             self._fragments[key] = fragment
             owners.append(rows[fragment[0]])

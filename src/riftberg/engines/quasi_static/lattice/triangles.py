@@ -90,12 +90,14 @@ class LaidTriangles(NamedTuple):
         cls, number: Ints, vertex: Floats, freed: Booleans, youngs: float, poisson: float, earlier: LaidTriangles | None
     ) -> LaidTriangles:  # fmt: skip
         """Find the matrices of those that have changed since; returns the ``earlier`` ones where none has."""
-        if earlier is None or not earlier.number.size:
+        same = np.zeros(number.size, bool)
+        if earlier is not None and earlier.number.size:
+            row = np.minimum(np.searchsorted(earlier.number, number), earlier.number.size - 1)
+            same = (earlier.vertex[row] == vertex).all(axis=(1, 2)) & (earlier.freed[row] == freed).all(axis=1)
+            if same.all() and row.size == earlier.number.size:
+                return earlier
+        if earlier is None or not same.any():
             return cls(number, vertex, freed, find_triangles(vertex, freed, youngs, poisson))
-        row = np.minimum(np.searchsorted(earlier.number, number), earlier.number.size - 1)
-        same = (earlier.vertex[row] == vertex).all(axis=(1, 2)) & (earlier.freed[row] == freed).all(axis=1)
-        if same.all() and row.size == earlier.number.size:
-            return earlier
         matrices, new = Triangles(*(array[row] for array in earlier.matrices)), np.flatnonzero(~same)
         for array, values in zip(matrices, find_triangles(vertex[new], freed[new], youngs, poisson), strict=True):
             array[new] = values
