@@ -13,6 +13,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
+from riftberg.engines.quasi_static.lattice.crack_cuts import area_and_centroid
 from riftberg.engines.quasi_static.lattice.footprints import BodyFootprint
 from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS, add_moments, bending_length, cut
 from riftberg.state import Floats, Ints
@@ -65,20 +66,6 @@ def choose_pad_sides(modulus: float, poisson: float, thickness: Floats) -> Float
 
 
 @kernel
-def _centroid(corner: Floats, a: int, z: int) -> tuple[float, float, float]:
-    """Area and centroid of a polygon, the corners ``a`` to ``z``."""
-    area = mx = my = 0.0
-    x0, y0 = corner[a, 0], corner[a, 1]
-    for n in range(a + 1, z - 1):
-        ux, uy, vx, vy = corner[n, 0] - x0, corner[n, 1] - y0, corner[n + 1, 0] - x0, corner[n + 1, 1] - y0
-        triangle = 0.5 * (ux * vy - vx * uy)
-        area += triangle
-        mx += triangle * (ux + vx) / 3.0
-        my += triangle * (uy + vy) / 3.0
-    return (area, x0 + mx / area, y0 + my / area) if area > 0.0 else (0.0, x0, y0)
-
-
-@kernel
 def _reach_strips(points: Floats, size: int, column: int, low: float, side: float, strips: int) -> tuple[int, int]:
     """The first of the strips into which points reach, and the one behind the last."""
     least, largest = math.inf, -math.inf
@@ -98,7 +85,7 @@ def _find_extents(fragment: Ints, start: Ints, corner: Floats, origin: Floats, l
     """Find the centroids of fragments from their polygons, and how far these reach from them."""
     total = np.zeros(len(origin))
     for k in range(fragment.size):
-        b, (area, x, y) = fragment[k], _centroid(corner, start[k], start[k + 1])
+        b, (area, x, y) = fragment[k], area_and_centroid(corner, start[k], start[k + 1])
         total[b] += area
         origin[b, 0] += area * x
         origin[b, 1] += area * y
@@ -155,7 +142,7 @@ def _cut_by_squares(
                     x = low[b, 0] + i * side[b], low[b, 0] + (i + 1) * side[b]
                     piece_size = _cut_strip(band, band_size, 0, x[0], x[1], room, piece)
                     # Round-off leaves slivers along the lines of the raster.
-                    if piece_size < 3 or _centroid(piece, 0, piece_size)[0] < 1e-9 * side[b] * side[b]:
+                    if piece_size < 3 or area_and_centroid(piece, 0, piece_size)[0] < 1e-9 * side[b] * side[b]:
                         continue
                     end_corner = corner_start[count] + piece_size
                     if end_corner > len(corners):
@@ -176,7 +163,7 @@ def _sum_up_ice(pads: Pads, most: int) -> None:
     for b in range(pads.side.size):
         for k in range(pads.polygon_start[b], pads.polygon_start[b + 1]):
             first, size = pads.start[k], pads.start[k + 1] - pads.start[k]
-            area, x, y = _centroid(pads.corner, first, first + size)
+            area, x, y = area_and_centroid(pads.corner, first, first + size)
             s = pads.square_start[b] + pads.square[k, 0] * pads.shape[b, 1] + pads.square[k, 1]
             pads.centre[k, 0], pads.centre[k, 1] = x, y
             ice[s, 0] += area

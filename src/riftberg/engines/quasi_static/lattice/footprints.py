@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.lattice.crack_cuts import (
     area_and_centroid,
     count_crossings,
-    distance_to_line,
+    distances_to_line,
     divide_polygon,
     touches_line,
 )
@@ -208,8 +209,8 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
     if parted.size == 0 or (new := parted[~np.isin(bonds.id[parted], footprints.cracked)]).size == 0:
         return footprints
     rings: list[list[Floats]] = [[] for _ in footprints.element]
-    for owner, ring in zip(footprints.owner, np.split(footprints.corner, footprints.start[1:-1]), strict=True):
-        rings[owner].append(ring)
+    for owner, (first, end) in zip(footprints.owner.tolist(), pairwise(footprints.start.tolist()), strict=True):
+        rings[owner].append(footprints.corner[first:end])
     berg = np.zeros(footprints.element.size, np.int64)  # 0: melted away
     rows, is_present = find_rows(el.body.id, footprints.element)
     berg[is_present] = el.berg[rows[is_present]]
@@ -246,8 +247,7 @@ def _divide(
     ends = crossing[[0, -1]] + ONWARD * side * ends / np.hypot(*ends.T)[:, None]
     line = np.vstack([ends[:1], crossing, ends[1:]])
     neighbours = np.flatnonzero(divided)
-    near = [distance_to_line(x, y, line) <= 2.0 * side for x, y in centre[neighbours].tolist()]
-    neighbours = neighbours[near]
+    neighbours = neighbours[distances_to_line(centre[neighbours], line) <= 2.0 * side]
     transferred: dict[int, list[Floats]] = {}
     for e in neighbours.tolist():
         polygons = rings[e]
@@ -255,9 +255,10 @@ def _divide(
             continue
         rings[e] = []
         for piece in (piece for polygon in polygons for piece in divide_polygon(polygon, line)):
-            ring, (area, middle), target = _without_short_edges(piece, side), area_and_centroid(piece), e
+            ring, (area, x, y), target = _without_short_edges(piece, side), area_and_centroid(piece, 0, len(piece)), e
             if area < NO_AREA * side * side or len(ring) < 3:
                 continue
+            middle = np.array([x, y])
             if count_crossings(middle, centre[e], line) % 2:  # it lies beyond the crack
                 others = neighbours[berg[neighbours] != berg[e]]
                 nearest = others[np.argsort(np.hypot(*(centre[others] - middle).T))].tolist()
