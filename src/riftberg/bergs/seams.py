@@ -120,8 +120,8 @@ def join_polygons(polygons: Any, seam: float) -> Any:
         shapely.get_num_interior_rings(polygons) == 0
     )
     if len(polygons) > 1 and simple.all():
-        rings = shapely.get_coordinates(shapely.orient_polygons(polygons), return_index=True)
-        if (tiled := join_tiles(*rings, seam)) is not None:
+        corner, polygon = shapely.get_coordinates(shapely.orient_polygons(polygons), return_index=True)
+        if (tiled := join_tiles(corner, polygon, seam)) is not None:
             return tiled
     return shrink(shapely.union_all(shapely.buffer(polygons, seam, join_style="mitre")), seam)
 

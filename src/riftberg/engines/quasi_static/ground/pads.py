@@ -148,7 +148,10 @@ def _cut_by_squares(
                     if end_corner > len(corners):
                         corners = _lengthen(corners, 2 * end_corner)
                     for n in range(piece_size):
-                        corners[corner_start[count] + n, 0], corners[corner_start[count] + n, 1] = piece[n, 0], piece[n, 1]
+                        corners[corner_start[count] + n, 0], corners[corner_start[count] + n, 1] = (
+                            piece[n, 0],
+                            piece[n, 1],
+                        )
                     polygons[count], square[count, 0], square[count, 1] = k, j, i
                     count += 1
                     corner_start[count] = end_corner

@@ -195,7 +195,9 @@ def find_outline(mesh: CellMesh) -> MeshOutline:
     ends = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
     _, at, count = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
     edges = ends, at[count == 1]
-    return MeshOutline(*_outline_ties(mesh, edges), *_faces_across(mesh, edges))
+    tie, tie_cells = _outline_ties(mesh, edges)
+    face_from, face_shift, face_length = _faces_across(mesh, edges)
+    return MeshOutline(tie, tie_cells, face_from, face_shift, face_length)
 
 
 def _outline_ties(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Ints]:

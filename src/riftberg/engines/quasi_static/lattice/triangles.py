@@ -106,7 +106,9 @@ class LaidTriangles(NamedTuple):
 
 def find_open_edges(vertex: Floats, freed: Booleans, youngs: float, poisson: float) -> tuple[Triangles, OpenEdges]:
     """Find the matrices of triangles, and how their freed edges close; arguments as of `find_triangles`."""
-    triangles, elongation, stretch, inner_stiffness, stress = _condense_edges(vertex, freed, youngs, poisson, DRILLING, 3)
+    triangles, elongation, stretch, inner_stiffness, stress = _condense_edges(
+        vertex, freed, youngs, poisson, DRILLING, 3
+    )
     of_freed = freed[:, :, None] & freed[:, None, :]
     give = np.asarray(np.linalg.inv(inner_stiffness) * of_freed, np.float64)
     return triangles, OpenEdges(elongation - stretch, give, stress)
