@@ -40,9 +40,9 @@ def test_crossings_and_distances_are_those_of_a_geometry_library(seed: int) -> N
     crossed = shapely.intersects(segments, shapely.LineString([start, end])).sum()
     assert crack_cuts.count_crossings(start, end, line) == crossed
     distance = shapely.distance(shapely.LineString(line), shapely.Point(start))
-    assert crack_cuts.distance_to_line(*start, line) == pytest.approx(distance, rel=1e-12)
+    assert crack_cuts.distances_to_line(start[None], line)[0] == pytest.approx(distance, rel=1e-12)
     ring = polygon(rng)
-    area, middle = crack_cuts.area_and_centroid(ring)
+    area, *middle = crack_cuts.area_and_centroid(ring, 0, len(ring))
     assert area == pytest.approx(shapely.Polygon(ring).area, rel=1e-12)
     np.testing.assert_allclose(middle, shapely.Polygon(ring).centroid.coords[0], rtol=1e-10, atol=1e-12)
 

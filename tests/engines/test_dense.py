@@ -16,6 +16,7 @@ def test_products_and_solutions_are_those_of_a_library(size: int) -> None:
         rng.normal(size=(size, 3)),
     )
     np.testing.assert_allclose(dense.multiply_rows(w, a), w.T @ a, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(dense.multiply_sparse(w.T.copy(), a.T.copy()), dense.multiply_rows(w, a))
     before = matrix.copy()
     np.testing.assert_allclose(matrix @ dense.solve_dense(matrix, right), right, rtol=1e-9, atol=1e-9)
     np.testing.assert_array_equal(matrix, before)

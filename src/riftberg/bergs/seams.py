@@ -10,8 +10,14 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
+from riftberg.compiled.kernels import kernel
+from riftberg.state import Floats, Ints
+
 METRE: Final = 360.0 / 4.003e7
 """Degrees of latitude. Outlines that run along each other within this distance share an edge."""
+
+ASKEW: Final = (math.cos(1.0), math.sin(1.0))
+"""A direction in which no two points of a lattice lie at one distance."""
 
 SHORTEST: Final = 20.0
 """Length (m) of an edge; polygons that run along each other over less touch at a corner."""
@@ -113,26 +119,30 @@ def join_polygons(polygons: Any, seam: float) -> Any:
     simple = (shapely.get_type_id(polygons) == shapely.GeometryType.POLYGON) & (
         shapely.get_num_interior_rings(polygons) == 0
     )
-    tiled = _join_tiles(polygons, seam) if len(polygons) > 1 and simple.all() else None
-    if tiled is not None:
-        return tiled
+    if len(polygons) > 1 and simple.all():
+        corner, polygon = shapely.get_coordinates(shapely.orient_polygons(polygons), return_index=True)
+        if (tiled := join_tiles(corner, polygon, seam)) is not None:
+            return tiled
     return shrink(shapely.union_all(shapely.buffer(polygons, seam, join_style="mitre")), seam)
 
 
-def _join_tiles(polygons: Any, seam: float) -> Any | None:
+def join_tiles(corner: Floats, polygon: Ints, seam: float) -> Any | None:
     """Return the union of polygons that lie side by side, from the edges that no two of them share; None where some overlap.
 
-    A general union looks for crossings of all edges, and takes eight times as long.
-    """
-    from scipy.sparse import coo_array  # with the next two half a second that KID runs do not wait for
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
+    A general union looks for crossings of all edges, and takes twenty times as long.
 
-    corner, polygon = shapely.get_coordinates(shapely.orient_polygons(polygons), return_index=True)
-    # Corners that lie within the seam are one point.
-    near = cKDTree(corner).query_pairs(seam, output_type="ndarray")
-    links = coo_array((np.ones(len(near), np.int8), tuple(near.T)), (len(corner), len(corner)))
-    points, node = connected_components(links, directed=False)
+    Parameters
+    ----------
+    corner : ndarray
+        Corners of each polygon, anticlockwise and the first one at the end again; shape (corners, 2).
+    polygon : ndarray
+        To which polygon they belong; shape (corners,).
+    seam : float
+        Corners within this distance of each other are one.
+    """
+    order = np.argsort(ASKEW[0] * corner[:, 0] + ASKEW[1] * corner[:, 1])
+    node = np.unique(_join_corners(corner, order, seam), return_inverse=True)[1]
+    points = int(node.max()) + 1
     point = np.empty((points, 2))
     point[node] = corner
     follows = polygon[1:] == polygon[:-1]
@@ -150,8 +160,33 @@ def _join_tiles(polygons: Any, seam: float) -> Any | None:
 
     # In one order of corners and rings, which the library does not promise.
     joined = shapely.normalize(shapely.build_area(shapely.multilinestrings(shapely.linestrings(point[rim]))))
-    area = shapely.area(polygons).sum()
+    x, y = (corner - corner[0]).T
+    area = 0.5 * ((x[:-1] * y[1:] - x[1:] * y[:-1])[follows]).sum()
     return joined if abs(joined.area - area) < 0.5 * seam * joined.length else None
+
+
+@kernel
+def _join_corners(corner: Floats, order: Ints, seam: float) -> Ints:
+    """Return for each corner the first one of its point, which are all corners that lie within the seam of another of them.
+
+    ``order``: of the corners along `ASKEW`.
+    """
+    first = np.arange(order.size)
+    for n in range(order.size):
+        for m in range(n + 1, order.size):
+            x, y = corner[order[m], 0] - corner[order[n], 0], corner[order[m], 1] - corner[order[n], 1]
+            if ASKEW[0] * x + ASKEW[1] * y > 2.0 * seam:
+                break
+            if x * x + y * y <= seam * seam:
+                i, j = order[n], order[m]
+                while first[i] != i:
+                    i = first[i]
+                while first[j] != j:
+                    j = first[j]
+                first[max(i, j)] = min(i, j)
+    for i in range(order.size):
+        first[i] = first[first[i]]  # an earlier one, which has its own already
+    return first
 
 
 def _unshared_edges(edges: Any, points: int) -> Any:

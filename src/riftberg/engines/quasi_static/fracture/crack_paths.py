@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.engines.common.crack_tips import NO_TIPS, RUN_OUT, UNTOLD, CrackTips
 from riftberg.engines.quasi_static.fracture.stress_intensity import TipRing, ring_intensities, tip_ring
 from riftberg.engines.quasi_static.lattice.dense import multiply
@@ -312,17 +313,11 @@ class CrackPaths:
 
     def _crossed(self, tip: Tip, crack: int) -> tuple[int, float]:
         """First unbroken bond on the ray of a tip, and where on the bond; -1 where there is none before another crack."""
-        first, second, status = self._bonds.first, self._bonds.second, self._bonds.status
-        inside = (self._body[first] == tip.body) & (self._body[second] == tip.body)
-        # Facets of broken bonds are open, but for those of its own crack, which lie behind it.
-        open_ones = np.flatnonzero(inside & (status != 0) & (self._bonds.crack != crack))
-        a, along = self._xy[first[open_ones]], self._xy[second[open_ones]] - self._xy[first[open_ones]]
-        facet = np.column_stack([-along[:, 1], along[:, 0]]) * self._cells.facet[first[open_ones], None]
-        limit, _, _ = _nearest_on_ray(tip, a + 0.5 * (along - facet), facet, LONGEST_STEP * tip.spacing)
-        intact = np.flatnonzero(inside & (status == 0))
-        a, along = self._xy[first[intact]], self._xy[second[intact]] - self._xy[first[intact]]
-        _, nearest, fraction = _nearest_on_ray(tip, a, along, limit)
-        return (int(intact[nearest]) if nearest >= 0 else -1), fraction
+        bonds, (x, y), (east, north) = self._bonds, tip.place, tip.direction
+        return _find_crossed(
+            bonds.first, bonds.second, bonds.status, bonds.crack, self._body, self._xy, self._cells.facet, tip.body, crack,
+            x, y, east, north, LONGEST_STEP * tip.spacing,
+        )  # fmt: skip
 
     def _start(self, bond: int, middle: Floats, spacing: float, tensor: Floats) -> None:
         """Start a crack in the middle of a bond, with two tips."""
@@ -380,16 +375,33 @@ class CrackPaths:
             self.tips = CrackTips._make([array[remaining] for array in self.tips])
 
 
-def _nearest_on_ray(tip: Tip, begin: Floats, along: Floats, limit: float) -> tuple[float, int, float]:
-    """First segment on the ray of a tip within ``limit`` (m): the way to it, its row (-1 for none), and where on it (0 to 1)."""
-    x, y = tip.direction
-    offset, turn = begin - tip.place, x * along[:, 1] - y * along[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = (offset[:, 0] * along[:, 1] - offset[:, 1] * along[:, 0]) / turn
-        fraction = (offset[:, 0] * y - offset[:, 1] * x) / turn
-    # A ray through an element crosses one of its bonds at least, whatever round-off says.
-    crossed = (distance > 0.0) & (distance <= limit) & (fraction >= -1e-9) & (fraction <= 1.0 + 1e-9)
-    if not crossed.any():
-        return limit, -1, 0.0
-    row = int(np.argmin(np.where(crossed, distance, np.inf)))
-    return float(distance[row]), row, float(np.clip(fraction[row], 0.0, 1.0))
+# Many arguments: the bonds and the ray, without an array for each.
+@kernel
+def _find_crossed(
+    first: Ints, second: Ints, status: Ints, crack: Ints, body: Ints, xy: Floats, facet: Floats, own_body: int, own_crack: int,
+    x: float, y: float, east: float, north: float, longest: float,
+) -> tuple[int, float]:  # fmt: skip
+    """First unbroken bond of a fragment on a ray, and where on the bond (0 to 1); -1 where there is none before another crack."""
+    row, part = -1, 0.0
+    for is_intact in (False, True):
+        row, part, nearest = -1, 0.0, longest
+        for b in range(first.size):
+            i, j = first[b], second[b]
+            if body[i] != own_body or body[j] != own_body or (status[b] == 0) != is_intact:
+                continue
+            begin_x, begin_y, along_x, along_y = xy[i, 0], xy[i, 1], xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+            if not is_intact:
+                # Facets of broken bonds are open, but for those of its own crack, which lie behind it.
+                if crack[b] == own_crack:
+                    continue
+                facet_x, facet_y = -along_y * facet[i], along_x * facet[i]
+                begin_x, begin_y = begin_x + 0.5 * (along_x - facet_x), begin_y + 0.5 * (along_y - facet_y)
+                along_x, along_y = facet_x, facet_y
+            offset_x, offset_y, turn = begin_x - x, begin_y - y, east * along_y - north * along_x
+            distance = (offset_x * along_y - offset_y * along_x) / turn
+            fraction = (offset_x * north - offset_y * east) / turn
+            # A ray through an element crosses one of its bonds at least, whatever round-off says.
+            if 0.0 < distance <= nearest and -1e-9 <= fraction <= 1.0 + 1e-9 and (distance < nearest or row < 0):
+                nearest, row, part = distance, b, fraction
+        longest = nearest
+    return row, min(max(part, 0.0), 1.0)

@@ -26,7 +26,7 @@ from riftberg.physics.crack_tip import crack_tip_fields
 from riftberg.state import Floats, Ints
 
 if TYPE_CHECKING:
-    from riftberg.engines.quasi_static.lattice.cell_stiffness import LaidTriangles
+    from riftberg.engines.quasi_static.lattice.cell_stiffness import NearTriangles
 
 NONE = np.zeros(0, np.int64)
 
@@ -96,7 +96,7 @@ def ring_intensities(ring: RingWeights, volume: Floats, displacement: Floats, lo
 
 
 def tip_ring(
-    ice: LaidTriangles, element: Ints, centre: Floats, position: Floats, direction: Floats, radius: float,
+    ice: NearTriangles, element: Ints, centre: Floats, position: Floats, direction: Floats, radius: float,
     elastic: tuple[float, float], *, reliable: bool = True, beside: Ints = NONE,
 ) -> TipRing:  # fmt: skip
     """Find the weights of the ring around a tip.

@@ -13,6 +13,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
+from riftberg.engines.quasi_static.lattice.crack_cuts import area_and_centroid
 from riftberg.engines.quasi_static.lattice.footprints import BodyFootprint
 from riftberg.physics.elementary import atan2, exp2, log2
 from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS, add_moments, bending_length, cut
@@ -66,20 +67,6 @@ def choose_pad_sides(modulus: float, poisson: float, thickness: Floats) -> Float
 
 
 @kernel
-def _centroid(corner: Floats, a: int, z: int) -> tuple[float, float, float]:
-    """Area and centroid of a polygon, the corners ``a`` to ``z``."""
-    area = mx = my = 0.0
-    x0, y0 = corner[a, 0], corner[a, 1]
-    for n in range(a + 1, z - 1):
-        ux, uy, vx, vy = corner[n, 0] - x0, corner[n, 1] - y0, corner[n + 1, 0] - x0, corner[n + 1, 1] - y0
-        triangle = 0.5 * (ux * vy - vx * uy)
-        area += triangle
-        mx += triangle * (ux + vx) / 3.0
-        my += triangle * (uy + vy) / 3.0
-    return (area, x0 + mx / area, y0 + my / area) if area > 0.0 else (0.0, x0, y0)
-
-
-@kernel
 def _reach_strips(points: Floats, size: int, column: int, low: float, side: float, strips: int) -> tuple[int, int]:
     """The first of the strips into which points reach, and the one behind the last."""
     least, largest = math.inf, -math.inf
@@ -95,12 +82,32 @@ def _cut_strip(polygon: Floats, size: int, column: int, low: float, high: float,
 
 
 @kernel
-def _double(table: Any) -> Any:
-    """Return a table with room for twice as many rows."""
-    out = np.empty((2 * table.shape[0], table.shape[1]), table.dtype)
-    for n in range(table.shape[0]):
-        for k in range(table.shape[1]):
-            out[n, k] = table[n, k]
+def _find_extents(fragment: Ints, start: Ints, corner: Floats, origin: Floats, low: Floats, high: Floats) -> None:
+    """Find the centroids of fragments from their polygons, and how far these reach from them."""
+    total = np.zeros(len(origin))
+    for k in range(fragment.size):
+        b, (area, x, y) = fragment[k], area_and_centroid(corner, start[k], start[k + 1])
+        total[b] += area
+        origin[b, 0] += area * x
+        origin[b, 1] += area * y
+    for b in range(len(origin)):
+        for i in range(2):
+            origin[b, i] /= total[b]
+            low[b, i], high[b, i] = math.inf, -math.inf
+    for k in range(fragment.size):
+        b = fragment[k]
+        for n in range(start[k], start[k + 1]):
+            for i in range(2):
+                low[b, i] = min(low[b, i], corner[n, i] - origin[b, i])
+                high[b, i] = max(high[b, i], corner[n, i] - origin[b, i])
+
+
+@kernel
+def _lengthen(corners: Floats, size: int) -> Floats:
+    """Return a list of corners with more room."""
+    out = np.empty((size, 2))
+    for n in range(len(corners)):
+        out[n, 0], out[n, 1] = corners[n, 0], corners[n, 1]
     return out
 
 
@@ -108,15 +115,16 @@ def _double(table: Any) -> Any:
 @kernel
 def _cut_by_squares(
     order: Ints, first: Ints, start: Ints, corner: Floats, most: int, origin: Floats, side: Floats, low: Floats, shape: Ints,
-    piece_start: Ints,
-) -> tuple[Ints, Floats]:  # fmt: skip
+    piece_start: Ints, polygons: Ints, square: Ints, corner_start: Ints,
+) -> Floats:  # fmt: skip
     """Cut polygons, in ``order`` and of each fragment from ``first`` on, by the squares; ``most``: room for corners of one.
 
-    Returns of each piece its polygon, row and column of its square and where its corners begin, with a row for the end, and
-    these. ``piece_start`` takes where those of each fragment begin.
+    Returns the corners of all pieces. Fills where the pieces of each fragment begin, and of each piece the polygon, row and
+    column of its square, and where its corners begin.
     """
     polygon, band, room, piece = np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2))
-    count, pieces, corners = 0, np.zeros((CORNERS, 4), np.int64), np.empty((most, 2))
+    count, corners = 0, np.empty((5 * polygons.size + most, 2))  # most pieces are squares
+    corner_start[0] = piece_start[0] = 0
     for b in range(first.size - 1):
         for at in range(first[b], first[b + 1]):
             k = order[at]
@@ -135,19 +143,21 @@ def _cut_by_squares(
                     x = low[b, 0] + i * side[b], low[b, 0] + (i + 1) * side[b]
                     piece_size = _cut_strip(band, band_size, 0, x[0], x[1], room, piece)
                     # Round-off leaves slivers along the lines of the raster.
-                    if piece_size < 3 or _centroid(piece, 0, piece_size)[0] < 1e-9 * side[b] * side[b]:
+                    if piece_size < 3 or area_and_centroid(piece, 0, piece_size)[0] < 1e-9 * side[b] * side[b]:
                         continue
-                    if count + 1 == len(pieces):
-                        pieces = _double(pieces)
-                    while pieces[count, 3] + piece_size > len(corners):
-                        corners = _double(corners)
+                    end_corner = corner_start[count] + piece_size
+                    if end_corner > len(corners):
+                        corners = _lengthen(corners, 2 * end_corner)
                     for n in range(piece_size):
-                        corners[pieces[count, 3] + n, 0], corners[pieces[count, 3] + n, 1] = piece[n, 0], piece[n, 1]
-                    pieces[count, 0], pieces[count, 1], pieces[count, 2] = k, j, i
-                    pieces[count + 1, 3] = pieces[count, 3] + piece_size
+                        corners[corner_start[count] + n, 0], corners[corner_start[count] + n, 1] = (
+                            piece[n, 0],
+                            piece[n, 1],
+                        )
+                    polygons[count], square[count, 0], square[count, 1] = k, j, i
                     count += 1
+                    corner_start[count] = end_corner
         piece_start[b + 1] = count
-    return pieces[: count + 1], corners[: pieces[count, 3]]
+    return corners
 
 
 @kernel
@@ -157,7 +167,7 @@ def _sum_up_ice(pads: Pads, most: int) -> None:
     for b in range(pads.side.size):
         for k in range(pads.polygon_start[b], pads.polygon_start[b + 1]):
             first, size = pads.start[k], pads.start[k + 1] - pads.start[k]
-            area, x, y = _centroid(pads.corner, first, first + size)
+            area, x, y = area_and_centroid(pads.corner, first, first + size)
             s = pads.square_start[b] + pads.square[k, 0] * pads.shape[b, 1] + pads.square[k, 1]
             pads.centre[k, 0], pads.centre[k, 1] = x, y
             ice[s, 0] += area
@@ -189,24 +199,27 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats
     """
     start, corner, fragment = footprint.start, footprint.corner, body[footprint.owner]
     order, numbers = np.argsort(fragment, kind="stable"), np.arange(side.size + 1)
-    sums, low, high = np.zeros((side.size, 3)), np.full((side.size, 2), math.inf), np.full((side.size, 2), -math.inf)
-    for k in range(fragment.size):
-        area, x, y = _centroid(corner, start[k], start[k + 1])
-        sums[fragment[k]] += area, area * x, area * y
-    origin, corner_fragment = sums[:, 1:] / sums[:, :1], np.repeat(fragment, np.diff(start))
-    np.minimum.at(low, corner_fragment, corner - origin[corner_fragment])
-    np.maximum.at(high, corner_fragment, corner - origin[corner_fragment])
+    origin, low, high = np.zeros((3, side.size, 2))
+    _find_extents(fragment, start, corner, origin, low, high)
     low -= 0.25 * side[:, None]  # a berg that is smaller than a pad lies in one square
     shape = np.floor((high - low) / side[:, None]).astype(np.int64)[:, ::-1] + 1
     square_start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))])
-    most, polygon_start = 2 * int(np.diff(start).max()) + CORNERS, np.zeros(side.size + 1, np.int64)
-    first = np.searchsorted(fragment[order], numbers)
-    pieces, corners = _cut_by_squares(order, first, start, corner, most, origin, side, low, shape, polygon_start)
+    most, first = 2 * int(np.diff(start).max()) + CORNERS, np.searchsorted(fragment[order], numbers)
+    # Each polygon gives a piece at most in each square that its bounds reach.
+    extent = np.maximum.reduceat(corner, start[:-1]) - np.minimum.reduceat(corner, start[:-1])
+    pieces = int((np.floor(extent / side[fragment, None]) + 2.0).prod(axis=1).sum())
+    polygon_start, polygon = np.empty(side.size + 1, np.int64), np.empty(pieces, np.int64)
+    square, corner_start = np.empty((pieces, 2), np.int64), np.empty(pieces + 1, np.int64)
+    corners = _cut_by_squares(
+        order, first, start, corner, most, origin, side, low, shape, polygon_start, polygon, square, corner_start
+    )
+    count = polygon_start[-1]
     pads = Pads(
         rows=footprint.rows, row_start=np.searchsorted(body, numbers), element=xy - origin[body],
         moments=np.zeros((body.size, 6)), origin=origin, side=side, low=low, shape=shape, square_start=square_start[:-1],
-        ice=np.zeros((square_start[-1], 6)), polygon_start=polygon_start, owner=footprint.owner[pieces[:-1, 0]],
-        square=pieces[:-1, 1:3].copy(), centre=np.empty((len(pieces) - 1, 2)), start=pieces[:, 3].copy(), corner=corners,
+        ice=np.zeros((square_start[-1], 6)), polygon_start=polygon_start,
+        owner=footprint.owner[polygon[:count]], square=square[:count], centre=np.empty((count, 2)),
+        start=corner_start[: count + 1], corner=corners[: corner_start[count]],
     )  # fmt: skip
     _sum_up_ice(pads, most)
     return pads

@@ -220,6 +220,8 @@ def solve_factored(factors: Factors, right: Floats, radius: Floats, free: Floats
         largest = max(largest, max(abs(x[k, 0]), max(abs(x[k, 1]), abs(x[k, 2]))))
     for k in range(count):
         a, b, c = x[k, 0], x[k, 1], x[k, 2]
+        if a == 0.0 and b == 0.0 and c == 0.0:  # nearly all of a bond that breaks
+            continue
         for p in range(start[k], start[k + 1]):
             r, m = row[p], lower[p]
             x[r, 0] -= m[0, 0] * a + m[0, 1] * b + m[0, 2] * c

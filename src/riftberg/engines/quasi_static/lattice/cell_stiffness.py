@@ -8,7 +8,6 @@ neither mass nor loads. They are unknowns of the stiffness matrix, and their dis
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,11 +18,8 @@ from riftberg.engines.quasi_static.lattice.block_ldl import BlockLDL, Factors, s
 from riftberg.engines.quasi_static.lattice.cells import (
     Booleans,
     ElasticCells,
-    faces_across,
-    find_outline_edges,
     freed_edges,
     held_ties,
-    outline_ties,
 )
 from riftberg.engines.quasi_static.lattice.dense import factor_semidefinite
 from riftberg.engines.quasi_static.lattice.equilibrium import ElasticLattice
@@ -31,6 +27,7 @@ from riftberg.engines.quasi_static.lattice.frames import fit_rotations
 from riftberg.engines.quasi_static.lattice.triangles import (
     ClosingFaces,
     FaceTables,
+    LaidTriangles,
     Neighbourhoods,
     Triangles,
     find_gap_shares,
@@ -49,13 +46,6 @@ from riftberg.state.population import find_rows
 
 NEGLIGIBLE = 1e-12
 """Pivots of the loss of stiffness by a break, in parts of the stiffness before, that count as round-off."""
-
-
-@lru_cache(maxsize=2)
-def _triangles(vertices: bytes, freed: bytes, youngs: float, poisson: float) -> Triangles:
-    """Find triangles, or those that were found last: ice that melts has others in each step, of the same matrices per volume."""
-    vertex = np.frombuffer(vertices).reshape(-1, 3, 2)
-    return find_triangles(vertex, np.frombuffer(freed, bool).reshape(-1, 3), youngs, poisson)
 
 
 class CellTopology:
@@ -84,14 +74,14 @@ class CellTopology:
         lost = lost[:, [1, 2, 0]] | lost[:, [2, 0, 1]]
         has_held_edge = ~(freed_edges(mesh, self.broken) | lost).all(axis=1)
         fields = ("triangle", "weight", "area", "edge_bond", "edge_tie")
+        self.number = np.flatnonzero(has_held_edge)
         self.mesh = mesh._replace(**{name: getattr(mesh, name)[has_held_edge] for name in fields})
         self.lost = lost[has_held_edge]
-        edges = find_outline_edges(mesh)
-        tie, cells_of_tie = outline_ties(mesh, edges)
-        is_living = living[cells_of_tie].all(axis=1)
-        self.outline_tie, self.on_outline = tie[is_living], row[cells_of_tie[is_living]]
-        from_cell, self.face_shift, self.face_length = faces_across(mesh, edges)
-        self.face_from = np.where(from_cell >= 0, row[from_cell], -1)
+        outline = cells.outline
+        is_living = living[outline.tie_cells].all(axis=1)
+        self.outline_tie, self.on_outline = outline.tie[is_living], row[outline.tie_cells[is_living]]
+        self.face_from = np.where(outline.face_from >= 0, row[outline.face_from], -1)
+        self.face_shift, self.face_length = outline.face_shift, outline.face_length
         self.freed = freed_edges(self.mesh, self.broken) | self.lost
         vertex = self.mesh.triangle
         self.at = freedoms(number[vertex], number[mesh.owner[vertex]])
@@ -100,8 +90,8 @@ class CellTopology:
         # The side along which two cells meet: hexagons touch along less than their width.
         self.facet = np.where(el.body.sides == 6, 1.0 / np.sqrt(3.0), 1.0)
         self.held: Booleans = np.asarray((el.static >= 0.5) | (el.free_y < 0.5))
-        # Vertices of the triangles as they were laid last (m), and what `CrackPaths` has found at the tips in them.
-        self.vertex: Floats = np.zeros(0)
+        # The triangles as they were laid last, and what `CrackPaths` has found at the tips in them.
+        self.laid: LaidTriangles | None = None
         self.at_tips: dict[str, tuple[Floats, Any]] = {}
 
     @staticmethod
@@ -301,7 +291,7 @@ def stiffness_blocks(at: Ints, stiffness: Floats, start: Ints, second: Ints) -> 
     return diagonal, between
 
 
-class LaidTriangles(NamedTuple):
+class NearTriangles(NamedTuple):
     """Some triangles of a fragment, in its frame."""
 
     row: Ints
@@ -321,6 +311,7 @@ class CellStiffness:
         self, cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints, xy: Floats, p: KernelParameters,
         topology: CellTopology | None = None,
     ) -> None:  # fmt: skip
+        earlier = None if topology is None else topology.laid
         if topology is None or not topology.holds(cells, el, bonds, body):
             topology = CellTopology(cells, el, bonds, body)
         self.topology, self._mesh, self._at = topology, topology.mesh, topology.at
@@ -329,13 +320,14 @@ class CellStiffness:
         self._freed, self._broken = topology.freed, topology.broken.copy()
         living, row = topology.living, topology.row
         self._vertex = self._in_frames(np.where(living, row, -1), body, xy)
-        if not np.array_equal(topology.vertex, self._vertex):  # else ice has melted, and no more
-            topology.vertex, topology.at_tips = self._vertex, {}
+        laid = LaidTriangles.find(topology.number, self._vertex, self._freed, *self.elastic, earlier)
+        if topology.laid is not laid:  # else ice has melted, and no more
+            topology.laid, topology.at_tips = laid, {}
         self.at_tips = topology.at_tips
         self.volume = volumes(self._mesh, np.where(living, el.thickness[row], np.nan))
-        triangles = _triangles(self._vertex.tobytes(), self._freed.tobytes(), p.youngs_modulus, p.poisson)
         # Of these triangles with their volume; further breaks change them.
-        self._triangles = Triangles(triangles.stiffness * self.volume[:, None, None], triangles.stress.copy())
+        stiffness, stress = laid.matrices
+        self._triangles = Triangles(stiffness * self.volume[:, None, None], stress.copy())
         self._whole: Booleans = np.asarray(~self._freed.any(axis=1))  # triangles without a freed edge
         self._tables: tuple[Ints, StressTables] | None = None  # of some intact bonds
         self._blocks: tuple[Floats, Floats] | None = None
@@ -391,7 +383,9 @@ class CellStiffness:
         np.add.at(reduction, (index[:, :, None], index[:, None, :]), stiffness[changed] - new_stiffness)
         least = NEGLIGIBLE * float((stiffness[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
         stiffness[changed], self._triangles.stress[changed] = new_stiffness, new.stress
-        self._blocks = self._outline = self._faces = self._tables = None
+        self._blocks = self._faces = self._tables = None
+        if (at >= 3 * self.topology.elements).any():  # nodes on the outline have lost some hold
+            self._outline = None
         self.at_tips = {}
         rows = factor_semidefinite(reduction * np.outer(scale[at], scale[at]), least)
         columns = np.zeros((len(rows), scale.size))
@@ -464,11 +458,11 @@ class CellStiffness:
         """Area (m2) along which the cells of a bond meet."""
         return float(lattice.width[bond] * self.facet[lattice.first[bond]] * lattice.thickness[bond])
 
-    def triangles_near(self, body: int, point: Floats, radius: float) -> LaidTriangles:
+    def triangles_near(self, body: int, point: Floats, radius: float) -> NearTriangles:
         """Return the triangles of a fragment whose middle lies within a radius (m) of a point."""
         rows = np.flatnonzero((self._of_body == body) & (np.hypot(*(self._middle - point).T) <= radius))
         area = (self._mesh.weight * self._mesh.area)[rows]
-        return LaidTriangles(rows, self._vertex[rows], self._at[rows, 0:6:2] // 3, area, self._whole[rows])
+        return NearTriangles(rows, self._vertex[rows], self._at[rows, 0:6:2] // 3, area, self._whole[rows])
 
     def mean_ahead(
         self, stress: Floats, body: int, point: Floats, direction: Floats, radius: float

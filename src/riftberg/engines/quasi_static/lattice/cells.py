@@ -180,12 +180,32 @@ def freed_edges(mesh: CellMesh, broken: Booleans) -> Booleans:
     return np.asarray(~(is_intact[mesh.edge_bond] & is_held[mesh.edge_tie]))
 
 
-def outline_ties(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
+class MeshOutline(NamedTuple):
+    """How the cells of a mesh meet along its outline, whatever has broken."""
+
+    tie: Ints  # See `_outline_ties`; shape (ties,)
+    tie_cells: Ints  # shape (ties, 2)
+    face_from: Ints  # See `_faces_across`; shape (bonds,)
+    face_shift: Floats
+    face_length: Floats
+
+
+def find_outline(mesh: CellMesh) -> MeshOutline:
+    """Find how the cells of a mesh meet along its outline."""
+    ends = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+    _, at, count = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
+    edges = ends, at[count == 1]
+    tie, tie_cells = _outline_ties(mesh, edges)
+    face_from, face_shift, face_length = _faces_across(mesh, edges)
+    return MeshOutline(tie, tie_cells, face_from, face_shift, face_length)
+
+
+def _outline_ties(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
     """Return the ties by which ice that hangs by one bond meets the rest along the outline, and their cells, shape (ties, 2).
 
     By one bond as the mesh was made: ice that a crack has left hanging by one bond hangs by it alone. Cells do not meet
     where the ice of a third one parts them, as along a row, or where the outline turns inwards: in the bend of a row, or at the
-    root of a finger, they touch in a point. ``edges``: of `find_outline_edges`.
+    root of a finger, they touch in a point. ``edges``: ends of all edges of the triangles, and which lie on the outline.
     """
     ends, at = edges
     start, end = ends[at].T  # the outline, with the ice on its left
@@ -216,11 +236,11 @@ def outline_ties(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
     return tie, cells[meet][first]
 
 
-def faces_across(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Floats, Floats]:
+def _faces_across(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Floats, Floats]:
     """Return how the faces of bonds lie that reach from outline to outline: the cell from which a bond counts, -1 for others.
 
     And by how much the middle of the face lies to the left of that of the bond, and its length, in parts of the distance of
-    the cells; shape (bonds,) each. ``edges``: of `find_outline_edges`.
+    the cells; shape (bonds,) each. ``edges``: as of `_outline_ties`.
     """
     ends, at = edges
     bond = mesh.edge_bond.ravel()[at]
@@ -238,13 +258,6 @@ def faces_across(mesh: CellMesh, edges: tuple[Ints, Ints]) -> tuple[Ints, Floats
     from_cell[once], length[once] = cells[:, 0, 0], _distances(left, right) / distance
     shift[once] = 0.5 * (across[:, 0] * offset[:, 1] - across[:, 1] * offset[:, 0]) / distance**2
     return from_cell, shift, length
-
-
-def find_outline_edges(mesh: CellMesh) -> tuple[Ints, Ints]:
-    """Return the ends of all edges of the triangles, and which of the edges lie on the outline."""
-    ends = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
-    _, at, count = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
-    return ends, at[count == 1]
 
 
 def _distances(a: Floats, b: Floats) -> Floats:
@@ -405,6 +418,12 @@ class ElasticCells(NamedTuple):
     mesh: CellMesh
     element: Ints  # Identifiers of the elements; shape (cells,)
     bond: Ints  # Identifiers of the bonds; shape (bonds,)
+    outline: MeshOutline
+
+    @classmethod
+    def of(cls, mesh: CellMesh, element: Ints, bond: Ints) -> ElasticCells:
+        """Take elements and bonds to be those of a mesh."""
+        return cls(mesh, element, bond, find_outline(mesh))
 
 
 CELL_NAMES = tuple(f"cells_{name}" for name in (*CellMesh._fields[3:], "element", "bond"))
@@ -422,7 +441,7 @@ def cells_from_arrays(saved: Mapping[str, Any]) -> ElasticCells:
     *arrays, element, bond = (np.asarray(saved[name]) for name in CELL_NAMES)
     ties = 1 + max(int(saved[name].max(initial=-1)) for name in ("cells_edge_tie", "cells_path_tie"))
     mesh = CellMesh(element.size, bond.size, ties, *arrays)
-    return ElasticCells(mesh, element, bond)
+    return ElasticCells.of(mesh, element, bond)
 
 
 def add_new_cells(
@@ -449,7 +468,7 @@ def add_new_cells(
         meshes.append(mesh)
         element.append(el.body.id[rows])
         bond.append(ids)
-    return ElasticCells(join_meshes(meshes), np.concatenate(element), np.concatenate(bond))
+    return ElasticCells.of(join_meshes(meshes), np.concatenate(element), np.concatenate(bond))
 
 
 def _widen_ice(ice: Any, lines: Any, facet: float) -> Any:

@@ -122,22 +122,28 @@ def count_crossings(start: Floats, end: Floats, line: Floats) -> int:
 
 
 @kernel
-def distance_to_line(x: float, y: float, line: Floats) -> float:
-    """Return the distance of a point from a line, m."""
-    least = np.inf
-    for n in range(len(line) - 1):
-        dx, dy = line[n + 1, 0] - line[n, 0], line[n + 1, 1] - line[n, 1]
-        size = dx * dx + dy * dy
-        share = ((x - line[n, 0]) * dx + (y - line[n, 1]) * dy) / size if size > 0.0 else 0.0
-        share = min(max(share, 0.0), 1.0)
-        least = min(least, np.hypot(x - line[n, 0] - share * dx, y - line[n, 1] - share * dy))
-    return float(least)
+def distances_to_line(point: Floats, line: Floats) -> Floats:
+    """Return the distances of points from a line, m."""
+    distance = np.full(len(point), np.inf)
+    for k in range(len(point)):
+        for n in range(len(line) - 1):
+            dx, dy = line[n + 1, 0] - line[n, 0], line[n + 1, 1] - line[n, 1]
+            x, y, size = point[k, 0] - line[n, 0], point[k, 1] - line[n, 1], dx * dx + dy * dy
+            share = (x * dx + y * dy) / size if size > 0.0 else 0.0
+            share = min(max(share, 0.0), 1.0)
+            distance[k] = min(distance[k], np.hypot(x - share * dx, y - share * dy))
+    return distance
 
 
-def area_and_centroid(corner: Floats) -> tuple[float, Floats]:
-    """Return the area (m2) and centroid (m) of a polygon."""
-    x, y = (corner - corner[0]).T
-    cross = x[:-1] * y[1:] - x[1:] * y[:-1]
-    area = 0.5 * float(cross.sum())
-    middle = np.array([((x[:-1] + x[1:]) * cross).sum(), ((y[:-1] + y[1:]) * cross).sum()])
-    return area, corner[0] + middle / (6.0 * area) if area else corner.mean(axis=0)
+@kernel
+def area_and_centroid(corner: Floats, first: int, end: int) -> tuple[float, float, float]:
+    """Area (m2) and centroid (m) of a polygon, the corners ``first`` to ``end``."""
+    area = mx = my = 0.0
+    x0, y0 = corner[first, 0], corner[first, 1]
+    for n in range(first + 1, end - 1):
+        ux, uy, vx, vy = corner[n, 0] - x0, corner[n, 1] - y0, corner[n + 1, 0] - x0, corner[n + 1, 1] - y0
+        triangle = 0.5 * (ux * vy - vx * uy)
+        area += triangle
+        mx += triangle * (ux + vx) / 3.0
+        my += triangle * (uy + vy) / 3.0
+    return (area, x0 + mx / area, y0 + my / area) if area > 0.0 else (0.0, x0, y0)

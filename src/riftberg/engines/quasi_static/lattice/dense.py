@@ -28,6 +28,19 @@ def multiply_rows(w: Floats, a_t: Floats) -> Floats:
 
 
 @kernel
+def multiply_sparse(w: Floats, a: Floats) -> Floats:
+    """Return the products of the rows of two matrices, (k, n) and (m, n) make (k, m); most of ``w`` is 0."""
+    product = np.zeros((w.shape[0], a.shape[0]))
+    for i in range(w.shape[0]):
+        for n in range(w.shape[1]):
+            factor = w[i, n]
+            if factor != 0.0:
+                for j in range(a.shape[0]):
+                    product[i, j] += factor * a[j, n]
+    return product
+
+
+@kernel
 def solve_dense(matrix: Floats, right: Floats) -> Floats:
     """Solve a system of equations with several right-hand sides, shape (n, m), by elimination with pivots."""
     a, x, n = matrix.copy(), right.copy(), matrix.shape[0]

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.lattice.crack_cuts import (
     area_and_centroid,
     count_crossings,
-    distance_to_line,
+    distances_to_line,
     divide_polygon,
     touches_line,
 )
@@ -67,6 +68,9 @@ SHORTEST_EDGE: Final = 1e-5
 
 NO_AREA: Final = 1e-9
 """Area of a polygon, over the square of the radius, that is none."""
+
+MOST_GROUPS: Final = 3
+"""Groups in which the elements of a run are stepped."""
 
 
 def add_new_footprints(
@@ -207,8 +211,8 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
     if parted.size == 0 or (new := parted[~np.isin(bonds.id[parted], footprints.cracked)]).size == 0:
         return footprints
     rings: list[list[Floats]] = [[] for _ in footprints.element]
-    for owner, ring in zip(footprints.owner, np.split(footprints.corner, footprints.start[1:-1]), strict=True):
-        rings[owner].append(ring)
+    for owner, (first, end) in zip(footprints.owner.tolist(), pairwise(footprints.start.tolist()), strict=True):
+        rings[owner].append(footprints.corner[first:end])
     berg = np.zeros(footprints.element.size, np.int64)  # 0: melted away
     rows, is_present = find_rows(el.body.id, footprints.element)
     berg[is_present] = el.berg[rows[is_present]]
@@ -245,8 +249,7 @@ def _divide(
     ends = crossing[[0, -1]] + ONWARD * side * ends / np.hypot(*ends.T)[:, None]
     line = np.vstack([ends[:1], crossing, ends[1:]])
     neighbours = np.flatnonzero(divided)
-    near = [distance_to_line(x, y, line) <= 2.0 * side for x, y in centre[neighbours].tolist()]
-    neighbours = neighbours[near]
+    neighbours = neighbours[distances_to_line(centre[neighbours], line) <= 2.0 * side]
     transferred: dict[int, list[Floats]] = {}
     for e in neighbours.tolist():
         polygons = rings[e]
@@ -254,9 +257,10 @@ def _divide(
             continue
         rings[e] = []
         for piece in (piece for polygon in polygons for piece in divide_polygon(polygon, line)):
-            ring, (area, middle), target = _without_short_edges(piece, side), area_and_centroid(piece), e
+            ring, (area, x, y), target = _without_short_edges(piece, side), area_and_centroid(piece, 0, len(piece)), e
             if area < NO_AREA * side * side or len(ring) < 3:
                 continue
+            middle = np.array([x, y])
             if count_crossings(middle, centre[e], line) % 2:  # it lies beyond the crack
                 others = neighbours[berg[neighbours] != berg[e]]
                 nearest = others[np.argsort(np.hypot(*(centre[others] - middle).T))].tolist()
@@ -321,6 +325,8 @@ class FootprintBook:
 
     def __init__(self, model: RunState) -> None:
         self._footprints: Footprints | None = None
+        # Elements and bonds that they hold for: of the groups that a population is stepped in.
+        self._followed: list[tuple[bytes, ...]] = []
         self.divided = 0
         if model.step_number == 0:
             self.begin_step(model)
@@ -333,8 +339,13 @@ class FootprintBook:
 
     def follow(self, model: RunState) -> Footprints:
         """Make the footprints of elements that are new, and divide them by cracks."""
-        footprints = add_new_footprints(self._footprints, model.elements, model.bonds, model.outlines, model.constants)
-        self._footprints = divide_by_cracks(footprints, model.elements, model.bonds)
+        el, bonds = model.elements, model.bonds
+        key = tuple(array.tobytes() for array in (el.body.id, el.berg, bonds.id, bonds.crack))
+        if self._footprints is not None and key in self._followed:
+            return self._footprints
+        self._followed = [*self._followed[-MOST_GROUPS:], key]
+        footprints = add_new_footprints(self._footprints, el, bonds, model.outlines, model.constants)
+        self._footprints = divide_by_cracks(footprints, el, bonds)
         self.divided += self._footprints is not footprints
         return self._footprints
 
@@ -345,5 +356,5 @@ class FootprintBook:
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore the arrays of `state_dict`."""
         if all(name in saved for name in FOOTPRINT_NAMES):
-            self._footprints = Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES))
+            self._footprints, self._followed = Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES)), []
             self.divided += 1

@@ -15,10 +15,11 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from riftberg.bergs.seams import join_polygons
+from riftberg.bergs.seams import join_polygons, join_tiles
 from riftberg.engines.common.run_state import RunState
-from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
+from riftberg.engines.quasi_static.lattice.footprints import MOST_GROUPS, FootprintBook, Footprints, body_footprint
 from riftberg.state import Elements, Floats, Ints
+from riftberg.state.population import find_rows
 
 SMOOTHING: Final = 0.95
 """Detail of an outline, in distances of elements, that is left out: the steps of a lattice are as high as one at most."""
@@ -29,8 +30,6 @@ SHARE_OF_SIZE: Final = 0.25
 SEAM: Final = 1e-3
 """Gaps between footprints that count as none, in distances of elements."""
 
-MOST_GROUPS: Final = 3
-
 MOST_FRAGMENTS: Final = 10_000
 """Outlines that are remembered: some kB each."""
 
@@ -40,7 +39,7 @@ class FragmentSides:
 
     def __init__(self, footprints: FootprintBook) -> None:
         self._footprints = footprints
-        self._fragments: dict[tuple[int, bytes, bytes], tuple[Ints, Floats]] = {}
+        self._fragments: dict[tuple[bytes, ...], tuple[Ints, Floats]] = {}
         # Of the groups that a population is stepped in. Their keys are compared, which is quicker than to hash them.
         self._latest: list[tuple[tuple[int, bytes, bytes, bytes], Floats]] = []
 
@@ -66,12 +65,17 @@ class FragmentSides:
         if not bonded.size:
             return np.zeros((el.size, 0, 4))
         order = bonded[np.argsort(body[bonded], kind="stable")]
+        footprints = self._footprints.follow(model)
+        row = find_rows(footprints.element, el.body.id)[0]
+        bounds = footprints.start[np.searchsorted(footprints.owner, [row, row + 1])]
         owners, points = [], []
         if len(self._fragments) > MOST_FRAGMENTS:
             self._fragments.clear()
         for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1):
-            key = self._footprints.divided, el.body.id[rows].tobytes(), xy[rows].tobytes()
-            fragment = self._fragments.get(key) or self._find_points(model, rows, xy)
+            first, number = bounds[0, rows], bounds[1, rows] - bounds[0, rows]
+            corners = np.arange(number.sum()) + np.repeat(first - np.cumsum(number) + number, number)
+            key = el.body.id[rows].tobytes(), xy[rows].tobytes(), footprints.corner[corners].tobytes()
+            fragment = self._fragments.get(key) or _find_points(footprints, el, rows, row[rows], xy)
             self._fragments[key] = fragment
             owners.append(rows[fragment[0]])
             points.append(fragment[1])
@@ -82,42 +86,39 @@ class FragmentSides:
         sides[owner, np.arange(owner.size) - np.repeat(np.cumsum(number) - number, number)] = point
         return sides
 
-    def _find_points(self, model: RunState, rows: Ints, xy: Floats) -> tuple[Ints, Floats]:
-        """Points on the outline of one fragment, and of which of its elements they are."""
-        el = model.elements
-        footprints = self._footprints.follow(model)
-        size = np.sqrt(_sizes(footprints, el, rows))
-        spacing = float(size.mean())
-        ends = []
-        ice = _union(body_footprint(footprints, el, rows, xy, shrinks=False), spacing)
-        for ring in _outlines(ice, spacing):
-            corner = np.asarray(shapely.segmentize(ring, 1.001 * spacing).coords)[:, :2]
-            ends.append(np.stack([corner[:-1], corner[1:]], axis=1))
-        start, along = np.concatenate(ends)[:, 0], np.diff(np.concatenate(ends), axis=1)[:, 0]
-        length, centre = np.hypot(*along.T), xy[rows]
-        owner = np.asarray(cKDTree(centre).query(start + 0.5 * along)[1], np.int64)
-        normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]  # the ice lies on the left
-        # Elements are equal, their footprints are not: their centre is moved to that of the ice, or a current would turn it.
-        middle = np.average(centre, axis=0, weights=size**2) - np.array(ice.centroid.coords[0])
-        points = []
-        for fraction in (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)):
-            offset = start + middle + fraction * along - centre[owner]
-            arm = offset[:, 0] * normal[:, 1] - offset[:, 1] * normal[:, 0]
-            points.append(np.column_stack([normal, arm, 0.5 * length / size[owner]]))
-        return np.tile(owner, 2), np.vstack(points)
 
-
-def _sizes(footprints: Any, el: Elements, rows: Ints) -> Floats:
-    """Plan area (m2) of elements when their footprints were made."""
-    row = {int(number): k for k, number in enumerate(footprints.element)}
-    return np.asarray(footprints.size[[row[int(number)] for number in el.body.id[rows]]])
+def _find_points(
+    footprints: Footprints, el: Elements, rows: Ints, footprint_rows: Ints, xy: Floats
+) -> tuple[Ints, Floats]:  # fmt: skip
+    """Points on the outline of one fragment, and of which of its elements they are."""
+    size = np.sqrt(footprints.size[footprint_rows])
+    spacing = float(size.mean())
+    ends = []
+    ice = _union(body_footprint(footprints, el, rows, xy, shrinks=False), spacing)
+    for ring in _outlines(ice, spacing):
+        corner = np.asarray(shapely.segmentize(ring, 1.001 * spacing).coords)[:, :2]
+        ends.append(np.stack([corner[:-1], corner[1:]], axis=1))
+    start, along = np.concatenate(ends)[:, 0], np.diff(np.concatenate(ends), axis=1)[:, 0]
+    length, centre = np.hypot(*along.T), xy[rows]
+    owner = np.asarray(cKDTree(centre).query(start + 0.5 * along)[1], np.int64)
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]  # the ice lies on the left
+    # Elements are equal, their footprints are not: their centre is moved to that of the ice, or a current would turn it.
+    middle = np.average(centre, axis=0, weights=size**2) - np.array(ice.centroid.coords[0])
+    points = []
+    for fraction in (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)):
+        offset = start + middle + fraction * along - centre[owner]
+        arm = offset[:, 0] * normal[:, 1] - offset[:, 1] * normal[:, 0]
+        points.append(np.column_stack([normal, arm, 0.5 * length / size[owner]]))
+    return np.tile(owner, 2), np.vstack(points)
 
 
 def _union(footprint: Any, spacing: float) -> Any:
     """Ice (shapely) of a fragment, along its axes (m)."""
-    number = np.diff(footprint.start)
-    rings = shapely.linearrings(footprint.corner, indices=np.repeat(np.arange(number.size), number))
-    return join_polygons(shapely.polygons(rings), SEAM * spacing)
+    polygon = np.repeat(np.arange(footprint.start.size - 1), np.diff(footprint.start) + 1)
+    corner = np.insert(footprint.corner, footprint.start[1:], footprint.corner[footprint.start[:-1]], axis=0)
+    if (ice := join_tiles(corner, polygon, SEAM * spacing)) is not None:
+        return ice
+    return join_polygons(shapely.polygons(shapely.linearrings(corner, indices=polygon)), SEAM * spacing)
 
 
 def _outlines(ice: Any, spacing: float) -> list[Any]:

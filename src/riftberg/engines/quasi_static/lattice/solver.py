@@ -17,7 +17,7 @@ from riftberg.compiled.kernels import borrower
 from riftberg.engines.quasi_static.lattice.block_ldl import BlockLDL
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness
 from riftberg.engines.quasi_static.lattice.cells import Booleans
-from riftberg.engines.quasi_static.lattice.dense import multiply_rows, solve_dense
+from riftberg.engines.quasi_static.lattice.dense import multiply_rows, multiply_sparse, solve_dense
 from riftberg.engines.quasi_static.lattice.equilibrium import ElasticLattice, Supports
 from riftberg.errors import RunError
 from riftberg.state import Floats, Ints
@@ -75,25 +75,26 @@ class StiffnessSolver:
         self._gauge = gauge_springs[~bondless[gauge_springs // 3]]
         diagonal[:, range(3), range(3)] += spring
         self._ldl = BlockLDL(topology.first, topology.second, diagonal, between)
-        self._columns: list[Floats] = []  # w of K + sum of -w w^T
-        self._solved: list[Floats] = []  # K^-1 w
-        # W^T, A^T and W A - 1 of `_correct_displacement`.
-        self._correction: tuple[Floats, Floats, Floats] | None = None
-        # By which faces are closed, with W the rows w of K + sum of w w^T and A = K^-1 W^T: A^T, and ((1 + W A)^-1 W)^T.
+        # Of K - sum of w w^T: W with the rows w, A^T with A = K^-1 W^T, and W A - 1.
+        none = np.zeros((0, self._free.size))
+        self._lost = none, none, np.zeros((0, 0))
+        # By which faces are closed, with W the rows w of K + sum of w w^T and A = K^-1 W^T: A^T, and (1 + W A)^-1 W.
         self._pressed: dict[bytes, tuple[Floats, Floats]] = {}
 
     @property
     def update_rank(self) -> int:
         """Rank of the correction for broken bonds."""
-        return len(self._columns)
+        return len(self._lost[0])
 
     def downdate(self, bond: int) -> None:
         """Take a bond out of K."""
         self._pressed.clear()
-        for column in self._cells.break_bond(bond, self._scale) * self._free:
-            self._columns.append(column)
-            self._solved.append(self._ldl.solve(column))
-        self._correction = None
+        new_w = self._cells.break_bond(bond, self._scale) * self._free
+        new_a = np.array([self._ldl.solve(w) for w in new_w]).reshape(new_w.shape)
+        old_w, old_a, old_matrix = self._lost
+        w, a = np.vstack([old_w, new_w]), np.vstack([old_a, new_a])
+        new_rows = multiply_sparse(new_w, a) - np.eye(len(new_w), len(w), len(old_w))
+        self._lost = w, a, np.vstack([np.hstack([old_matrix, multiply_sparse(old_w, new_a)]), new_rows])
 
     def solve(self, load: Floats) -> Floats:
         """Displacements (m, m, rad), shape (elements, 3), under balanced loads (N, N, N m); outlines bear none."""
@@ -137,21 +138,17 @@ class StiffnessSolver:
             w = np.zeros((len(at), self._free.size))
             np.put_along_axis(w, at, columns * self._scale[at] * self._free[at], axis=1)
             a = np.array([self._correct_displacement(self._ldl.solve(column)) for column in w]).reshape(w.shape)
-            matrix = multiply_rows(w.T.copy(), a.T.copy()) + np.eye(len(w))
-            self._pressed[key] = a, solve_dense(matrix, w).T.copy()
+            matrix = multiply_sparse(w, a) + np.eye(len(w))
+            self._pressed[key] = a, solve_dense(matrix, w)
         a, pressing = self._pressed[key]
-        d = displacement.reshape(-1, 1)
-        return np.asarray((d - multiply_rows(a, multiply_rows(pressing, d))).reshape(-1, 3))
+        pressed = multiply_rows(a, multiply_sparse(pressing, displacement.reshape(1, -1)))
+        return np.asarray(displacement - pressed.reshape(-1, 3))
 
     def _correct_displacement(self, d: Floats) -> Floats:
         """Correct d = K^-1 b in place for bonds that have broken since."""
-        if self._columns:
-            # Woodbury: (K - W^T W)^-1 b = d + A (1 - W A)^-1 W d, with A = K^-1 W^T.
-            if self._correction is None:
-                w_t, a = np.column_stack(self._columns), np.array(self._solved)
-                self._correction = w_t, a, multiply_rows(w_t, a.T.copy()) - np.eye(len(a))
-            w_t, a, matrix = self._correction
-            d -= multiply_rows(a, solve_dense(matrix, multiply_rows(w_t, d[:, None])))[:, 0]
+        w, a, matrix = self._lost
+        if len(w):  # Woodbury: (K - W^T W)^-1 b = d + A (1 - W A)^-1 W d
+            d -= multiply_rows(a, solve_dense(matrix, multiply_sparse(w, d[None])))[:, 0]
         return d
 
     def _check_residual(self, displacement: Floats, largest: float, load: Floats) -> None:

@@ -69,29 +69,67 @@ def find_triangles(
 
     ``vertex``: positions of the vertices, m, shape (triangles, 3, 2); ``freed``: shape (triangles, 3).
     """
-    return _condense_edges(vertex, freed, youngs, poisson, drilling)[0]
+    triangles = Triangles(np.empty((len(vertex), 9, 9)), np.empty((len(vertex), 3, 9)))
+    is_whole = ~freed.any(axis=1)  # nearly all, which have nothing to condense
+    for inner, rows in ((0, np.flatnonzero(is_whole)), (3, np.flatnonzero(~is_whole))):
+        if rows.size:
+            found = _condense_edges(vertex[rows], freed[rows], youngs, poisson, drilling, inner)[0]
+            triangles.stiffness[rows], triangles.stress[rows] = found
+    return triangles
+
+
+class LaidTriangles(NamedTuple):
+    """Triangles of a mesh in the frames of their fragments."""
+
+    number: Ints  # Rows of the mesh, sorted
+    vertex: Floats  # m; shape (triangles, 3, 2)
+    freed: Booleans  # Edges; shape (triangles, 3)
+    matrices: Triangles
+
+    @classmethod
+    def find(
+        cls, number: Ints, vertex: Floats, freed: Booleans, youngs: float, poisson: float, earlier: LaidTriangles | None
+    ) -> LaidTriangles:  # fmt: skip
+        """Find the matrices of those that have changed since; returns the ``earlier`` ones where none has."""
+        same = np.zeros(number.size, bool)
+        if earlier is not None and earlier.number.size:
+            row = np.minimum(np.searchsorted(earlier.number, number), earlier.number.size - 1)
+            same = (earlier.vertex[row] == vertex).all(axis=(1, 2)) & (earlier.freed[row] == freed).all(axis=1)
+            if same.all() and row.size == earlier.number.size:
+                return earlier
+        if earlier is None or not same.any():
+            return cls(number, vertex, freed, find_triangles(vertex, freed, youngs, poisson))
+        matrices, new = Triangles(*(array[row] for array in earlier.matrices)), np.flatnonzero(~same)
+        for array, values in zip(matrices, find_triangles(vertex[new], freed[new], youngs, poisson), strict=True):
+            array[new] = values
+        return cls(number, vertex, freed, matrices)
 
 
 def find_open_edges(vertex: Floats, freed: Booleans, youngs: float, poisson: float) -> tuple[Triangles, OpenEdges]:
     """Find the matrices of triangles, and how their freed edges close; arguments as of `find_triangles`."""
-    triangles, elongation, stretch, inner_stiffness, stress = _condense_edges(vertex, freed, youngs, poisson, DRILLING)
+    triangles, elongation, stretch, inner_stiffness, stress = _condense_edges(
+        vertex, freed, youngs, poisson, DRILLING, 3
+    )
     of_freed = freed[:, :, None] & freed[:, None, :]
     give = solve_stacks(inner_stiffness, np.broadcast_to(np.eye(3), inner_stiffness.shape)) * of_freed
     return triangles, OpenEdges(elongation - stretch, give, stress)
 
 
 def _condense_edges(
-    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float
+    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float, inner: int
 ) -> tuple[Triangles, Floats, Floats, Floats, Floats]:
-    """Matrices of triangles; their elongations q and z by displacements, stiffness of the inner unknowns, stress by z."""
-    count = len(vertex)
+    """Matrices of triangles; their elongations q and z by displacements, stiffness of the inner unknowns, stress by z.
+
+    ``inner``: inner unknowns of each triangle, 3, or 0 where no edge is freed.
+    """
+    count, size = len(vertex), 9 + inner
     edge = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
     length = np.sqrt((edge**2).sum(axis=2))
     tx, ty = edge[..., 0] / length, edge[..., 1] / length
 
     # Elongations, turns and rotations of the ends of each edge by the nine freedoms, and by three inner unknowns s, which
     # only freed edges have.
-    elongation, turn, rotation = np.zeros((count, 3, 9)), np.zeros((count, 3, 12)), np.zeros((3, 2, 12))
+    elongation, turn, rotation = np.zeros((count, 3, 9)), np.zeros((count, 3, size)), np.zeros((3, 2, size))
     for i in range(3):
         for n, end, sign in ((0, (i + 1) % 3, -1.0), (1, (i + 2) % 3, 1.0)):
             elongation[:, i, 2 * end], elongation[:, i, 2 * end + 1] = sign * tx[:, i], sign * ty[:, i]
@@ -111,20 +149,20 @@ def _condense_edges(
     drill = drilling * shear_modulus / 6.0  # 2 c
 
     # W in the freedoms x and the inner unknowns s: z = q for unfreed edges, z = s for freed ones.
-    is_unfreed, z = (~freed).astype(np.float64), np.zeros((count, 3, 12))
-    z[..., :9], z[:, range(3), range(9, 12)] = is_unfreed[:, :, None] * elongation, freed
+    is_unfreed, z = (~freed).astype(np.float64), np.zeros((count, 3, size))
+    z[..., :9], z[:, range(inner), range(9, size)] = is_unfreed[:, :, None] * elongation, freed[:, :inner]
     drilled = rotation - (turn - multiply_stacks(edge_shear, z))[:, :, None]
     weighted = drilled * (drill * is_unfreed)[:, :, None, None]
     energy = multiply_stacks(z.transpose(0, 2, 1), multiply_stacks(natural, z))
-    energy += multiply_stacks(drilled.reshape(count, 6, 12).transpose(0, 2, 1), weighted.reshape(count, 6, 12))
-    xx, xs, ss = energy[:, :9, :9], energy[:, :9, 9:], energy[:, 9:, 9:]
-
-    # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
-    ss += np.eye(3) * (is_unfreed * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
-    least = -solve_stacks(ss, xs.transpose(0, 2, 1))
-    stiffness = xx + multiply_stacks(xs, least)
+    energy += multiply_stacks(drilled.reshape(count, 6, size).transpose(0, 2, 1), weighted.reshape(count, 6, size))
+    stiffness, stretch, ss, stress = energy[:, :9, :9], z[..., :9], energy[:, 9:, 9:], multiply_stacks(elastic, strain)
+    if inner:
+        # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
+        ss += np.eye(3) * (is_unfreed * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
+        xs = energy[:, :9, 9:]
+        least = -solve_stacks(ss, xs.transpose(0, 2, 1))
+        stiffness, stretch = stiffness + multiply_stacks(xs, least), stretch + freed[..., None] * least
     stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
-    stretch, stress = z[..., :9] + freed[..., None] * least, multiply_stacks(elastic, strain)
     return Triangles(stiffness, multiply_stacks(stress, stretch)), elongation, stretch, ss, stress
 
 
