@@ -545,6 +545,15 @@ def test_a_cliff_under_a_pad_lifts_no_higher_than_its_top(edge: float) -> None:
     assert now.lift.max() <= 1.0 + 1e-9
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_a_shelf_that_ends_in_a_cliff_bears_no_farther_than_to_its_edge(turn: float) -> None:
+    """And less by no more than the pads of 362 m across which it ends; on a bed that lifts nothing."""
+    for edge in (-225.0, 0.0, 75.0, 225.0):
+        floor = lambda x, y, edge=edge: np.where(x > edge, DRAFT - 1.0, DRAFT + 1000.0)  # noqa: E731
+        borne = Berg(8, 2, 500.0, turn=turn).press(floor, SOFT).total / (1e-3 * 1000.0)
+        assert 2000.0 - edge - 362.0 < borne <= 2000.0 - edge
+
+
 @pytest.mark.parametrize("where", [0, 1])
 def test_the_largest_loads_of_a_step_in_which_nothing_moves_are_those_of_its_end(where: int) -> None:
     """A slope pushes one of three elements away from its side: its torque on that element opens or closes the bonds, too."""
