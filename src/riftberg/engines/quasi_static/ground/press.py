@@ -92,6 +92,11 @@ LOAD, LOAD_X, LOAD_Y, HOLD, PUSH_X, PUSH_Y, LIFT, STRESS, YIELD = range(PRESSED)
 the slope of the floor (N, the same axes), largest lift of the keel (m), bending stress (Pa), and how deep the bed yields (m)."""
 
 
+SMOOTH: Final = 0.25
+"""How far (m) the plane of a pad may stand above its shallowest point, as on the side of a knoll: at most as far as a floor of
+second order leads it."""
+
+
 @borrower
 def _lay_planes(pads: Pads, footing: Footing, depth: Floats, draft: Floats, level: float) -> float:
     """Lay a plane through the overlap of each polygon without rise; returns the largest overlap, or minus the clearance (m).
@@ -127,17 +132,19 @@ def _lay_planes(pads: Pads, footing: Footing, depth: Floats, draft: Floats, leve
             area += triangle
             mean += triangle * (mv + v0 + v1) / 3.0
         gx, gy, mean = gx / area, gy / area, mean / area
-        mean += 2.0 / 3.0 * (keel - min(depth[corners + m], deepest) - mean)
-        if cliff:  # nor is the plane to stand above its shallowest point
-            rise = -math.inf
-            for n in range(size):
-                rise = max(rise, gx * (corner[n, 0] - x) + gy * (corner[n, 1] - y))
-            mean = min(mean, keel - shallow - rise)
+        middle = keel - min(depth[corners + m], deepest)
+        mean += 2.0 / 3.0 * (middle - mean)
+        # Where the floor has an edge its mean slope leads the plane far above the shallowest point.
+        top, rise, share = keel - shallow + min(max(2.0 / 3.0 * (middle - mv), 0.0), SMOOTH), 0.0, 1.0
+        for n in range(size):
+            rise = max(rise, gx * (corner[n, 0] - x) + gy * (corner[n, 1] - y))
+        if rise > 0.0 and mean + rise > top:
+            share = max(top - mean, 0.0) / rise
         # A step in the floor stays where it is while the berg moves a little: a push by it would be energy out of nothing.
         footing.gradient[m, 0], footing.gradient[m, 1] = 0.0 if cliff else gx, 0.0 if cliff else gy
         highest = -math.inf
         for n in range(size):
-            corner[n, 2] = mean + gx * (corner[n, 0] - x) + gy * (corner[n, 1] - y)
+            corner[n, 2] = mean + share * (gx * (corner[n, 0] - x) + gy * (corner[n, 1] - y))
             highest = max(highest, corner[n, 2])
         footing.highest[m], largest = highest, max(largest, highest)
     return largest
