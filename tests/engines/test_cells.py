@@ -14,7 +14,6 @@ from riftberg.bergs.lattice import lattice_points
 from riftberg.engines.common.lattices import outline_cells
 from riftberg.engines.quasi_static.lattice.cells import cell_mesh, freed_edges
 from riftberg.engines.quasi_static.lattice.triangles import (
-    LaidTriangles,
     Neighbourhoods,
     find_triangles,
     freedoms,
@@ -370,21 +369,3 @@ def test_without_an_outline_the_cells_themselves_make_one(packing, area) -> None
     assert (mesh.weight * mesh.area).sum() == pytest.approx(outline.area, rel=1e-10)
     _, _, stiffness = whole(mesh)
     assert (eigenvalues(mesh, stiffness) < 1e-10).sum() == 3
-
-
-def test_triangles_that_are_kept_are_those_found_anew() -> None:
-    mesh, first, _ = mesh_of(SHAPES["L"], "square", 15.0)
-    rng, broken = np.random.default_rng(1), np.zeros(first.size, bool)
-    vertex, number, laid = mesh.xy[mesh.triangle], np.arange(len(mesh.triangle)), None
-    for moved, breaks in ((None, 0), (5, 0), (None, 3), (7, 2), (None, 0)):
-        broken[rng.choice(first.size, breaks, replace=False)] = True
-        freed = freed_edges(mesh, broken)
-        if moved:
-            vertex = vertex.copy()
-            vertex[::moved] += 1.0
-        held = ~freed.all(axis=1)
-        earlier, new = laid, find_triangles(vertex[held], freed[held], 1.0, 0.3)
-        laid = LaidTriangles.find(number[held], vertex[held], freed[held], 1.0, 0.3, earlier)
-        np.testing.assert_array_equal(laid.matrices.stiffness, new.stiffness)
-        np.testing.assert_array_equal(laid.matrices.stress, new.stress)
-    assert laid is earlier
