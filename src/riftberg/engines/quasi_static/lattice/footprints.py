@@ -343,10 +343,10 @@ class FootprintBook:
         key = tuple(array.tobytes() for array in (el.body.id, el.berg, bonds.id, bonds.crack))
         if self._footprints is not None and key in self._followed:
             return self._footprints
-        self._followed = [*self._followed[-MOST_GROUPS:], key]
         footprints = add_new_footprints(self._footprints, el, bonds, model.outlines, model.constants)
         self._footprints = divide_by_cracks(footprints, el, bonds)
         self.divided += self._footprints is not footprints
+        self._followed = [*self._followed[-MOST_GROUPS:], key]
         return self._footprints
 
     def state_dict(self) -> dict[str, Any]:

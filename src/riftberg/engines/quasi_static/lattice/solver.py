@@ -76,8 +76,8 @@ class StiffnessSolver:
         diagonal[:, range(3), range(3)] += spring
         self._ldl = BlockLDL(topology.first, topology.second, diagonal, between)
         # Of K - sum of w w^T: W with the rows w, A^T with A = K^-1 W^T, and W A - 1.
-        none = np.zeros((0, self._free.size))
-        self._lost = none, none, np.zeros((0, 0))
+        no_rows = np.zeros((0, self._free.size))
+        self._lost = no_rows, no_rows, np.zeros((0, 0))
         # By which faces are closed, with W the rows w of K + sum of w w^T and A = K^-1 W^T: A^T, and (1 + W A)^-1 W.
         self._pressed: dict[bytes, tuple[Floats, Floats]] = {}
 

@@ -73,8 +73,8 @@ def find_triangles(
     is_whole = ~freed.any(axis=1)  # nearly all, which have nothing to condense
     for inner, rows in ((0, np.flatnonzero(is_whole)), (3, np.flatnonzero(~is_whole))):
         if rows.size:
-            found = _condense_edges(vertex[rows], freed[rows], youngs, poisson, drilling, inner)[0]
-            triangles.stiffness[rows], triangles.stress[rows] = found
+            matrices = _condense_edges(vertex[rows], freed[rows], youngs, poisson, drilling, inner)[0]
+            triangles.stiffness[rows], triangles.stress[rows] = matrices
     return triangles
 
 
