@@ -11,8 +11,9 @@ them as they slide.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
@@ -43,6 +44,7 @@ class Footprints(NamedTuple):
     size: Floats  # Plan area of the element then, m2; shape (elements,)
     east: Floats  # Angle (rad) on the plane at which the axes of its fragment lay then; shape (elements,)
     owner: Ints  # Place in ``element`` of the element of each polygon; shape (polygons,)
+    number: Ints  # By which contact knows each polygon; of one that a crack divides the largest piece keeps it
     start: Ints  # Where the corners of the polygons begin; shape (polygons + 1,)
     corner: Floats  # m; shape (corners, 2)
     cracked: Ints  # Identifiers of the bonds across which cracks have divided them; shape (bonds,)
@@ -104,7 +106,9 @@ def _make_lone_footprints(el: Elements, rows: Ints, radius: Floats, p: KernelPar
     size = el.body.length[rows] * el.body.width[rows]
     corner = np.column_stack([distance * np.cos(angle), distance * np.sin(angle)])
     centre, east = np.zeros((rows.size, 2)), np.zeros(rows.size)
-    return Footprints(el.body.id[rows], centre, size, east, np.arange(rows.size), start, corner, NO_BONDS)
+    return Footprints(
+        el.body.id[rows], centre, size, east, np.arange(rows.size), np.arange(rows.size), start, corner, NO_BONDS
+    )
 
 
 def _make_footprints(
@@ -127,7 +131,8 @@ def _make_footprints(
     mass = np.bincount(berg, el.body.mass[rows])
     x, y = (np.bincount(berg, el.body.mass[rows] * way) / mass for way in xy.T)
     east = plane.eastward(*plane.inverse(x, y))[berg]
-    return Footprints(el.body.id[rows], xy, size, east, *_divide_ice(xy.tobytes(), ice, radius), NO_BONDS)
+    owner, start, corner = _divide_ice(xy.tobytes(), ice, radius)
+    return Footprints(el.body.id[rows], xy, size, east, owner, np.arange(owner.size), start, corner, NO_BONDS)
 
 
 @lru_cache(maxsize=4)  # the members of a sweep begin with the same berg
@@ -186,10 +191,12 @@ def _join_footprints(sets: list[Footprints]) -> Footprints:
     elements = np.cumsum([0, *(footprints.element.size for footprints in sets)])
     corners = np.cumsum([0, *(len(footprints.corner) for footprints in sets)])
     start = [footprints.start[:-1] + n for footprints, n in zip(sets, corners, strict=False)]
+    numbers = np.cumsum([0, *(footprints.number.max(initial=-1) + 1 for footprints in sets)])
     return Footprints(
         np.concatenate([footprints.element for footprints in sets]), np.vstack([footprints.centre for footprints in sets]),
         np.concatenate([footprints.size for footprints in sets]), np.concatenate([footprints.east for footprints in sets]),
         np.concatenate([footprints.owner + n for footprints, n in zip(sets, elements, strict=False)]),
+        np.concatenate([footprints.number + n for footprints, n in zip(sets, numbers, strict=False)]),
         np.concatenate([*start, corners[-1:]]), np.vstack([footprints.corner for footprints in sets]),
         np.concatenate([footprints.cracked for footprints in sets]),
     )  # fmt: skip
@@ -204,9 +211,11 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
     parted = crossed[el.berg[bonds.first[crossed]] != el.berg[bonds.second[crossed]]]
     if parted.size == 0 or (new := parted[~np.isin(bonds.id[parted], footprints.cracked)]).size == 0:
         return footprints
-    rings: list[list[Floats]] = [[] for _ in footprints.element]
-    for owner, ring in zip(footprints.owner, np.split(footprints.corner, footprints.start[1:-1]), strict=True):
-        rings[owner].append(ring)
+    rings: list[list[tuple[int, Floats]]] = [[] for _ in footprints.element]
+    split = np.split(footprints.corner, footprints.start[1:-1])
+    for owner, number, ring in zip(footprints.owner, footprints.number.tolist(), split, strict=True):
+        rings[owner].append((number, ring))
+    new_numbers = itertools.count(int(footprints.number.max()) + 1)
     berg = np.zeros(footprints.element.size, np.int64)  # 0: melted away
     rows, is_present = find_rows(el.body.id, footprints.element)
     berg[is_present] = el.berg[rows[is_present]]
@@ -219,10 +228,11 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
                 i, j = (find_rows(footprints.element, el.body.id[ends[run]])[0] for ends in (bonds.first, bonds.second))
                 # Those that the crack has parted earlier have moved on since: ice passed on between them would overlap.
                 divided = np.isin(berg, berg[np.union1d(i[parts_now], j[parts_now])])
-                _divide(rings, footprints, berg, i, j, bonds.crack_part[run], divided)
-    all_rings = [ring for element_rings in rings for ring in element_rings]
+                _divide(rings, new_numbers, footprints, berg, i, j, bonds.crack_part[run], divided)
+    all_rings = [ring for element_rings in rings for _, ring in element_rings]
     return footprints._replace(
         owner=np.repeat(np.arange(len(rings)), [len(element_rings) for element_rings in rings]),
+        number=np.array([number for element_rings in rings for number, _ in element_rings], np.int64),
         start=np.concatenate([[0], np.cumsum([len(ring) for ring in all_rings])]).astype(np.int64),
         corner=np.vstack(all_rings), cracked=np.concatenate([footprints.cracked, bonds.id[new]]),
     )  # fmt: skip
@@ -230,7 +240,8 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
 
 # Many arguments: the crack, and who is divided by it.
 def _divide(
-    rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: Ints, j: Ints, fraction: Floats, divided: NDArray[np.bool_]
+    rings: list[list[tuple[int, Floats]]], new_numbers: Iterator[int], footprints: Footprints, berg: Ints, i: Ints, j: Ints,
+    fraction: Floats, divided: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """Divide polygons along a crack, which crosses the lines from the elements ``i`` to ``j`` at a fraction of each.
 
@@ -245,13 +256,13 @@ def _divide(
     neighbours = np.flatnonzero(divided)
     near = [distance_to_line(x, y, line) <= 2.0 * side for x, y in centre[neighbours].tolist()]
     neighbours = neighbours[near]
-    transferred: dict[int, list[Floats]] = {}
+    transferred: dict[int, list[tuple[int, Floats]]] = {}
     for e in neighbours.tolist():
         polygons = rings[e]
-        if not any(touches_line(polygon, line) for polygon in polygons):
+        if not any(touches_line(polygon, line) for _, polygon in polygons):
             continue
         rings[e] = []
-        for piece in (piece for polygon in polygons for piece in divide_polygon(polygon, line)):
+        for number, piece in _numbered_pieces(polygons, line, new_numbers):
             ring, (area, middle), target = _without_short_edges(piece, side), area_and_centroid(piece), e
             if area < NO_AREA * side * side or len(ring) < 3:
                 continue
@@ -259,9 +270,20 @@ def _divide(
                 others = neighbours[berg[neighbours] != berg[e]]
                 nearest = others[np.argsort(np.hypot(*(centre[others] - middle).T))].tolist()
                 target = next((other for other in nearest if not count_crossings(middle, centre[other], line) % 2), e)
-            (rings[e] if target == e else transferred.setdefault(target, [])).append(ring)
+            (rings[e] if target == e else transferred.setdefault(target, [])).append((number, ring))
     for e, added in transferred.items():
         rings[e].extend(added)
+
+
+def _numbered_pieces(
+    polygons: list[tuple[int, Floats]], line: Floats, new_numbers: Iterator[int]
+) -> Iterator[tuple[int, Floats]]:
+    """Divide polygons along a line: what presses on one goes on at its largest piece."""
+    for number, polygon in polygons:
+        pieces = divide_polygon(polygon, line)
+        areas = [area_and_centroid(piece)[0] for piece in pieces]
+        for k, piece in enumerate(pieces):
+            yield number if k == areas.index(max(areas)) else next(new_numbers), piece
 
 
 class BodyFootprint(NamedTuple):
@@ -269,6 +291,7 @@ class BodyFootprint(NamedTuple):
 
     rows: Ints  # Elements
     owner: Ints  # Place in ``rows`` of the element of each polygon
+    number: Ints  # Of each polygon, as in `Footprints`
     start: Ints  # Where the corners of the polygons begin; shape (polygons + 1,)
     corner: Floats  # m; shape (corners, 2)
 
@@ -318,7 +341,7 @@ def body_footprint(
         else np.ones(rows.size)
     )
     corner = new_centre[corner_row] + (old_corner[index] - old_centre[corner_row]) * (turn * shrunk)[corner_row]
-    return BodyFootprint(rows, owner, start, np.column_stack([corner.real, corner.imag]))
+    return BodyFootprint(rows, owner, footprints.number[polygons], start, np.column_stack([corner.real, corner.imag]))
 
 
 class FootprintBook:
