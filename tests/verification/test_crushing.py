@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Options, Parameters, build
 from riftberg.diagnostics.summary import fragment_areas
@@ -82,6 +83,43 @@ def test_two_bergs_that_meet_head_on_rebound_at_a_tenth(speed: float, dt: float)
     assert np.abs(after - before).max() < 1e-12 * before[0]
     # What is missing is the plastic work of the faces.
     assert dissipated(model) == pytest.approx(energy - left, rel=0.01)
+
+
+def struck_on_side(cuts: tuple[list[float], list[float]]) -> tuple[float, float]:
+    """Speed of rebound over that of an impact of two bergs, and the peak force (N), whose sides have corners at such places.
+
+    A notch in the back makes their footprints several polygons, between which these corners cut the side, too.
+    """
+    bergs = []
+    for front, (side, velocity) in zip(cuts, ((-1.0, 0.3), (1.0, 0.0)), strict=True):
+        back = [(4e3, 2e3), (4e3, 200.0), (3e3, 0.0), (4e3, -200.0), (4e3, -2e3)]
+        outline = shapely.Polygon(
+            [(side * (x + 1.0), y) for x, y in [*back, (0.0, -2e3), *((0.0, y) for y in front), (0.0, 2e3)]]
+        )
+        bergs.append(Iceberg.from_points(
+            [side * 1501.0], [0.0], radius=1e3, thickness=250.0, outline=outline, latlon=False, packing="square",
+            velocity=(velocity, 0.0),
+        ))  # fmt: skip
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": 1.0, "only_interactions": True},
+        fracture={"enabled": False},
+    )  # fmt: skip
+    model = Model(Iceberg.join(bergs), Forcing.uniform(), parameters)
+    polygons = np.bincount(model._stepper.memory.footprints.follow(model).owner)  # type: ignore[attr-defined]
+    assert polygons.tolist() == [5 + len(front) for front in cuts]
+    peak = max(push(model, slice(1, 2)) for _ in range(45))
+    one, two = model.elements.u
+    assert abs(model.elements.spin).max() * 2e3 < 1e-4
+    return float(two - one) / 0.3, peak
+
+
+@pytest.mark.parametrize("cuts", [([300.0], []), ([300.0], [300.0]), ([300.0], [280.0]), ([-1e3, 300.0], [305.0, 1e3])])
+def test_a_side_that_is_cut_into_polygons_bears_an_impact_as_one(cuts: tuple[list[float], list[float]]) -> None:
+    """Each pair of polygons has a face of its own; a face is no softer for it, and comes back no faster."""
+    (rebound, peak), (rebound_uncut, peak_uncut) = struck_on_side(cuts), struck_on_side(([], []))
+    assert rebound == pytest.approx(rebound_uncut, rel=0.01)
+    assert peak == pytest.approx(peak_uncut, rel=1e-3)
+    assert peak > 1e9
 
 
 def test_a_fast_impact_crushes_the_whole_face() -> None:
