@@ -54,6 +54,9 @@ FOOTPRINT_NAMES = tuple(f"footprint_{name}" for name in Footprints._fields)
 """Names in a restart file."""
 
 
+Corner = tuple[float, ...]
+"""East and north, m."""
+
 NO_BONDS: Final = np.zeros(0, np.int64)
 
 NEAREST_CRACK: Final = 0.1
@@ -157,11 +160,33 @@ def _convex_rings(ice: Any, radius: float) -> list[Floats]:
         # A hole is no part of a ring of corners, and contact needs convex faces: other polygons are laid out in triangles.
         convex = shapely.convex_hull(polygon).area <= (1.0 + 1e-12) * polygon.area
         pieces = [polygon] if convex else shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
-        for piece in pieces:
-            ring = _without_short_edges(np.asarray(shapely.orient_polygons(piece).exterior.coords)[:-1, :2], radius)
+        for corners in _join_triangles([shapely.orient_polygons(piece).exterior.coords[:-1] for piece in pieces]):
+            ring = _without_short_edges(np.array(corners)[:, :2], radius)
             if len(ring) > 2:
                 rings.append(ring)
     return rings
+
+
+def _join_triangles(rings: list[list[Corner]]) -> list[list[Corner]]:
+    """Join triangles over their common sides, as far as they stay convex (Hertel and Mehlhorn 1983)."""
+    side_of = {side: k for k, ring in enumerate(rings) for side in itertools.pairwise([*ring, ring[0]])}
+    for a, b in list(side_of):
+        k, other = side_of.get((a, b)), side_of.get((b, a))
+        if k is None or other is None:
+            continue
+        one, two = (
+            ring[n:] + ring[:n] for ring, n in ((rings[k], rings[k].index(b)), (rings[other], rings[other].index(a)))
+        )
+        if _turns_left(one[-2], a, two[1]) and _turns_left(two[-2], b, one[1]):
+            rings[k], rings[other] = one + two[1:-1], []
+            del side_of[a, b], side_of[b, a]
+            side_of.update(dict.fromkeys(itertools.pairwise(two), k))
+    return [ring for ring in rings if ring]
+
+
+def _turns_left(a: Corner, b: Corner, c: Corner) -> bool:
+    """Whether the way from a by b to c bends to the left."""
+    return (b[0] - a[0]) * (c[1] - b[1]) > (b[1] - a[1]) * (c[0] - b[0])
 
 
 def _without_short_edges(ring: Floats, radius: float) -> Floats:
