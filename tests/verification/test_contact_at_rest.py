@@ -179,6 +179,22 @@ def test_a_bar_in_a_slot_does_not_turn_through_its_walls(tmp_path: Path) -> None
     np.testing.assert_allclose(swapped.elements.rotation[0], model.elements.rotation[1], rtol=0.0, atol=1e-9)
 
 
+def test_faces_of_a_file_without_polygons_bear_their_force_and_begin_anew() -> None:
+    model = bar_in_slot(1800.0)
+    model.advance(days=0.5)
+    el, (footprints, faces) = model.elements, (model._stepper.memory.footprints, model._stepper.memory.laws.faces)  # type: ignore[attr-defined]
+    force, turn = faces.force(model), el.rotation[1]
+    for law, name in ((footprints, "footprint_number"), (faces, "meeting_polygon")):
+        saved = law.state_dict()
+        del saved[name]
+        law.load_state_dict(saved)
+    np.testing.assert_array_equal(faces.force(model), force)
+    assert force[1, 0] == pytest.approx(-el.load_x[1], rel=1e-3)
+    model.advance(days=0.5)
+    assert abs(el.rotation[1] - turn) < 1e-3
+    np.testing.assert_allclose(faces.force(model), force, rtol=0.02, atol=1e-3 * abs(force[1, 0]) * 800.0)
+
+
 class Gathering(Forcing.uniform):
     """Water that draws all ice together, at up to 5 cm s-1, and turns slowly; a light wind."""
 

@@ -97,7 +97,9 @@ class FaceContact:
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore the arrays of `state_dict`."""
-        if all(name in saved for name in FACE_PAIR_NAMES):
+        if "meeting_pair" in saved:
+            # In former files faces have no polygons: they bear their force once more, and begin anew.
+            saved = {"meeting_polygon": np.full(np.shape(saved["meeting_pair"]), -1), **saved}
             pair, polygon, *values = (np.array(saved[name]) for name in FACE_PAIR_NAMES)
             self.pairs = FacePairs(pair.astype(np.int64), polygon.astype(np.int64), *(v.astype(float) for v in values))
 
@@ -158,17 +160,17 @@ class FaceContact:
         first, second = first[pair], second[pair]
         lists, island = gather_islands(op, first, second, separation[pair], turn[pair])
         ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
-        polygon, rows = np.ascontiguousarray(near[lists.order, 1:].T), lists.rows
-        numbers = polygons.number[polygon.T]
+        (one, two), rows = np.ascontiguousarray(near[lists.order, 1:].T), lists.rows
+        numbers = np.column_stack([polygons.number[one], polygons.number[two]])
         pair_state = _recall_states(previous_pairs, numbers)
-        faces = Faces(*polygon, polygons.ring, corner, polygons.reach[rows], el.body.thickness[rows])
+        faces = Faces(one, two, polygons.ring, corner, polygons.reach[rows], el.body.thickness[rows])
         result = allocate_result(island, bodies.twist[lists.members], anchors[rows])
         shortest, dissipated = integrate_faces(lists, island, result, faces, pair_state, h, self._law)
         if not np.isfinite(result.twist).all():
             raise FloatingPointError
         in_contact = pair_state[:, PHASE] != APART
-        dissipated += previous_pairs.dissipated
-        self.pairs = FacePairs(ids[in_contact], numbers[in_contact], pair_state[in_contact], dissipated)
+        spent = previous_pairs.dissipated + dissipated
+        self.pairs = FacePairs(ids[in_contact], numbers[in_contact], pair_state[in_contact], spent)
         return subcycled_motion(op, lists, first, second, result, shortest, h)
 
     def find_near(self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, within: float) -> NearPairs:

@@ -402,6 +402,8 @@ class FootprintBook:
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore the arrays of `state_dict`."""
-        if all(name in saved for name in FOOTPRINT_NAMES):
+        if "footprint_owner" in saved:
+            # Polygons of former files have no numbers.
+            saved = {"footprint_number": np.arange(len(saved["footprint_owner"])), **saved}
             self._footprints = Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES))
             self.divided += 1
