@@ -10,6 +10,7 @@ import pytest
 import shapely
 
 from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg.engines.quasi_static.contact import face_forces as face
 from twins import crushing as twin
 
 HALF = 500.0  # of the wall
@@ -177,6 +178,31 @@ def test_a_bar_in_a_slot_does_not_turn_through_its_walls(tmp_path: Path) -> None
     swapped.advance(days=2.0)
     np.testing.assert_allclose(swapped.elements.lon[0], model.elements.lon[1], rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(swapped.elements.rotation[0], model.elements.rotation[1], rtol=0.0, atol=1e-9)
+
+
+def test_a_side_that_comes_to_lie_on_another_rests_on_it_since_its_first_polygon_touched() -> None:
+    """Bug: the next polygon struck it, so that the load of the first counted as an impact, before its time."""
+    back = [(-4e3, 2e3), (-4e3, 200.0), (-3e3, 0.0), (-4e3, -200.0), (-4e3, -2e3)]
+    outline = shapely.Polygon([*back, (0.0, -2e3), (0.0, 300.0), (0.0, 2e3)])
+    block = shapely.affinity.rotate(outline, -0.0025, origin=(0.0, 2e3))  # 17 cm open at its other end
+    shape = {"thickness": 250.0, "latlon": False, "packing": "square", "radius": 1e3}
+    bergs = [
+        Iceberg.from_points([x], [0.0], outline=ice, **shape)
+        for x, ice in ((2e3, shapely.box(0.0, -3e3, 4e3, 3e3)), (-1.5e3, block))
+    ]
+    stepping = {"time_step": 10.0, "only_interactions": True}
+    p = Parameters(earth={"latlon": False, "period": 0.0}, stepping=stepping, fracture={"enabled": False})
+    model = Model(Iceberg.join(bergs), Forcing.uniform(), p)
+    el, faces = model.elements, model._stepper.memory.laws.faces  # type: ignore[attr-defined]
+    el.body.static[0], el.load_x[1] = 1.0, PUSH * el.mass[1]
+    pressed = []
+    for _ in range(61):
+        model.advance(steps=1)
+        pressed.append(len(faces.pairs.state))
+        assert (faces.pairs.state[:, face.PHASE] == face.REST).all()
+    assert pressed[5] == 1
+    assert pressed[12] == pressed[-1] == 2
+    assert faces.force(model)[1, 0] == pytest.approx(-el.load_x[1], rel=0.01)  # of both, ten minutes after the first
 
 
 def test_faces_of_a_file_without_polygons_bear_their_force_and_begin_anew() -> None:
