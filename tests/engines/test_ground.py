@@ -684,6 +684,19 @@ def test_a_load_inside_cracks_the_ice_along_its_line() -> None:
     assert bent((1150.0, 990.0), (1350.0, 990.0)) == {(n, n + 6) for n in (7, 8, 9)}
 
 
+@pytest.mark.parametrize("depth", [100.0, 110.0, 120.0, 140.0])
+def test_the_least_clearance_is_that_under_the_berg_near_and_far_from_the_floor(depth: float) -> None:
+    """Over a slope that none or some of the pads come near, by their corners, or by the middles of the elements half one aside."""
+    slope, side = 2e-3, 3000.0
+    berg = Iceberg.rectangle(6e3, 6e3, thickness=100.0, placement=(0.0, -76.0), radius=0.5 * side)
+    model = Model(berg, Forcing.uniform((0.08, 0.0)) + Forcing.slope((0.0, -76.0), 90.0, slope, depth), Parameters())
+    model.advance(days=0.25)
+    edge = (
+        depth - slope * side - 100.0 * 850.0 / 1025.0
+    )  # at the start, half an element beside the middles of the last ones
+    assert edge < model.groundings.clearance < edge + 0.5 * slope * side + 0.05
+
+
 @pytest.mark.parametrize("tide", [False, True])
 def test_open_water_costs_one_survey_in_kilometres_of_way(monkeypatch: pytest.MonkeyPatch, tide: bool) -> None:
     """Elements of 3 km were looked at as near a floor of 700 m in every step: a slope might rise to the keel within them."""

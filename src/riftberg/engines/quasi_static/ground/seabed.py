@@ -227,6 +227,9 @@ class Seabed:
         polygons, start, clearance = keels.find_candidates(
             shoal, pads, pose, reach, level.min(axis=1), draft, self.depth, c
         )
+        # Where the floor is not asked for under its pads, the middles of the elements tell the water under a berg.
+        middles = np.minimum.reduceat(el.environment.depth[rows] - draft, pads.row_start[:-1]) + level.min(axis=1)
+        clearance = np.minimum(clearance, np.where(near_floor[numbers], middles, np.inf))
         if not polygons.size:
             self.clearance[0] = min(self.clearance[0], max(clearance.min(initial=np.inf), 0.0))
             return None
