@@ -686,7 +686,7 @@ def test_a_load_inside_cracks_the_ice_along_its_line() -> None:
 
 @pytest.mark.parametrize("depth", [100.0, 110.0, 120.0, 140.0])
 def test_the_least_clearance_is_that_under_the_berg_near_and_far_from_the_floor(depth: float) -> None:
-    """Over a slope that none or some of the pads come near, by their corners, or by the middles of the elements half one aside."""
+    """Over a slope that some pads or none come near: by their corners, or by the middles of elements, half of one aside."""
     slope, side = 2e-3, 3000.0
     berg = Iceberg.rectangle(6e3, 6e3, thickness=100.0, placement=(0.0, -76.0), radius=0.5 * side)
     model = Model(berg, Forcing.uniform((0.08, 0.0)) + Forcing.slope((0.0, -76.0), 90.0, slope, depth), Parameters())
