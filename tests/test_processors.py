@@ -16,9 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.experiments import Options
-from riftberg.experiments.a68a import story_model
+from riftberg import Forcing, Iceberg, Model, Parameters, build
 
 pytestmark = pytest.mark.skipif(platform.machine() not in {"x86_64", "AMD64"}, reason="of x86-64 processors")
 
@@ -32,7 +30,7 @@ OLD = {
 
 def a68a() -> Model:
     """Return A68a on the shoal of the story: the tip and the rest part on the eighth day."""
-    return story_model(Options({"grounding": {"law": "seabed"}}, without=frozenset()))
+    return build("a68a")[0]
 
 
 def bergs() -> Model:

@@ -175,9 +175,10 @@ def test_polar_cells_agree_with_twin_and_hold_every_point_once():
         xi, eta, _ = twin.position(plain, x[n], y[n], *cell_of(grid, e, n))
         assert 0.0 <= e.xi[n] < 1.0
         assert 0.0 <= e.eta[n] < 1.0
-        # The cell is a triangle: xi is known to round-off over the width that is left at eta.
+        # The cell is a triangle: xi is known to round-off over the width that is left at eta. The sines and cosines of the
+        # twin are those of the C library, which round the last bit otherwise.
         left = 1.0 - e.eta[n] if y[n] > 88.0 else 1.0
-        np.testing.assert_allclose((left * e.xi[n], e.eta[n]), (left * xi, eta), rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose((left * e.xi[n], e.eta[n]), (left * xi, eta), rtol=1e-12, atol=3e-12)
 
 
 def test_points_between_chord_and_parallel_of_a_wedge_at_the_pole_have_coordinates():

@@ -177,7 +177,7 @@ def acos(x: float) -> float:
 
 
 @kernel
-def _power_of_2(exponent: float) -> float:
+def _binary_power(exponent: float) -> float:
     """2 to a whole power from -1022 to 1023, by its bits."""
     bits = np.int64((int(exponent) + _EXPONENT_BIAS) << _FRACTION_BITS)
     return float(bits.view(np.float64))
@@ -210,7 +210,7 @@ def exp(x: float) -> float:
     """Exponential, to the last digit; 0 below -708, infinite beyond 709."""
     power, less_1 = _reduce_exponent(min(max(x, _LOWEST), _HIGHEST))
     if _LOWEST <= x <= _HIGHEST:
-        return (1.0 + less_1) * _power_of_2(power)
+        return (1.0 + less_1) * _binary_power(power)
     return 0.0 if x < _LOWEST else (np.inf if x > _HIGHEST else x)
 
 
@@ -218,7 +218,7 @@ def exp(x: float) -> float:
 def tanh(x: float) -> float:
     """Hyperbolic tangent, to the last digit or two."""
     power, less_1 = _reduce_exponent(max(-2.0 * abs(x), -80.0))
-    less_1 = less_1 if power == 0.0 else (1.0 + less_1) * _power_of_2(power) - 1.0
+    less_1 = less_1 if power == 0.0 else (1.0 + less_1) * _binary_power(power) - 1.0
     size = -less_1 / (2.0 + less_1)
     return size if x >= 0.0 else -size
 
@@ -235,7 +235,7 @@ def _reduce_logarithm(x: float) -> tuple[float, float]:
     """Return the power of 2 nearest to a number above 1e-307, and the natural logarithm of their quotient."""
     bits = np.float64(x).view(np.int64)
     power = (bits >> _FRACTION_BITS) - _EXPONENT_BIAS
-    fraction = x * _power_of_2(-float(power))
+    fraction = x * _binary_power(-float(power))
     if fraction > _ROOT_OF_2:
         fraction, power = 0.5 * fraction, power + 1
     t = (fraction - 1.0) / (fraction + 1.0)
@@ -272,7 +272,7 @@ def log2(x: float) -> float:
 def exp2(x: float) -> float:
     """2 to a power from -1000 to 1000, to the last digit or two; exact for whole ones."""
     whole = np.floor(x)
-    return exp((x - whole) * _LN_2) * _power_of_2(whole)
+    return exp((x - whole) * _LN_2) * _binary_power(whole)
 
 
 @kernel
