@@ -16,8 +16,9 @@ FIGURES = ROOT / "docs" / "figures"
 
 OF_THEIR_SCRIPTS = {
     "stress-and-long-step": "benchmarks/convergence.py",
+    "growth": "benchmarks/growth.py",
 }  # fmt: skip
-"""Figures that come with a table of evidence, and the script that makes both in an hour or more."""
+"""Figures of what was measured, and the script that measures and draws."""
 
 QUICK = ("house", "life-of-an-element", "keel-and-floor")
 
