@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, EARTH_ROTATION
-from riftberg.physics.elementary import acos, cos, sin
 
 Floats = NDArray[np.float64]
 
@@ -115,7 +114,7 @@ def metres_per_unit(latitude: float, latlon: bool, radius: float) -> tuple[float
     if not latlon:
         return 1.0, 1.0
     per_degree = DEGREE * radius
-    return per_degree * cos(latitude * DEGREE), per_degree
+    return per_degree * math.cos(latitude * DEGREE), per_degree
 
 
 @kernel
@@ -149,7 +148,7 @@ def separation(
 def to_tangent_plane(lon: float, lat: float, radius: float) -> tuple[float, float]:
     """Position (m) on the plane that touches the sphere at the North Pole (equations 2.3)."""
     r = radius * (90.0 - lat) * DEGREE
-    return r * cos(lon * DEGREE), r * sin(lon * DEGREE)
+    return r * math.cos(lon * DEGREE), r * math.sin(lon * DEGREE)
 
 
 @kernel
@@ -158,21 +157,21 @@ def from_tangent_plane(x: float, y: float, radius: float) -> tuple[float, float]
     r = math.sqrt(x * x + y * y)
     lat = 90.0 - r / radius / DEGREE
     # Round-off may leave the cosine beyond 1, where the arc is no number.
-    lon = 0.0 if r == 0.0 else acos(min(1.0, max(-1.0, x / r))) / DEGREE
+    lon = 0.0 if r == 0.0 else math.acos(min(1.0, max(-1.0, x / r))) / DEGREE
     return (lon if y >= 0.0 else -lon), lat
 
 
 @kernel
 def vector_to_plane(lon: float, u: float, v: float) -> tuple[float, float]:
     """Turn an (east, north) vector into polar-plane components (equations 2.3)."""
-    c, s = cos(lon * DEGREE), sin(lon * DEGREE)
+    c, s = math.cos(lon * DEGREE), math.sin(lon * DEGREE)
     return -s * u - c * v, c * u - s * v
 
 
 @kernel
 def vector_from_plane(lon: float, x: float, y: float) -> tuple[float, float]:
     """Turn polar-plane components into an (east, north) vector (equations 2.3)."""
-    c, s = cos(lon * DEGREE), sin(lon * DEGREE)
+    c, s = math.cos(lon * DEGREE), math.sin(lon * DEGREE)
     return -s * x + c * y, -c * x - s * y
 
 
@@ -287,7 +286,7 @@ def inverse_bilinear(x: float, y: float, period: float, sw: Point, se: Point, ne
 def polar_plane(lon: float, lat: float) -> tuple[float, float]:
     """Return a point as (x, y) in the plane around the north pole, in degrees of latitude (equations 2.5)."""
     distance = 90.0 - lat
-    return distance * cos(lon * DEGREE), distance * sin(lon * DEGREE)
+    return distance * math.cos(lon * DEGREE), distance * math.sin(lon * DEGREE)
 
 
 @kernel
@@ -389,7 +388,7 @@ def coriolis_parameter(latitude: float, latlon: bool, f_plane: bool, reference_l
         Degrees.
     """
     phi = latitude if latlon and not f_plane else reference_latitude
-    return 2.0 * EARTH_ROTATION * sin(phi * DEGREE)
+    return 2.0 * EARTH_ROTATION * math.sin(phi * DEGREE)
 
 
 @kernel

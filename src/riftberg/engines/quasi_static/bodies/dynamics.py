@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
-from riftberg.constants import EARTH_ROTATION
+from riftberg.constants import DEGREE, EARTH_ROTATION
 from riftberg.engines.common.forces.media import (
     CORIOLIS,
     LIMIT,
@@ -65,6 +65,7 @@ from riftberg.engines.common.forces.sizes import Sizes, rectangle_inertia
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import ocean_drag, outline_drag
+from riftberg.physics.elementary import sin
 from riftberg.physics.floating import draft_of
 from riftberg.physics.geometry import multiply, solve, times
 from riftberg.physics.sea_ice import yield_rate
@@ -189,6 +190,9 @@ def evaluate_forcing(
     """
     media, mass, inertia, aground = forcing.media, forcing.mass, forcing.inertia, forcing.aground
     find_surroundings(el, sizes, Surroundings(media, forcing.coriolis, acts, nothing[0], nothing), p)
+    for e in range(mass.size):  # by a sine that is the same on every processor: KID's is that of the C library
+        latitude = el.place.lat[e] if p.latlon and not p.f_plane else p.reference_latitude
+        forcing.coriolis[e] = 2.0 * EARTH_ROTATION * sin(latitude * DEGREE)
     thickness, length, width, depth = el.body.thickness, el.body.length, el.body.width, el.environment.depth
     bonds, ice, fraction, own_drag = (
         el.body.bond_count, el.environment.ice_thickness, el.environment.ice_fraction, el.environment.own_water_drag

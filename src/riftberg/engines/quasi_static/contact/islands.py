@@ -40,7 +40,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 from riftberg.engines.quasi_static.contact.anchors import ANCHOR_X, ANCHOR_Y, ARM_X, ARM_Y, SLOPE_X, SLOPE_Y, STIFFNESS
 from riftberg.parameters import KernelParameters
 from riftberg.physics.elementary import cos, sin
-from riftberg.physics.geometry import multiply, nearest_image, separation, solve, times
+from riftberg.physics.geometry import multiply, nearest_image, solve, times
 from riftberg.state import Floats, Ints
 
 REFRESH_FRACTION: Final = 1.0 / 32.0
@@ -193,11 +193,12 @@ def pair_separations(lon: Floats, lat: Floats, first: Ints, second: Ints, p: Ker
     separations, turn, period = np.empty((first.size, 2)), np.zeros((first.size, 2)), 360.0 if p.latlon else p.period
     for k in range(first.size):
         i, j = first[k], second[k]
-        east, north = separation(lon[i], lat[i], lon[j], lat[j], p.latlon, p.earth_radius, period)
-        separations[k, 0], separations[k, 1], turn[k, 0] = east, north, 1.0
+        dx, dy, turn[k, 0] = nearest_image(lon[i] - lon[j], period), lat[i] - lat[j], 1.0
         if p.latlon:
-            angle = 0.5 * DEGREE * nearest_image(lon[i] - lon[j], period) * sin(0.5 * DEGREE * (lat[i] + lat[j]))
+            metre, angle = DEGREE * p.earth_radius, 0.5 * DEGREE * dx * sin(0.5 * DEGREE * (lat[i] + lat[j]))
             turn[k, 0], turn[k, 1] = cos(angle), sin(angle)
+            dx, dy = dx * (metre * cos(0.5 * (lat[i] + lat[j]) * DEGREE)), dy * metre
+        separations[k, 0], separations[k, 1] = dx, dy
     return separations, turn
 
 
