@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 import shapely
 
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.engines.quasi_static.contact import face_forces as face
 from twins import crushing as twin
 
 HALF = 500.0  # of the wall
@@ -131,94 +129,6 @@ def test_bergs_side_by_side_that_drift_towards_a_pole_do_not_sink_into_each_othe
     model.advance(days=1.0)
     # Free, they would come 70 m nearer (112 m at 70 degrees).
     assert start - distance() < 1.0
-
-
-SLOTTED = shapely.Polygon(
-    [(-500, -400), (500, -400), (500, 800), (101, 800), (101, 0), (-101, 0), (-101, 800), (-500, 800)]
-)
-BAR = shapely.box(-100, 2, 100, 2002)
-
-
-def bar_in_slot(dt: float, swapped: bool = False) -> Model:
-    """A bar in the slot of a berg that is held, a metre from either wall, pushed aside at its middle, which is outside."""
-    shape = {"thickness": 100.0, "latlon": False, "packing": "square"}
-    held = Iceberg.from_points([0.0], [-200.0], radius=500.0, outline=SLOTTED, **shape)
-    bar = Iceberg.from_points([0.0], [1002.0], radius=300.0, outline=BAR, **shape)
-    p = Parameters(earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt}, fracture={"enabled": False})
-    model = Model(Iceberg.join([bar, held] if swapped else [held, bar]), Forcing.uniform(), p)
-    el, pushed = model.elements, 0 if swapped else 1
-    el.body.static[1 - pushed] = 1.0
-    el.load_x[pushed] = PUSH * el.mass[pushed]
-    return model
-
-
-@pytest.mark.quick(2)
-def test_a_bar_in_a_slot_does_not_turn_through_its_walls(tmp_path: Path) -> None:
-    """Bug: pairs of elements had one face, so that the pushes of both walls cancelled: it turned through them within hours.
-
-    So did crumbs of A68a that were hooked around others, by up to 530 m.
-    """
-    model, places = bar_in_slot(1800.0), []
-    for day in range(2):
-        model.advance(days=1.0)
-        places.append([model.elements.lon[1], model.elements.lat[1], np.degrees(model.elements.rotation[1])])
-        if day == 0:
-            path = model.save(tmp_path / "pressed.restart.nc")
-    (x, y, turn), _ = places
-    bar = shapely.affinity.translate(shapely.affinity.rotate(BAR, turn), x, y - 1002.0)
-    assert 0.14 < -turn < 0.18  # two metres in 800, and what its corners crush
-    assert 1.0 < bar.intersection(SLOTTED).area < 10.0
-    np.testing.assert_allclose(places[1], places[0], atol=1e-3)
-    again = Model.resume(path, Forcing.uniform())
-    again.elements.load_x[1] = model.elements.load_x[1]
-    again.advance(days=1.0)
-    for name in ("lon", "lat", "rotation", "u", "v", "spin"):
-        np.testing.assert_array_equal(getattr(again.elements, name), getattr(model.elements, name))
-    swapped = bar_in_slot(1800.0, swapped=True)
-    swapped.advance(days=2.0)
-    np.testing.assert_allclose(swapped.elements.lon[0], model.elements.lon[1], rtol=0.0, atol=1e-6)
-    np.testing.assert_allclose(swapped.elements.rotation[0], model.elements.rotation[1], rtol=0.0, atol=1e-9)
-
-
-def test_a_side_that_comes_to_lie_on_another_rests_on_it_since_its_first_polygon_touched() -> None:
-    """Bug: the next polygon struck it, so that the load of the first counted as an impact, before its time."""
-    back = [(-4e3, 2e3), (-4e3, 200.0), (-3e3, 0.0), (-4e3, -200.0), (-4e3, -2e3)]
-    outline = shapely.Polygon([*back, (0.0, -2e3), (0.0, 300.0), (0.0, 2e3)])
-    block = shapely.affinity.rotate(outline, -0.0025, origin=(0.0, 2e3))  # 17 cm open at its other end
-    shape = {"thickness": 250.0, "latlon": False, "packing": "square", "radius": 1e3}
-    bergs = [
-        Iceberg.from_points([x], [0.0], outline=ice, **shape)
-        for x, ice in ((2e3, shapely.box(0.0, -3e3, 4e3, 3e3)), (-1.5e3, block))
-    ]
-    stepping = {"time_step": 10.0, "only_interactions": True}
-    p = Parameters(earth={"latlon": False, "period": 0.0}, stepping=stepping, fracture={"enabled": False})
-    model = Model(Iceberg.join(bergs), Forcing.uniform(), p)
-    el, faces = model.elements, model._stepper.memory.laws.faces  # type: ignore[attr-defined]
-    el.body.static[0], el.load_x[1] = 1.0, PUSH * el.mass[1]
-    pressed = []
-    for _ in range(61):
-        model.advance(steps=1)
-        pressed.append(len(faces.pairs.state))
-        assert (faces.pairs.state[:, face.PHASE] == face.REST).all()
-    assert pressed[5] == 1
-    assert pressed[12] == pressed[-1] == 2
-    assert faces.force(model)[1, 0] == pytest.approx(-el.load_x[1], rel=0.01)  # of both, ten minutes after the first
-
-
-def test_faces_of_a_file_without_polygons_bear_their_force_and_begin_anew() -> None:
-    model = bar_in_slot(1800.0)
-    model.advance(days=0.5)
-    el, (footprints, faces) = model.elements, (model._stepper.memory.footprints, model._stepper.memory.laws.faces)  # type: ignore[attr-defined]
-    force, turn = faces.force(model), el.rotation[1]
-    for law, name in ((footprints, "footprint_number"), (faces, "meeting_polygon")):
-        saved = law.state_dict()
-        del saved[name]
-        law.load_state_dict(saved)
-    np.testing.assert_array_equal(faces.force(model), force)
-    assert force[1, 0] == pytest.approx(-el.load_x[1], rel=1e-3)
-    model.advance(days=0.5)
-    assert abs(el.rotation[1] - turn) < 1e-3
-    np.testing.assert_allclose(faces.force(model), force, rtol=0.02, atol=1e-3 * abs(force[1, 0]) * 800.0)
 
 
 class Gathering(Forcing.uniform):

@@ -366,13 +366,11 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "footprint_east": Bound(("footprints",)),
     "footprint_centre": Bound(("footprints", 2)),
     "footprint_owner": Bound(("polygons",), 0, "footprints - 1"),
-    "footprint_number": Bound(("polygons",), 0, LARGEST_WHOLE, once=True),
     "footprint_corner": Bound(("corners", 2)),
     "footprint_start": Bound((None,), 0, "corners"),
     "footprint_cracked": Bound((None,), 0, "next_bond - 1"),
     # Faces of two elements that press each other.
     "meeting_pair": Bound(("face pairs", 2), 0, "next_element - 1"),
-    "meeting_polygon": Bound(("face pairs", 2), 0, LARGEST_WHOLE),
     "meeting_state": Bound(("face pairs", 16)),
     "meeting_dissipated": Bound((1,)),
     "bed_(plastic|clearance)": Bound((None,)),

@@ -120,19 +120,18 @@ def integrate_faces(
 
     ``results``, and ``pair_state`` with a row for each pair, are changed in place.
     """
-    shortest, dissipated, pair = dt, 0.0, allocate_pair(faces.ring)
+    shortest, dissipated, pair = dt, 0.0, allocate_pair(faces)
     for k in range(lists.start.size - 1):
-        e, n = slice(lists.row_start[k], lists.row_start[k + 1]), slice(lists.pair_start[k], lists.pair_start[k + 1])
+        e = slice(lists.row_start[k], lists.row_start[k + 1])
         island, result = select_island(lists, k, all_islands), select_result(lists, k, results)
         work = allocate_crushing(island, pair)
-        island_faces = Faces(
-            faces.first[n], faces.second[n], faces.ring, faces.corner, faces.reach[e], faces.thickness[e]
-        )
+        island_faces = Faces(faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e])
         for i in range(island.body_of.size):
             m, a = island.levers[i], island.body_of[i]
             work.arm[a] = max(work.arm[a], math.hypot(m[2], m[5]) + island_faces.reach[i])
+        island_pairs = pair_state[lists.pair_start[k] : lists.pair_start[k + 1]]
         media = allocate_linearisation(result.twist)
-        shortest = min(shortest, _integrate_island(island, island_faces, pair_state[n], result, media, dt, law, work))
+        shortest = min(shortest, _integrate_island(island, island_faces, island_pairs, result, media, dt, law, work))
         dissipated += work.dissipated[0]
     return shortest, dissipated
 

@@ -238,12 +238,10 @@ def find_faces(
         state = pair_state[k]
         if state[PHASE] == APART:
             # Faces meet where they stand at the start of the sub-step: ice crushed earlier is rubble that fills the gap.
-            rested = _find_rest(island, pair_state, k)
-            state[PHASE] = IMPACT if closing > (STRUCK_AT_REST if standing or rested > 0.0 else SLOW) else REST
+            state[PHASE] = IMPACT if closing > (STRUCK_AT_REST if standing else SLOW) else REST
             state[TOUCHED] = max(area - 0.5 * h * closing * chord, 0.0)
             state[CRUSHED] = state[TOUCHED]
-            state[SINCE] = rested if state[PHASE] == REST else 0.0
-            state[SPEED], state[FORCE], state[FRICTION] = closing, 0.0, 0.0
+            state[SINCE], state[SPEED], state[FORCE], state[FRICTION] = 0.0, closing, 0.0, 0.0
         state[CHORD] = chord
         row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
         row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
@@ -255,21 +253,6 @@ def find_faces(
             work.active[count] = k
             count += 1
     return count
-
-
-@kernel
-def _find_rest(island: Island, pair_state: Floats, k: int) -> float:
-    """Time (s) since which other polygons of the same elements have rested on each other; the pairs of these are neighbours."""
-    longest = 0.0
-    for onward in (-1, 1):
-        n = k + onward
-        while (
-            0 <= n < island.first.size and island.first[n] == island.first[k] and island.second[n] == island.second[k]
-        ):
-            if pair_state[n, PHASE] == REST:
-                longest = max(longest, pair_state[n, SINCE])
-            n += onward
-    return longest
 
 
 @borrower

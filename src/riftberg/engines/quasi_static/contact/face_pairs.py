@@ -1,4 +1,4 @@
-"""Polygons of two footprints that may meet: their positions, the gap between them, and their overlap."""
+"""Footprints of two elements that may meet: their positions, the gap between them, and their overlap."""
 
 from __future__ import annotations
 
@@ -14,36 +14,39 @@ from riftberg.physics.elementary import cos, sin
 from riftberg.physics.geometry import gap, overlap
 from riftberg.state import Floats, Ints
 
-Box = tuple[float, float, float, float]
-"""Least and largest coordinates of a polygon: west, south, east, north, m."""
-
 
 class Faces(NamedTuple):
-    """Convex polygons of the footprints, about the centres of their elements at the start of the step."""
+    """Footprints of elements as convex polygons, about their centres at the start of the step."""
 
-    first: Ints  # Polygons of the candidate pairs; shape (pairs,)
-    second: Ints
+    begin: Ints  # Where the polygons of each element begin among all; shape (elements,)
+    end: Ints  # and end
     ring: Ints  # Where the corners of each polygon begin; shape (polygons + 1,)
     corner: Floats  # East and north of the element, m; shape (corners, 2)
     reach: Floats  # Farthest corner of each element, m
-    thickness: Floats  # Of each element, m
+    thickness: Floats  # m
 
 
 class PairWorkspace(NamedTuple):
-    """Both polygons of a pair in their positions, and their overlap."""
+    """Polygons of both elements of a pair in their positions, and the overlap of two."""
 
-    corners_1: Floats  # m; shape (corners of the largest polygon, 2)
+    corners_1: Floats  # Of all polygons of an element, one after the other, m
     corners_2: Floats
+    box_1: Floats  # Least and largest coordinates of each polygon: west, south, east, north, m
+    box_2: Floats
     cut: Floats  # Corners of the overlap; see `riftberg.physics.geometry.overlap`
 
 
 @kernel
-def allocate_pair(ring: Ints) -> PairWorkspace:
-    """Return a workspace for any two polygons."""
-    corners = 0
-    for p in range(ring.size - 1):
-        corners = max(corners, ring[p + 1] - ring[p])
-    return PairWorkspace(np.empty((corners, 2)), np.empty((corners, 2)), np.empty((2, 4 * corners, 3)))
+def allocate_pair(faces: Faces) -> PairWorkspace:
+    """Return a workspace for the polygons of any two elements."""
+    corners, polygons = 0, 0
+    for e in range(faces.begin.size):
+        corners = max(corners, faces.ring[faces.end[e]] - faces.ring[faces.begin[e]])
+        polygons = max(polygons, faces.end[e] - faces.begin[e])
+    return PairWorkspace(
+        np.empty((corners, 2)), np.empty((corners, 2)), np.empty((polygons, 4)), np.empty((polygons, 4)),
+        np.empty((2, 4 * corners, 3)),
+    )  # fmt: skip
 
 
 class CrushingWorkspace(NamedTuple):
@@ -90,59 +93,57 @@ class CrushingWorkspace(NamedTuple):
 
 
 @kernel
-def find_near_faces(
-    first: Ints, second: Ints, separation: Floats, turn: Floats, within: Floats, begin: Ints, ring: Ints, corner: Floats
-) -> tuple[Ints, Floats]:
-    """Find the pairs of polygons of pairs of elements that are at most ``within`` m from each other.
+def face_gaps(first: Ints, second: Ints, separation: Floats, turn: Floats, faces: Faces) -> Floats:
+    """Gap (m) between the faces of each pair, below 0 where they overlap, and its normal from first to second; shape (pairs, 3).
 
-    Returns the place of the pair of elements in the list and both polygons, shape (pairs, 3), and the gap (m), below 0 where
-    they overlap, with its normal from first to second; shape (pairs, 3). ``separation``, ``turn``: of the pairs of elements,
-    as in `Island`; ``begin``: where the polygons of each element begin; ``ring``, ``corner``: as in `Faces`.
+    ``separation``, ``turn``: of the pairs, as in `Island`.
     """
-    pair, size, count = allocate_pair(ring), 0, 0
+    pair, gaps = allocate_pair(faces), np.empty((first.size, 3))
     for k in range(first.size):
-        size += (begin[first[k] + 1] - begin[first[k]]) * (begin[second[k] + 1] - begin[second[k]])
-    near, gaps = np.empty((size, 3), np.int64), np.empty((size, 3))
-    for k in range(first.size):
+        i, j = first[k], second[k]
         c, s = turn[k, 0], turn[k, 1]
-        for p in range(begin[first[k]], begin[first[k] + 1]):
-            one, box = _place(ring, corner, p, separation[k, 0], separation[k, 1], c, s, pair.corners_1)
-            for q in range(begin[second[k]], begin[second[k] + 1]):
-                two, other = _place(ring, corner, q, 0.0, 0.0, c, -s, pair.corners_2)
-                g, nx, ny = _find_gap(one, box, two, other, within[k])
-                if g <= within[k]:
-                    near[count, 0], near[count, 1], near[count, 2] = k, p, q
-                    gaps[count, 0], gaps[count, 1], gaps[count, 2] = g, nx, ny
-                    count += 1
-    return near[:count], gaps[:count]
+        _place(faces, i, separation[k, 0], separation[k, 1], c, s, pair.corners_1, pair.box_1)
+        _place(faces, j, 0.0, 0.0, c, -s, pair.corners_2, pair.box_2)
+        gaps[k, 0], gaps[k, 1], gaps[k, 2] = _find_least_gap(faces, i, j, pair)
+    return gaps
 
 
 @borrower
 def find_pair_gap(
     island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
 ) -> tuple[float, float, float]:
-    """Gap (m) between the polygons of a pair with the bodies moved by ``path``, below 0 where they overlap, and its normal."""
+    """Gap (m) between the faces of a pair with the bodies moved by ``path``, below 0 where they overlap, and its normal."""
+    i, j, pair = island.first[k], island.second[k], work.pair
     ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
-    one, box = _place(faces.ring, faces.corner, faces.first[k], x1, y1, ca, sa, work.pair.corners_1)
-    two, other = _place(faces.ring, faces.corner, faces.second[k], x2, y2, cb, sb, work.pair.corners_2)
-    return _find_gap(one, box, two, other, np.inf)
+    _place(faces, i, x1, y1, ca, sa, pair.corners_1, pair.box_1)
+    _place(faces, j, x2, y2, cb, sb, pair.corners_2, pair.box_2)
+    return _find_least_gap(faces, i, j, pair)
 
 
 @borrower
-def _find_gap(one: Floats, box: Box, two: Floats, other: Box, within: float) -> tuple[float, float, float]:
-    """Gap (m) between two polygons in their boxes, and its normal; if it is wider than ``within``, perhaps that of the boxes."""
-    # Polygons are no nearer than their boxes, the strip between which may be wider than that along any edge.
-    east, north = max(box[0] - other[2], other[0] - box[2]), max(box[1] - other[3], other[1] - box[3])
-    g, nx, ny = max(east, north), 0.0, 0.0
-    if g <= within:
-        width, ux, uy = gap(one, two)
-        if width >= g:
-            return width, ux, uy
-    if east >= north:
-        nx = 1.0 if other[0] > box[2] else -1.0
-    else:
-        ny = 1.0 if other[1] > box[3] else -1.0
-    return g, nx, ny
+def _find_least_gap(faces: Faces, i: int, j: int, pair: PairWorkspace) -> tuple[float, float, float]:
+    """Least gap (m) between the polygons of two elements in their positions, and its normal."""
+    nearest, nx, ny = np.inf, 1.0, 0.0
+    for p in range(faces.end[i] - faces.begin[i]):
+        begin, end = _find_corners(faces, i, p)
+        one, box = pair.corners_1[begin:end], pair.box_1[p]
+        for q in range(faces.end[j] - faces.begin[j]):
+            other = pair.box_2[q]
+            # Polygons are no nearer than their boxes, the strip between which may be wider than that along any edge.
+            east, north = max(box[0] - other[2], other[0] - box[2]), max(box[1] - other[3], other[1] - box[3])
+            if max(east, north) >= max(nearest, 0.0):
+                continue
+            begin, end = _find_corners(faces, j, q)
+            g, gx, gy = gap(one, pair.corners_2[begin:end])
+            if max(east, north) > g:
+                g, gx, gy = max(east, north), 0.0, 0.0
+                if east >= north:
+                    gx = 1.0 if other[0] > box[2] else -1.0
+                else:
+                    gy = 1.0 if other[1] > box[3] else -1.0
+            if g < nearest:
+                nearest, nx, ny = g, gx, gy
+    return nearest, nx, ny
 
 
 @borrower
@@ -154,14 +155,26 @@ def find_pair_overlap(
     The skin brings each towards the other, so that neither is the first one. It takes the whole workspace, as `find_pair_gap`:
     with few arguments LLVM no longer takes these into their callers, and a sub-step costs a third more.
     """
+    i, j, pair = island.first[k], island.second[k], work.pair
     ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
-    one, box = _place(faces.ring, faces.corner, faces.first[k], x1 + skin_x, y1 + skin_y, ca, sa, work.pair.corners_1)
-    two, other = _place(
-        faces.ring, faces.corner, faces.second[k], x2 - skin_x, y2 - skin_y, cb, sb, work.pair.corners_2
-    )
-    if box[0] > other[2] or other[0] > box[2] or box[1] > other[3] or other[1] > box[3]:
-        return 0.0, 0.0, 0.0, 0.0, 0.0
-    return overlap(one, two, work.pair.cut)
+    _place(faces, i, x1 + skin_x, y1 + skin_y, ca, sa, pair.corners_1, pair.box_1)
+    _place(faces, j, x2 - skin_x, y2 - skin_y, cb, sb, pair.corners_2, pair.box_2)
+    area = moment_x = moment_y = chord_x = chord_y = 0.0
+    for p in range(faces.end[i] - faces.begin[i]):
+        begin, end = _find_corners(faces, i, p)
+        one, box = pair.corners_1[begin:end], pair.box_1[p]
+        for q in range(faces.end[j] - faces.begin[j]):
+            other = pair.box_2[q]
+            if box[0] > other[2] or other[0] > box[2] or box[1] > other[3] or other[1] > box[3]:
+                continue
+            begin, end = _find_corners(faces, j, q)
+            overlap_area, tx, ty, cx, cy = overlap(one, pair.corners_2[begin:end], pair.cut)
+            area += overlap_area
+            moment_x += tx
+            moment_y += ty
+            chord_x += cx
+            chord_y += cy
+    return area, moment_x, moment_y, chord_x, chord_y
 
 
 @borrower
@@ -182,15 +195,22 @@ def locate_pair(island: Island, path: Floats, k: int) -> tuple[float, float, flo
 
 
 @kernel
-def _place(
-    ring: Ints, corner: Floats, p: int, x: float, y: float, c: float, s: float, out: Floats
-) -> tuple[Floats, Box]:
-    """Place a polygon whose element stands at (x, y) and has turned by cosine and sine; returns its corners and its box."""
-    begin, end = ring[p], ring[p + 1]
-    west, south, east, north = np.inf, np.inf, -np.inf, -np.inf
-    for n in range(begin, end):
-        px, py = corner[n, 0], corner[n, 1]
-        u, v = x + c * px - s * py, y + s * px + c * py
-        out[n - begin, 0], out[n - begin, 1] = u, v
-        west, south, east, north = min(west, u), min(south, v), max(east, u), max(north, v)
-    return out[: end - begin], (west, south, east, north)
+def _place(faces: Faces, e: int, x: float, y: float, c: float, s: float, out: Floats, box: Floats) -> None:
+    """Place the polygons of an element that stands at (x, y) and has turned by cosine and sine, and find their boxes."""
+    begin = faces.ring[faces.begin[e]]
+    for p in range(faces.begin[e], faces.end[e]):
+        west, south, east, north = np.inf, np.inf, -np.inf, -np.inf
+        for n in range(faces.ring[p], faces.ring[p + 1]):
+            px, py = faces.corner[n, 0], faces.corner[n, 1]
+            u, v = x + c * px - s * py, y + s * px + c * py
+            out[n - begin, 0], out[n - begin, 1] = u, v
+            west, south, east, north = min(west, u), min(south, v), max(east, u), max(north, v)
+        k = p - faces.begin[e]
+        box[k, 0], box[k, 1], box[k, 2], box[k, 3] = west, south, east, north
+
+
+@kernel
+def _find_corners(faces: Faces, e: int, number: int) -> tuple[int, int]:
+    """Return where the corners of one polygon of an element begin and end among those of all of them."""
+    p, begin = faces.begin[e] + number, faces.ring[faces.begin[e]]
+    return faces.ring[p] - begin, faces.ring[p + 1] - begin

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower
 from riftberg.engines.common.broad_phase import NO_PAIRS, SEARCH_MARGIN, candidate_pairs
 from riftberg.engines.common.forces.sizes import Sizes
 from riftberg.engines.common.land import NearPairs, movable
@@ -27,7 +27,7 @@ from riftberg.engines.quasi_static.contact.face_forces import (
     TORQUE_2,
     CrushingLaw,
 )
-from riftberg.engines.quasi_static.contact.face_pairs import Faces, find_near_faces
+from riftberg.engines.quasi_static.contact.face_pairs import Faces, face_gaps
 from riftberg.engines.quasi_static.contact.islands import (
     SubcycledMotion,
     allocate_result,
@@ -57,7 +57,6 @@ class FacePairs(NamedTuple):
     """The pairs of faces that press each other, as the last sub-step left them."""
 
     pair: Ints  # Identifiers of both elements; shape (pairs, 2)
-    polygon: Ints  # Numbers of both polygons (`Footprints.number`); shape (pairs, 2)
     state: Floats  # See `riftberg.engines.quasi_static.contact.face_forces`; shape (pairs, columns)
     dissipated: Floats  # Plastic work and friction since the start of the run, J; shape (1,)
 
@@ -65,14 +64,13 @@ class FacePairs(NamedTuple):
 FACE_PAIR_NAMES = tuple(f"meeting_{name}" for name in FacePairs._fields)
 """Names in a restart file."""
 
-NO_FACE_PAIRS = FacePairs(np.zeros((0, 2), np.int64), np.zeros((0, 2), np.int64), np.zeros((0, COLUMNS)), np.zeros(1))
+NO_FACE_PAIRS = FacePairs(np.zeros((0, 2), np.int64), np.zeros((0, COLUMNS)), np.zeros(1))
 
 
 class _Polygons(NamedTuple):
     """Footprints of all elements, along the axes of their fragments."""
 
     begin: Ints  # Where the polygons of each element begin; shape (elements + 1,)
-    number: Ints  # Of each polygon (`Footprints.number`)
     ring: Ints  # Where the corners of each polygon begin; shape (polygons + 1,)
     corner: Floats  # From the centre of the element, m; shape (corners, 2)
     element: Ints  # Of each corner
@@ -97,15 +95,13 @@ class FaceContact:
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore the arrays of `state_dict`."""
-        if "meeting_pair" in saved:
-            # In former files faces have no polygons: they bear their force once more, and begin anew.
-            saved = {"meeting_polygon": np.full(np.shape(saved["meeting_pair"]), -1), **saved}
-            pair, polygon, *values = (np.array(saved[name]) for name in FACE_PAIR_NAMES)
-            self.pairs = FacePairs(pair.astype(np.int64), polygon.astype(np.int64), *(v.astype(float) for v in values))
+        if all(name in saved for name in FACE_PAIR_NAMES):
+            pair, state, dissipated = (np.array(saved[name]) for name in FACE_PAIR_NAMES)
+            self.pairs = FacePairs(pair.astype(np.int64), state.astype(float), dissipated.astype(float))
 
     def forget_pairs(self) -> None:
         """Forget all pairs: nobody may touch."""
-        self.pairs = NO_FACE_PAIRS._replace(dissipated=self.pairs.dissipated)
+        self.pairs = self.pairs._replace(pair=NO_FACE_PAIRS.pair, state=NO_FACE_PAIRS.state)
 
     def reach(self, model: RunState) -> Floats:
         """Distance (m) of the farthest corner of each element's footprint from its centre."""
@@ -144,7 +140,7 @@ class FaceContact:
         first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
         if first.size == 0:
             return None
-        corner = _turn_corners(polygons, op.levers)
+        faces = self._orient_polygons(polygons, el, op.levers)
         separation, turn = pair_separations(el.shown.lon_pair, el.shown.lat_pair, first, second, c)
         # As far as both can come in the step by their velocities and their driving forces.
         # The spin of the state may come from a trial step that was rolled back.
@@ -152,25 +148,23 @@ class FaceContact:
         velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, turning])
         u, v, spin = np.abs(velocity[first] - velocity[second]).T
         approach = h * (np.hypot(u, v) + spin * (polygons.reach[first] + polygons.reach[second]) + 0.5 * DRIVEN * h)
-        near, _ = find_near_faces(first, second, separation, turn, approach, polygons.begin, polygons.ring, corner)
-        if not near.size:
+        may_touch = face_gaps(first, second, separation, turn, faces)[:, 0] <= approach
+        if not may_touch.any():
             return None
-        near = near[_sweep_order(el, first[near[:, 0]], second[near[:, 0]], near[:, 1:], polygons.ring, corner)]
-        pair = near[:, 0]
-        first, second = first[pair], second[pair]
-        lists, island = gather_islands(op, first, second, separation[pair], turn[pair])
+        order = np.flatnonzero(may_touch)[np.argsort(_sweep_position(el, first[may_touch], second[may_touch]))]
+        first, second = first[order], second[order]
+        lists, island = gather_islands(op, first, second, separation[order], turn[order])
         ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
-        (one, two), rows = np.ascontiguousarray(near[lists.order, 1:].T), lists.rows
-        numbers = np.column_stack([polygons.number[one], polygons.number[two]])
-        pair_state = _recall_states(previous_pairs, numbers)
-        faces = Faces(one, two, polygons.ring, corner, polygons.reach[rows], el.body.thickness[rows])
+        pair_state, rows = _recall_states(previous_pairs, ids), lists.rows
+        faces = faces._replace(
+            begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
+        )
         result = allocate_result(island, bodies.twist[lists.members], anchors[rows])
         shortest, dissipated = integrate_faces(lists, island, result, faces, pair_state, h, self._law)
         if not np.isfinite(result.twist).all():
             raise FloatingPointError
         in_contact = pair_state[:, PHASE] != APART
-        spent = previous_pairs.dissipated + dissipated
-        self.pairs = FacePairs(ids[in_contact], numbers[in_contact], pair_state[in_contact], spent)
+        self.pairs = FacePairs(ids[in_contact], pair_state[in_contact], previous_pairs.dissipated + dissipated)
         return subcycled_motion(op, lists, first, second, result, shortest, h)
 
     def find_near(self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, within: float) -> NearPairs:
@@ -186,11 +180,18 @@ class FaceContact:
             )
         first, second = free[first], free[second]
         separation, turn = pair_separations(lon, lat, first, second, c)
-        near, gaps = find_near_faces(
-            first, second, separation, turn, np.full(first.size, within), polygons.begin, polygons.ring,
-            _turn_corners(polygons, levers),
+        gaps = face_gaps(first, second, separation, turn, self._orient_polygons(polygons, el, levers))
+        selected = gaps[:, 0] <= within
+        return NearPairs(first[selected], second[selected], gaps[selected, 0], gaps[selected, 1:])
+
+    @staticmethod
+    def _orient_polygons(polygons: _Polygons, el: Elements, levers: Floats) -> Faces:
+        """Turn the footprints to where the axes of the bodies stand."""
+        corner = np.empty_like(polygons.corner)
+        _turn_corners(polygons.corner, polygons.element, levers, corner)
+        return Faces(
+            polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
         )  # fmt: skip
-        return NearPairs(first[near[:, 0]], second[near[:, 0]], gaps[:, 0], gaps[:, 1:])
 
     def _find_polygons(self, model: RunState, bodies: Bodies) -> _Polygons:
         """Footprints about the centres of their elements, rebuilt where elements or fragments have changed."""
@@ -208,39 +209,34 @@ class FaceContact:
             corner, reach = footprint.corner[index] - xy[element], np.zeros(el.size)
             np.maximum.at(reach, element, np.hypot(corner[:, 0], corner[:, 1]))
             begin = np.searchsorted(owner, np.arange(el.size + 1)).astype(np.int64)
-            self._polygons = _Polygons(begin, footprint.number[order], ring, corner, element, reach)
+            self._polygons = _Polygons(begin, ring, corner, element, reach)
         return self._polygons
 
 
-@kernel
-def _turn_corners(polygons: _Polygons, levers: Floats) -> Floats:
-    """Corners of the footprints (m) east and north of their elements, with the axes of the fragments where they stand."""
-    turned, element = np.empty_like(polygons.corner), polygons.element
+@borrower
+def _turn_corners(corner: Floats, element: Ints, levers: Floats, turned: Floats) -> None:
+    """Turn corners of footprints (m) from the axes of their fragments to east and north; ``element``: of each corner."""
     for n in range(element.size):
-        x, y, c, s = polygons.corner[n, 0], polygons.corner[n, 1], levers[element[n], 9], levers[element[n], 10]
+        x, y, c, s = corner[n, 0], corner[n, 1], levers[element[n], 9], levers[element[n], 10]
         turned[n, 0], turned[n, 1] = c * x - s * y, s * x + c * y
-    return turned
 
 
-def _sweep_order(el: Elements, first: Ints, second: Ints, polygon: Ints, ring: Ints, corner: Floats) -> Ints:
-    """Order of pairs of polygons along a line from south-west to north-east, in which the sweeps over the faces take them.
+def _sweep_position(el: Elements, first: Ints, second: Ints) -> Floats:
+    """Where pairs stand on a line from south-west to north-east, in which the sweeps over the faces take them.
 
     Friction between several faces that stick is statically indeterminate, and how the sweeps share it out depends on their order.
-    By place, first of the elements and then of the polygons, it is the same in whatever order the bergs were given. No row of
-    a lattice stands square to this line.
+    By place it is the same in whatever order the bergs were given. No row of a lattice stands square to this line.
     """
     lon, lat = el.shown.lon_pair, el.shown.lat_pair
-    elements = lon[first] + lon[second] + GOLDEN_RATIO * (lat[first] + lat[second])
-    middle = np.add.reduceat(corner[:, 0] + GOLDEN_RATIO * corner[:, 1], ring[:-1]) / np.diff(ring)
-    return np.lexsort((middle[polygon[:, 0]] + middle[polygon[:, 1]], elements))
+    return np.asarray(lon[first] + lon[second] + GOLDEN_RATIO * (lat[first] + lat[second]))
 
 
-def _recall_states(pairs: FacePairs, numbers: Ints) -> Floats:
-    """Return the states of pairs of polygons (in either order); zeros for those that did not press each other."""
-    states = np.zeros((len(numbers), COLUMNS))
-    if len(pairs.polygon):
-        pair_row = {(min(pair), max(pair)): k for k, pair in enumerate(pairs.polygon.tolist())}
-        for n, pair in enumerate(numbers.tolist()):
+def _recall_states(pairs: FacePairs, ids: Ints) -> Floats:
+    """Return the states of pairs of elements (by identifiers, in either order); zeros for those that did not press each other."""
+    states = np.zeros((len(ids), COLUMNS))
+    if len(pairs.pair):
+        pair_row = {(min(pair), max(pair)): k for k, pair in enumerate(pairs.pair.tolist())}
+        for n, pair in enumerate(ids.tolist()):
             if (k := pair_row.get((min(pair), max(pair)))) is not None:
                 states[n] = pairs.state[k]
     return states

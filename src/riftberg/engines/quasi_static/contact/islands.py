@@ -75,7 +75,7 @@ class Island(NamedTuple):
     forcing: ElementForcing  # On the elements
     matrices: BodyMatrices  # Of the bodies
     bonded: NDArray[np.bool_]  # Whether a body has more than one element; shape (bodies,)
-    first: Ints  # Elements of the candidate pairs of polygons
+    first: Ints  # Elements of the candidate pairs
     second: Ints
     # Along axes half-way between both elements, with which those of each lie at an angle, as meridians converge:
     separation: Floats  # From the second to the first element at the start, m; shape (pairs, 2)
@@ -122,14 +122,14 @@ class SubcycledMotion(NamedTuple):
     anchors: Floats  # On the sea floor, of their elements; shape (rows, columns)
     rubbed: Floats  # Work of friction on the sea floor, J; shape (bodies,)
     applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (rows, forces, 2)
-    first: Ints  # Elements of the faces that touched
+    first: Ints  # Elements of the pairs that touched, each once
     second: Ints
     shortest_substep: float  # s
     peak_load: PeakContactLoad
 
 
 def find_islands(body: Ints, count: int, first: Ints, second: Ints) -> Islands:
-    """Find the islands among ``count`` bodies: connected components by the candidate pairs of elements.
+    """Find the islands among ``count`` bodies: connected components by the candidate pairs of elements, each given once.
 
     Within an island the pairs keep their order.
     """

@@ -11,9 +11,8 @@ them as they slide.
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
@@ -47,7 +46,6 @@ class Footprints(NamedTuple):
     size: Floats  # Plan area of the element then, m2; shape (elements,)
     east: Floats  # Angle (rad) on the plane at which the axes of its fragment lay then; shape (elements,)
     owner: Ints  # Place in ``element`` of the element of each polygon; shape (polygons,)
-    number: Ints  # By which contact knows each polygon; of one that a crack divides the largest piece keeps it
     start: Ints  # Where the corners of the polygons begin; shape (polygons + 1,)
     corner: Floats  # m; shape (corners, 2)
     cracked: Ints  # Identifiers of the bonds across which cracks have divided them; shape (bonds,)
@@ -56,9 +54,6 @@ class Footprints(NamedTuple):
 FOOTPRINT_NAMES = tuple(f"footprint_{name}" for name in Footprints._fields)
 """Names in a restart file."""
 
-
-Corner = tuple[float, ...]
-"""East and north, m."""
 
 NO_BONDS: Final = np.zeros(0, np.int64)
 
@@ -115,9 +110,7 @@ def _make_lone_footprints(el: Elements, rows: Ints, radius: Floats, p: KernelPar
     size = el.body.length[rows] * el.body.width[rows]
     corner = np.column_stack([distance * cos_array(angle), distance * sin_array(angle)])
     centre, east = np.zeros((rows.size, 2)), np.zeros(rows.size)
-    return Footprints(
-        el.body.id[rows], centre, size, east, np.arange(rows.size), np.arange(rows.size), start, corner, NO_BONDS
-    )
+    return Footprints(el.body.id[rows], centre, size, east, np.arange(rows.size), start, corner, NO_BONDS)
 
 
 def _make_footprints(
@@ -140,8 +133,7 @@ def _make_footprints(
     mass = np.bincount(berg, el.body.mass[rows])
     x, y = (np.bincount(berg, el.body.mass[rows] * way) / mass for way in xy.T)
     east = plane.eastward(*plane.inverse(x, y))[berg]
-    owner, start, corner = _divide_ice(xy.tobytes(), ice, radius)
-    return Footprints(el.body.id[rows], xy, size, east, owner, np.arange(owner.size), start, corner, NO_BONDS)
+    return Footprints(el.body.id[rows], xy, size, east, *_divide_ice(xy.tobytes(), ice, radius), NO_BONDS)
 
 
 @lru_cache(maxsize=4)  # the members of a sweep begin with the same berg
@@ -166,44 +158,21 @@ def _convex_rings(ice: Any, radius: float) -> list[Floats]:
         # A hole is no part of a ring of corners, and contact needs convex faces: other polygons are laid out in triangles.
         convex = shapely.convex_hull(polygon).area <= (1.0 + 1e-12) * polygon.area
         pieces = [polygon] if convex else shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
-        for corners in _join_triangles([shapely.orient_polygons(piece).exterior.coords[:-1] for piece in pieces]):
-            ring = _without_short_edges(np.array(corners)[:, :2], radius)
+        for piece in pieces:
+            ring = _without_short_edges(np.asarray(shapely.orient_polygons(piece).exterior.coords)[:-1, :2], radius)
             if len(ring) > 2:
                 rings.append(ring)
     return rings
-
-
-def _join_triangles(rings: list[list[Corner]]) -> list[list[Corner]]:
-    """Join triangles over their common sides, as far as they stay convex (Hertel and Mehlhorn 1983)."""
-    side_of = {side: k for k, ring in enumerate(rings) for side in pairwise([*ring, ring[0]])}
-    for a, b in list(side_of):
-        k, other = side_of.get((a, b)), side_of.get((b, a))
-        if k is None or other is None:
-            continue
-        one, two = (
-            ring[n:] + ring[:n] for ring, n in ((rings[k], rings[k].index(b)), (rings[other], rings[other].index(a)))
-        )
-        if _turns_left(one[-2], a, two[1]) and _turns_left(two[-2], b, one[1]):
-            rings[k], rings[other] = one + two[1:-1], []
-            del side_of[a, b], side_of[b, a]
-            side_of.update(dict.fromkeys(pairwise(two), k))
-    return [ring for ring in rings if ring]
-
-
-def _turns_left(a: Corner, b: Corner, c: Corner) -> bool:
-    """Whether the way from a by b to c bends to the left."""
-    return (b[0] - a[0]) * (c[1] - b[1]) > (b[1] - a[1]) * (c[0] - b[0])
 
 
 def _without_short_edges(ring: Floats, radius: float) -> Floats:
     """Return the corners of a polygon without edges of millimetres, which round-off and the moved centres leave at corners.
 
     They say not which way a face looks: the depth of an overlap that is cut by one would be a micrometre off, one way or the
-    other. None are left of a needle that is no wider, as a crack along a side leaves it: it would stand in the ice of others.
+    other.
     """
     edge = np.hypot(*(ring - np.roll(ring, 1, axis=0)).T)
-    is_needle = 2.0 * area_and_centroid(ring, 0, len(ring))[0] < SHORTEST_EDGE * radius * edge.sum()
-    return np.asarray(ring[(edge > SHORTEST_EDGE * radius) & ~is_needle])
+    return np.asarray(ring[edge > SHORTEST_EDGE * radius])
 
 
 def _nearest_regions(xy: Floats, ice: Any, spacing: float) -> list[Any]:
@@ -223,12 +192,10 @@ def _join_footprints(sets: list[Footprints]) -> Footprints:
     elements = np.cumsum([0, *(footprints.element.size for footprints in sets)])
     corners = np.cumsum([0, *(len(footprints.corner) for footprints in sets)])
     start = [footprints.start[:-1] + n for footprints, n in zip(sets, corners, strict=False)]
-    numbers = np.cumsum([0, *(footprints.number.max(initial=-1) + 1 for footprints in sets)])
     return Footprints(
         np.concatenate([footprints.element for footprints in sets]), np.vstack([footprints.centre for footprints in sets]),
         np.concatenate([footprints.size for footprints in sets]), np.concatenate([footprints.east for footprints in sets]),
         np.concatenate([footprints.owner + n for footprints, n in zip(sets, elements, strict=False)]),
-        np.concatenate([footprints.number + n for footprints, n in zip(sets, numbers, strict=False)]),
         np.concatenate([*start, corners[-1:]]), np.vstack([footprints.corner for footprints in sets]),
         np.concatenate([footprints.cracked for footprints in sets]),
     )  # fmt: skip
@@ -243,11 +210,9 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
     parted = crossed[el.berg[bonds.first[crossed]] != el.berg[bonds.second[crossed]]]
     if parted.size == 0 or (new := parted[~np.isin(bonds.id[parted], footprints.cracked)]).size == 0:
         return footprints
-    rings: list[list[tuple[int, Floats]]] = [[] for _ in footprints.element]
-    limits = pairwise(footprints.start.tolist())
-    for owner, number, (first, end) in zip(footprints.owner.tolist(), footprints.number.tolist(), limits, strict=True):
-        rings[owner].append((number, footprints.corner[first:end]))
-    new_numbers = itertools.count(int(footprints.number.max()) + 1)
+    rings: list[list[Floats]] = [[] for _ in footprints.element]
+    for owner, (first, end) in zip(footprints.owner.tolist(), pairwise(footprints.start.tolist()), strict=True):
+        rings[owner].append(footprints.corner[first:end])
     berg = np.zeros(footprints.element.size, np.int64)  # 0: melted away
     rows, is_present = find_rows(el.body.id, footprints.element)
     berg[is_present] = el.berg[rows[is_present]]
@@ -260,11 +225,10 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
                 i, j = (find_rows(footprints.element, el.body.id[ends[run]])[0] for ends in (bonds.first, bonds.second))
                 # Those that the crack has parted earlier have moved on since: ice passed on between them would overlap.
                 divided = np.isin(berg, berg[np.union1d(i[parts_now], j[parts_now])])
-                _divide(rings, new_numbers, footprints, berg, i, j, bonds.crack_part[run], divided)
-    all_rings = [ring for element_rings in rings for _, ring in element_rings]
+                _divide(rings, footprints, berg, i, j, bonds.crack_part[run], divided)
+    all_rings = [ring for element_rings in rings for ring in element_rings]
     return footprints._replace(
         owner=np.repeat(np.arange(len(rings)), [len(element_rings) for element_rings in rings]),
-        number=np.array([number for element_rings in rings for number, _ in element_rings], np.int64),
         start=np.concatenate([[0], np.cumsum([len(ring) for ring in all_rings])]).astype(np.int64),
         corner=np.vstack(all_rings), cracked=np.concatenate([footprints.cracked, bonds.id[new]]),
     )  # fmt: skip
@@ -272,8 +236,7 @@ def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Foot
 
 # Many arguments: the crack, and who is divided by it.
 def _divide(
-    rings: list[list[tuple[int, Floats]]], new_numbers: Iterator[int], footprints: Footprints, berg: Ints, i: Ints, j: Ints,
-    fraction: Floats, divided: NDArray[np.bool_],
+    rings: list[list[Floats]], footprints: Footprints, berg: Ints, i: Ints, j: Ints, fraction: Floats, divided: NDArray[np.bool_]
 ) -> None:  # fmt: skip
     """Divide polygons along a crack, which crosses the lines from the elements ``i`` to ``j`` at a fraction of each.
 
@@ -287,35 +250,24 @@ def _divide(
     line = np.vstack([ends[:1], crossing, ends[1:]])
     neighbours = np.flatnonzero(divided)
     neighbours = neighbours[distances_to_line(centre[neighbours], line) <= 2.0 * side]
-    transferred: dict[int, list[tuple[int, Floats]]] = {}
+    transferred: dict[int, list[Floats]] = {}
     for e in neighbours.tolist():
         polygons = rings[e]
-        if not any(touches_line(polygon, line) for _, polygon in polygons):
+        if not any(touches_line(polygon, line) for polygon in polygons):
             continue
         rings[e] = []
-        for number, piece in _numbered_pieces(polygons, line, new_numbers):
-            ring, (_, x, y), target = _without_short_edges(piece, side), area_and_centroid(piece, 0, len(piece)), e
-            if len(ring) < 3:
+        for piece in (piece for polygon in polygons for piece in divide_polygon(polygon, line)):
+            ring, (area, x, y), target = _without_short_edges(piece, side), area_and_centroid(piece, 0, len(piece)), e
+            if area < NO_AREA * side * side or len(ring) < 3:
                 continue
             middle = np.array([x, y])
             if count_crossings(middle, centre[e], line) % 2:  # it lies beyond the crack
                 others = neighbours[berg[neighbours] != berg[e]]
                 nearest = others[np.argsort(np.hypot(*(centre[others] - middle).T))].tolist()
                 target = next((other for other in nearest if not count_crossings(middle, centre[other], line) % 2), e)
-            (rings[e] if target == e else transferred.setdefault(target, [])).append((number, ring))
+            (rings[e] if target == e else transferred.setdefault(target, [])).append(ring)
     for e, added in transferred.items():
         rings[e].extend(added)
-
-
-def _numbered_pieces(
-    polygons: list[tuple[int, Floats]], line: Floats, new_numbers: Iterator[int]
-) -> Iterator[tuple[int, Floats]]:
-    """Divide polygons along a line: what presses on one goes on at its largest piece."""
-    for number, polygon in polygons:
-        pieces = divide_polygon(polygon, line)
-        areas = [area_and_centroid(piece, 0, len(piece))[0] for piece in pieces]
-        for k, piece in enumerate(pieces):
-            yield number if k == areas.index(max(areas)) else next(new_numbers), piece
 
 
 class BodyFootprint(NamedTuple):
@@ -323,7 +275,6 @@ class BodyFootprint(NamedTuple):
 
     rows: Ints  # Elements
     owner: Ints  # Place in ``rows`` of the element of each polygon
-    number: Ints  # Of each polygon, as in `Footprints`
     start: Ints  # Where the corners of the polygons begin; shape (polygons + 1,)
     corner: Floats  # m; shape (corners, 2)
 
@@ -362,7 +313,7 @@ def body_footprint(
     offset = footprints.corner[index] - old_centre[corner_row]
     c, s, x, y = (c * shrunk)[corner_row], (s * shrunk)[corner_row], offset[:, 0], offset[:, 1]
     corner = centre[corner_row] + np.column_stack([c * x - s * y, s * x + c * y])
-    return BodyFootprint(rows, owner, footprints.number[polygons], start, corner)
+    return BodyFootprint(rows, owner, start, corner)
 
 
 class FootprintBook:
@@ -404,8 +355,6 @@ class FootprintBook:
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore the arrays of `state_dict`."""
-        if "footprint_owner" in saved:
-            # Polygons of former files have no numbers.
-            saved = {"footprint_number": np.arange(len(saved["footprint_owner"])), **saved}
+        if all(name in saved for name in FOOTPRINT_NAMES):
             self._footprints, self._followed = Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES)), []
             self.divided += 1
