@@ -169,10 +169,11 @@ def _without_short_edges(ring: Floats, radius: float) -> Floats:
     """Return the corners of a polygon without edges of millimetres, which round-off and the moved centres leave at corners.
 
     They say not which way a face looks: the depth of an overlap that is cut by one would be a micrometre off, one way or the
-    other.
+    other. None are left of a needle that is no wider, as a crack along a side leaves it: it would stand in the ice of others.
     """
     edge = np.hypot(*(ring - np.roll(ring, 1, axis=0)).T)
-    return np.asarray(ring[edge > SHORTEST_EDGE * radius])
+    is_needle = 2.0 * area_and_centroid(ring, 0, len(ring))[0] < SHORTEST_EDGE * radius * edge.sum()
+    return np.asarray(ring[(edge > SHORTEST_EDGE * radius) & ~is_needle])
 
 
 def _nearest_regions(xy: Floats, ice: Any, spacing: float) -> list[Any]:
@@ -257,8 +258,8 @@ def _divide(
             continue
         rings[e] = []
         for piece in (piece for polygon in polygons for piece in divide_polygon(polygon, line)):
-            ring, (area, x, y), target = _without_short_edges(piece, side), area_and_centroid(piece, 0, len(piece)), e
-            if area < NO_AREA * side * side or len(ring) < 3:
+            ring, (_, x, y), target = _without_short_edges(piece, side), area_and_centroid(piece, 0, len(piece)), e
+            if len(ring) < 3:
                 continue
             middle = np.array([x, y])
             if count_crossings(middle, centre[e], line) % 2:  # it lies beyond the crack
