@@ -167,6 +167,35 @@ def test_a_crack_divides_the_ice_along_its_line(packing: str, angle: float, line
     assert face.hausdorff_distance(shapely.intersection(shapely.LineString(line), middle)) < 210.0
 
 
+def test_a_crack_along_the_sides_of_cells_leaves_no_needles() -> None:
+    """Bug: centimetres of ice went over to the other piece, a kilometre long, and stood half a kilometre in others later."""
+    line = [(0.02 * (-1) ** n, 2e3 * n - 7e3) for n in range(8)]
+    run = Model(parted("square", 0.0, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
+    found = FootprintBook(run).follow(run)
+    assert np.unique(run.elements.berg).size == 2
+    assert found.owner.size == found.element.size
+    rings = [shapely.Polygon(ring) for ring in np.split(found.corner, found.start[1:-1])]
+    assert shapely.area(rings).min() > 0.99 * 4e6
+
+
+def test_contact_goes_on_at_the_largest_piece_of_a_polygon_that_a_crack_divides() -> None:
+    line = [(-3e3, -7e3), (-1e3, 0.0), (2e3, 7e3)]
+    run = Model(parted("square", 27.0, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
+    whole = footprints.add_new_footprints(None, run.elements, run.bonds, run.outlines, run.constants)
+
+    def polygons(found: footprints.Footprints) -> dict[int, Any]:
+        rings = np.split(found.corner, found.start[1:-1])
+        return {n: shapely.Polygon(ring) for n, ring in zip(found.number.tolist(), rings, strict=True)}
+
+    earlier, now = polygons(whole), polygons(footprints.divide_by_cracks(whole, run.elements, run.bonds))
+    assert len(earlier) == whole.owner.size
+    assert earlier.keys() < now.keys()
+    for piece in now.values():
+        origin = next(n for n, polygon in earlier.items() if polygon.contains(piece.centroid))
+        assert now[origin].area >= piece.area
+        assert now[origin].within(earlier[origin].buffer(1e-3))
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize(("packing", "angle"), LATTICES)
 def test_ice_that_slides_along_a_crack_breaks_nothing_whatever_the_lattice(packing: str, angle: float) -> None:
