@@ -178,24 +178,6 @@ def test_a_crack_along_the_sides_of_cells_leaves_no_needles() -> None:
     assert shapely.area(rings).min() > 0.99 * 4e6
 
 
-def test_contact_goes_on_at_the_largest_piece_of_a_polygon_that_a_crack_divides() -> None:
-    line = [(-3e3, -7e3), (-1e3, 0.0), (2e3, 7e3)]
-    run = Model(parted("square", 27.0, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
-    whole = footprints.add_new_footprints(None, run.elements, run.bonds, run.outlines, run.constants)
-
-    def polygons(found: footprints.Footprints) -> dict[int, Any]:
-        rings = np.split(found.corner, found.start[1:-1])
-        return {n: shapely.Polygon(ring) for n, ring in zip(found.number.tolist(), rings, strict=True)}
-
-    earlier, now = polygons(whole), polygons(footprints.divide_by_cracks(whole, run.elements, run.bonds))
-    assert len(earlier) == whole.owner.size
-    assert earlier.keys() < now.keys()
-    for piece in now.values():
-        origin = next(n for n, polygon in earlier.items() if polygon.contains(piece.centroid))
-        assert now[origin].area >= piece.area
-        assert now[origin].within(earlier[origin].buffer(1e-3))
-
-
 @pytest.mark.compiled
 @pytest.mark.parametrize(("packing", "angle"), LATTICES)
 def test_ice_that_slides_along_a_crack_breaks_nothing_whatever_the_lattice(packing: str, angle: float) -> None:
