@@ -78,7 +78,9 @@ def main() -> None:
     for (name, points), marker in zip(lines.items(), "os^", strict=True):
         print(name, *(f"{n}: {cost:.3g}" for n, cost in points))
         axes.plot(*zip(*points, strict=True), marker=marker, label=name)
-    axes.set(xscale="log", yscale="log", xlabel="number of elements, bergs or members", ylabel="processor time of a day (s)")
+    axes.set(
+        xscale="log", yscale="log", xlabel="number of elements, bergs or members", ylabel="processor time of a day (s)"
+    )
     axes.grid(visible=True, which="major", alpha=0.3)
     axes.legend(frameon=False)
     figure.savefig(FIGURE, dpi=150)
