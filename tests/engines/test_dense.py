@@ -34,3 +34,15 @@ def test_a_matrix_is_the_sum_of_its_rows_and_no_more_than_its_rank(rank: int) ->
     found = dense.factor_semidefinite(matrix, 1e-12 * max(np.trace(matrix), 1.0))
     assert len(found) == rank
     np.testing.assert_allclose(found.T @ found, matrix, rtol=1e-9, atol=1e-9 * np.abs(matrix).max(initial=0.0))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+@pytest.mark.parametrize("rank", [1, 2, 3])
+def test_a_null_space_lies_at_right_angles_to_all_rows(count: int, rank: int) -> None:
+    """Bug: what completes the basis was not taken at right angles to the rows, so a berg on one roller was not held by it."""
+    rng = np.random.default_rng(count)
+    rows = rng.normal(size=(count, min(rank, count))) @ rng.normal(size=(min(rank, count), 3))
+    space = dense.find_null_space(rows, 1e-9)
+    assert space.shape == (3, 3 - min(rank, count))
+    np.testing.assert_allclose(rows @ space, 0.0, atol=1e-12)
+    np.testing.assert_allclose(space.T @ space, np.eye(space.shape[1]), atol=1e-12)

@@ -230,6 +230,21 @@ def test_a_berg_on_rollers_that_has_turned_is_refused() -> None:
         model.step()
 
 
+def test_a_berg_on_one_roller_goes_along_it_and_turns_about_it() -> None:
+    """Bug: the motions that one support leaves were not those at right angles to it, and the held element went along."""
+    p = quasi(stepping={"only_interactions": True, "time_step": 60.0}, fracture={"enabled": False})
+    model = lattice(p, 6, 2)
+    el = model.elements
+    end = int(np.argmin(el.lon))
+    el.free_y[end], lat = 0.0, float(el.lat[end])
+    el.u[:], el.v[:] = 0.01, 0.01
+    for _ in range(3):
+        model.step()
+    assert el.lat[end] == pytest.approx(lat, abs=1e-4)  # not held: 1.8 m
+    assert el.u[end] > 0.005
+    assert el.v[np.argmax(el.lon)] > 0.005
+
+
 def test_nothing_breaks_below_the_strength() -> None:
     whole = pulled(1e9)
     whole.advance(steps=1)

@@ -134,19 +134,22 @@ def multiply(a: Floats, b: Floats) -> Floats:
 
 def find_null_space(rows: Floats, negligible: float) -> Floats:
     """Return unit vectors, as columns, at right angles to all rows; a part ``negligible`` of the largest counts as 0."""
-    size = rows.shape[1]
-    basis: list[Floats] = []
-    for vectors, enough in ((rows, negligible * np.abs(rows).max(initial=0.0)), (np.eye(size), 0.0)):
-        left = vectors.copy()
-        while len(basis) < size:
-            square = (left * left).sum(axis=1)
-            longest = int(square.argmax())
-            if square[longest] <= enough * enough:
-                break
-            unit = left[longest] / math.sqrt(square[longest])
-            basis.append(unit)
-            for _ in range(2):  # once more takes away what round-off has left
-                left -= (left * unit).sum(axis=1)[:, None] * unit
-        if vectors is rows:
-            rank = len(basis)
-    return np.array(basis[rank:]).reshape(-1, size).T
+    spanned = _complete_basis(np.zeros((0, rows.shape[1])), rows, negligible * np.abs(rows).max(initial=0.0))
+    return _complete_basis(spanned, np.eye(rows.shape[1]), 0.0)[len(spanned) :].T
+
+
+def _complete_basis(basis: Floats, vectors: Floats, negligible: float) -> Floats:
+    """Add to orthogonal unit vectors (rows) what others add to their span, the longest first (Gram and Schmidt)."""
+    left = vectors.copy()
+    for unit in basis:
+        left -= (left * unit).sum(axis=1)[:, None] * unit
+    while len(basis) < vectors.shape[1]:
+        square = (left * left).sum(axis=1)
+        longest = int(square.argmax())
+        if square[longest] <= negligible * negligible:
+            break
+        unit = left[longest] / math.sqrt(square[longest])
+        basis = np.vstack([basis, unit])
+        for _ in range(2):  # once more takes away what round-off has left
+            left -= (left * unit).sum(axis=1)[:, None] * unit
+    return basis
