@@ -11,14 +11,12 @@ from __future__ import annotations
 import argparse
 import time
 from statistics import mean, median
-from typing import Any
 
 from ground import a68a
-from lattices import LATTICES, STRENGTH
+from lattices import LATTICES, STRENGTH, lattice_model
 
 from riftberg import Model
-from riftberg.experiments import Options
-from riftberg.experiments.a68a import DAYS, story_model
+from riftberg.experiments.a68a import DAYS
 
 LAWS = ("none", "seabed")
 
@@ -31,13 +29,6 @@ def cost_days(model: Model) -> list[float]:
         model.advance(days=1.0)
         costs.append(1e3 * (time.process_time() - began))
     return costs
-
-
-def lattice_model(packing: Any, angle: float, shift: tuple[float, float] | None, law: str) -> Model:
-    """Return the story on a lattice."""
-    berg: dict[str, Any] = {"lattice_angle": angle, **({} if shift is None else {"offset": shift})}
-    changes = {"berg": berg, "fracture": {"normal_strength": 1e3 * STRENGTH}, "grounding": {"law": law}}
-    return story_model(Options(changes), packing=packing)
 
 
 def main() -> None:
@@ -57,7 +48,8 @@ def main() -> None:
     means: dict[str, list[float]] = {law: [] for law in LAWS}
     for lattice in LATTICES:
         for law in LAWS:
-            means[law].append(mean(cost_days(lattice_model(*lattice, law))))
+            changes = {"fracture": {"normal_strength": 1e3 * STRENGTH}, "grounding": {"law": law}}
+            means[law].append(mean(cost_days(lattice_model(*lattice, **changes))))
         none, bed = (means[law][-1] for law in LAWS)
         print(f"| {lattice[0]} {lattice[1]:g} | {none:.1f} | {bed:.1f} | {bed / none:.1f} |", flush=True)
     ratios = [bed / none for none, bed in zip(means["none"], means["seabed"], strict=True)]

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from story import put, table
 
+from riftberg import Model
 from riftberg.diagnostics.summary import breakups
 from riftberg.errors import RunError
 from riftberg.experiments import Options
@@ -51,13 +52,17 @@ class Outcome(NamedTuple):
         return next((p for p in self.pieces if begin <= p[0] < end and p[1] >= LEAST[name]), None)
 
 
-def outcome(packing: Any, angle: float, shift: tuple[float, float] | None, fracture: dict[str, float]) -> Outcome:
-    """Run one lattice with a strength (Pa) of the ice, or one at the tips of its crevasses."""
+def lattice_model(packing: Any, angle: float, shift: tuple[float, float] | None, **changes: Any) -> Model:
+    """Return the story on a lattice, with other parameters."""
     lattice: dict[str, Any] = {"lattice_angle": angle}
     if shift is not None:
         lattice["offset"] = shift
-    changes = {"berg": lattice, "fracture": fracture}
-    model = story_model(Options(changes), packing=packing)
+    return story_model(Options({"berg": lattice, **changes}), packing=packing)
+
+
+def outcome(packing: Any, angle: float, shift: tuple[float, float] | None, fracture: dict[str, float]) -> Outcome:
+    """Run one lattice with a strength (Pa) of the ice, or one at the tips of its crevasses."""
+    model = lattice_model(packing, angle, shift, fracture=fracture)
     try:
         model.advance(DAYS)
     except RunError as error:

@@ -32,7 +32,7 @@ from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.physics.crevasses import prestress, rift_factor, stable_depth
-from riftberg.physics.elementary import atan2_array, cos_array, sin_array
+from riftberg.physics.elementary import atan2, cos, sin
 from riftberg.physics.floating import draft_of
 from riftberg.plane import EqualAreaPlane, near
 from riftberg.state import Bonds, Elements, Floats, build_elements, copy_state
@@ -493,8 +493,9 @@ def principal_axes(berg: BondedBerg) -> tuple[float, float, float]:
     metric = Metric(berg.latlon, berg.earth_radius, 360.0 if berg.latlon else 0.0)
     x, y = separations(metric, e.lon, e.lat, *centre)
     # The angle that makes the mixed second moment 0.
-    angle = 0.5 * atan2_array(2.0 * np.mean(x * y), np.mean(x * x) - np.mean(y * y))
-    along, across = x * cos_array(angle) + y * sin_array(angle), y * cos_array(angle) - x * sin_array(angle)
+    angle = 0.5 * atan2(2.0 * float(np.mean(x * y)), float(np.mean(x * x) - np.mean(y * y)))
+    c, s = cos(angle), sin(angle)
+    along, across = x * c + y * s, y * c - x * s
     # From rim to rim: the extremes hold for centres.
     size = 2.0 * berg.radius
     return float(np.ptp(along)) + size, float(np.ptp(across)) + size, float((90.0 - np.degrees(angle)) % 180.0)
@@ -538,7 +539,7 @@ def _mark(x: float, y: float, half: float, turn: float, hexagonal: bool, colour:
     reach = half * (1.241 if hexagonal else np.sqrt(2.0))
     first = np.pi / 2.0 if hexagonal else np.pi / 4.0
     angles = first + turn + 2.0 * np.pi * np.arange(corners) / corners
-    points = " ".join(f"{x + reach * cos_array(a):.1f},{y - reach * sin_array(a):.1f}" for a in angles)
+    points = " ".join(f"{x + reach * cos(a):.1f},{y - reach * sin(a):.1f}" for a in angles)
     return f'<polygon points="{points}" fill="{colour}" stroke="white" stroke-width="0.4"/>'
 
 

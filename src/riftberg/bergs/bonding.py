@@ -21,7 +21,7 @@ from riftberg.bergs.raster import Raster, is_gridded, projection, read_raster
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
-from riftberg.physics.elementary import cos, cos_array, sin_array
+from riftberg.physics.elementary import cos, cos_array, sin, sin_array
 from riftberg.plane import ConformalPlane, near
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
@@ -154,8 +154,8 @@ def turn_rigidly(elements: Elements, rate: Any, metric: Metric) -> None:
         lon0, lat0 = (float(a.mean() + (share * (a - a.mean())).sum()) for a in (lon, lat))
         if metric.latlon:  # exact on the sphere, in the local axes of each element
             x, y, y0 = (lon - lon0) * DEGREE, lat * DEGREE, lat0 * DEGREE
-            south = cos_array(y0) * sin_array(y) * cos_array(x) - sin_array(y0) * cos_array(y)
-            east[members], north[members] = -metric.radius * south, metric.radius * cos_array(y0) * sin_array(x)
+            south = cos(y0) * sin_array(y) * cos_array(x) - sin(y0) * cos_array(y)
+            east[members], north[members] = -metric.radius * south, metric.radius * cos(y0) * sin_array(x)
         else:
             east[members], north[members] = lat0 - lat, lon - lon0
     give_velocity(elements, rates * east, rates * north)

@@ -18,7 +18,7 @@ from riftberg.bergs.placement import bond_points, check_positions
 from riftberg.config.values import check_place, flag, given, moment, native, numbers
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError, InputError
-from riftberg.physics.elementary import asin_array, cos_array, sin_array
+from riftberg.physics.elementary import asin, cos, sin
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Floats
 from riftberg.system.input_files import check_elements, value_shown
@@ -112,7 +112,7 @@ def draw_cloud(
 
     def drawn() -> tuple[float, float]:
         distance, turn = radius * np.sqrt(random.random()), 2.0 * np.pi * random.random()
-        east, north = distance * cos_array(turn), distance * sin_array(turn)
+        east, north = distance * cos(turn), distance * sin(turn)
         if plane is None:
             return middle[0] + east, middle[1] + north
         lon, lat = plane.inverse(np.array([east]), np.array([north]))
@@ -249,5 +249,5 @@ def _draw_point(
     if not latlon:
         return x, south + (north - south) * share
     # The area of a belt grows with the sine of latitude.
-    low, high = sin_array(south * DEGREE), sin_array(north * DEGREE)
-    return x, float(asin_array(low + (high - low) * share) / DEGREE)
+    low, high = sin(south * DEGREE), sin(north * DEGREE)
+    return x, asin(low + (high - low) * share) / DEGREE

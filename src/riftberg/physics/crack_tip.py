@@ -46,11 +46,12 @@ def crack_tip_fields(x: Floats, y: Floats, poisson: float) -> tuple[Floats, Floa
     stress, gradient = np.empty((2, x.size, 3)), np.empty((2, x.size, 2))
     for n in range(x.size):
         z = complex(x[n], y[n])
+        root = cmath.sqrt(2.0 * math.pi * z)
         for mode in range(2):
             k = complex(1.0, 0.0) if mode == 0 else complex(0.0, -1.0)
-            phi = 0.5 * k / cmath.sqrt(2.0 * math.pi * z)
+            phi = 0.5 * k / root
             slope = -0.5 * phi / z
-            psi = 0.5 * (k.conjugate() - k) / cmath.sqrt(2.0 * math.pi * z) - z * slope
+            psi = 0.5 * (k.conjugate() - k) / root - z * slope
             mean, deviator = 2.0 * phi.real, z.conjugate() * slope + psi
             stress[mode, n, 0], stress[mode, n, 1] = mean - deviator.real, mean + deviator.real
             stress[mode, n, 2] = deviator.imag

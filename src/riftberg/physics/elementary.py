@@ -81,7 +81,7 @@ def _sin_cos_within_eighth(x: float, error: float) -> tuple[float, float]:
 
 
 @kernel
-def sin_cos(angle: float) -> tuple[float, float]:
+def _sin_cos(angle: float) -> tuple[float, float]:
     """Sine and cosine of an angle (rad), to the last digit up to a million turns."""
     x, error, quarter = _reduce_angle(angle)
     s, c = _sin_cos_within_eighth(x, error)
@@ -93,13 +93,13 @@ def sin_cos(angle: float) -> tuple[float, float]:
 @kernel
 def sin(angle: float) -> float:
     """Sine of an angle (rad), to the last digit up to a million turns."""
-    return sin_cos(angle)[0]
+    return _sin_cos(angle)[0]
 
 
 @kernel
 def cos(angle: float) -> float:
     """Cosine of an angle (rad), to the last digit up to a million turns."""
-    return sin_cos(angle)[1]
+    return _sin_cos(angle)[1]
 
 
 _STEPS: Final = 8
@@ -144,8 +144,8 @@ def atan2(y: float, x: float) -> float:
     if not 0.0 < across + along < np.inf:
         return 0.0 if across + along == 0.0 else np.nan
     k = int(small / large * _STEPS + 0.5)
-    part = k * (1.0 / _STEPS)
-    u = (small - part * large) / (large + part * small)
+    tangent = k * (1.0 / _STEPS)
+    u = (small - tangent * large) / (large + tangent * small)
     q = u * u
     # Horner's scheme of the arctangent, from 1/15 down.
     s = -1.0 / 15.0
@@ -168,12 +168,6 @@ def atan2(y: float, x: float) -> float:
 def asin(x: float) -> float:
     """Arcsine (rad)."""
     return atan2(x, math.sqrt((1.0 - x) * (1.0 + x)))
-
-
-@kernel
-def acos(x: float) -> float:
-    """Arccosine (rad)."""
-    return atan2(math.sqrt((1.0 - x) * (1.0 + x)), x)
 
 
 @kernel

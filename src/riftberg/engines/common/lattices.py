@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from riftberg.bergs.seams import shrink
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.parameters import KernelParameters
-from riftberg.physics.elementary import atan2_array, cos, cos_array, sin_array
+from riftberg.physics.elementary import atan2, cos, cos_array, sin_array
 from riftberg.physics.geometry import nearest_image
 from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -70,7 +70,7 @@ def ice_on_plane(
     ``along``: from a cell to a neighbour, m.
     """
     if outline is None:
-        angle = float(atan2_array(along[1], along[0]))
+        angle = atan2(along[1], along[0])
         return outline_cells(xy, float(radius.mean()), "hexagonal" if hexagonal else "square", angle)
     ice = shapely.transform(outline, plane.forward, interleaved=False)
     discs = shapely.buffer(shapely.points(xy), DISC * radius, quad_segs=2)

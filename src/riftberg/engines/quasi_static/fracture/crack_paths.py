@@ -167,10 +167,8 @@ class CrackPaths:
             along = self._xy[j] - self._xy[i]
             spacing = float(np.hypot(*along))
             axes = np.array([along, [-along[1], along[0]]]) / spacing
-            position, direction = (
-                self._xy[i] + multiply(axes.T, self.tips.place[n]),
-                multiply(axes.T, self.tips.direction[n]),
-            )
+            position = self._xy[i] + multiply(axes.T, self.tips.place[n])
+            direction = multiply(axes.T, self.tips.direction[n])
             tips.append(Tip(int(n), int(self._body[i]), position, direction, spacing))
         return tips
 
@@ -331,15 +329,8 @@ class CrackPaths:
 
     def _add(self, bond: int, position: Floats, direction: Floats, number: int, order: int, length: float) -> None:
         beside, axes, origin = self._axes(bond)
-        tip = (
-            beside,
-            multiply(axes, position - origin),
-            multiply(axes, direction),
-            number,
-            order,
-            length,
-            (0.0, 0.0, UNTOLD),
-        )
+        position, direction = multiply(axes, position - origin), multiply(axes, direction)
+        tip = beside, position, direction, number, order, length, (0.0, 0.0, UNTOLD)
         self.tips = CrackTips._make([np.concatenate([old, [new]]) for old, new in zip(self.tips, tip, strict=True)])
 
     def _axes(self, bond: int) -> tuple[list[int], Floats, Floats]:
@@ -359,11 +350,8 @@ class CrackPaths:
         number, order = int(tips.crack[row]), int(tips.order[row])
         self._bonds.crack[bond], self._bonds.crack_order[bond], self._bonds.crack_part[bond] = number, order, fraction
         beside, axes, origin = self._axes(bond)
-        tips.beside[row], tips.place[row], tips.direction[row] = (
-            beside,
-            multiply(axes, position - origin),
-            multiply(axes, direction),
-        )
+        tips.beside[row] = beside
+        tips.place[row], tips.direction[row] = multiply(axes, position - origin), multiply(axes, direction)
         tips.order[row] += 1 if order > 0 else -1
         tips.intensity[row] = 0.0, 0.0, UNTOLD
         tips.length[tips.crack == number] += np.hypot(*(position - tip.place))
@@ -382,9 +370,9 @@ def _find_crossed(
     x: float, y: float, east: float, north: float, longest: float,
 ) -> tuple[int, float]:  # fmt: skip
     """First unbroken bond of a fragment on a ray, and where on the bond (0 to 1); -1 where there is none before another crack."""
-    row, part = -1, 0.0
+    row, where_crossed = -1, 0.0
     for is_intact in (False, True):
-        row, part, nearest = -1, 0.0, longest
+        row, where_crossed, nearest = -1, 0.0, longest
         for b in range(first.size):
             i, j = first[b], second[b]
             if body[i] != own_body or body[j] != own_body or (status[b] == 0) != is_intact:
@@ -402,6 +390,6 @@ def _find_crossed(
             fraction = (offset_x * north - offset_y * east) / turn
             # A ray through an element crosses one of its bonds at least, whatever round-off says.
             if 0.0 < distance <= nearest and -1e-9 <= fraction <= 1.0 + 1e-9 and (distance < nearest or row < 0):
-                nearest, row, part = distance, b, fraction
+                nearest, row, where_crossed = distance, b, fraction
         longest = nearest
-    return row, min(max(part, 0.0), 1.0)
+    return row, min(max(where_crossed, 0.0), 1.0)

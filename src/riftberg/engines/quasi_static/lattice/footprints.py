@@ -33,7 +33,7 @@ from riftberg.engines.quasi_static.lattice.crack_cuts import (
 )
 from riftberg.engines.quasi_static.lattice.frames import fit_rotations
 from riftberg.parameters import KernelParameters
-from riftberg.physics.elementary import atan2_array, cos_array, sin_array
+from riftberg.physics.elementary import atan2, cos_array, sin_array
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import find_rows
 
@@ -125,7 +125,7 @@ def _make_footprints(
         along = xy[index[bonds.second[bonded[0]]]] - xy[index[bonds.first[bonded[0]]]] if bonded.size else (1.0, 0.0)
         hexagonal = count_sides(int(el.body.sides[rows[0]]), p) == 6
         packing = "hexagonal" if hexagonal else "square"
-        ice = outline_cells(xy, radius, packing, float(atan2_array(along[1], along[0])))
+        ice = outline_cells(xy, radius, packing, atan2(along[1], along[0]))
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
     size, berg = el.body.length[rows] * el.body.width[rows], np.unique(el.berg[rows], return_inverse=True)[1]
