@@ -255,23 +255,26 @@ def _entries_in_substeps(
 
 def _entries_in_steps(start: Elements, end: Elements, applied: Floats, run: RunState) -> tuple[Floats, Floats, Floats]:
     """Return the stock before and after a single step, and impulse and work of each force, shape (forces, 3)."""
-    entries, kicks = np.zeros((2 + applied.shape[1], 3)), np.zeros(applied.shape[1], np.bool_)
-    dt, room = run.parameters.time_step, np.empty((4, end.size))
-    _add_entries(_ice(end, run.parameters), _moving(start), _moving(end), applied, kicks, dt, room, entries)
+    ice, dt, entries = _ice(end, run.parameters), run.parameters.time_step, np.zeros((2 + applied.shape[1], 3))
+    _add_entries(ice, _moving(start), _moving(end), applied, dt, entries)
     return entries[0], entries[1], entries[2:]
 
 
 @borrower
-def _add_entries(
-    ice: _Ice, start: _Moving, end: _Moving, applied: Floats, kicks: Booleans, dt: float, room: Floats, entries: Floats
-) -> None:
-    """Add the rows of `_entries_in_steps`; ``room`` takes the velocities that belong to the positions, after and before."""
+def _add_entries(ice: _Ice, start: _Moving, end: _Moving, applied: Floats, dt: float, entries: Floats) -> None:
+    """Add the rows of `_entries_in_steps`: no force kicks, so each works at the mean of both velocities."""
     _gliding(ice, start, dt, entries[0])
     _gliding(ice, end, dt, entries[1])
     for e in range(ice.mass.size):
-        room[0, e], room[1, e] = end.u[e] + 0.5 * dt * end.ax[e], end.v[e] + 0.5 * dt * end.ay[e]
-        room[2, e], room[3, e] = start.u[e] + 0.5 * dt * start.ax[e], start.v[e] + 0.5 * dt * start.ay[e]
-    _add_impulses(ice.mass, ice.scaling, room[0], room[1], room[2], room[3], applied, kicks, dt, entries[2:])
+        # The velocities that belong to the positions.
+        u, v = end.u[e] + 0.5 * dt * end.ax[e], end.v[e] + 0.5 * dt * end.ay[e]
+        u_before, v_before = start.u[e] + 0.5 * dt * start.ax[e], start.v[e] + 0.5 * dt * start.ay[e]
+        m, um, vm = ice.mass[e] * ice.scaling[e] * dt, 0.5 * (u_before + u), 0.5 * (v_before + v)
+        for k in range(applied.shape[1]):
+            x, y = m * applied[e, k, 0], m * applied[e, k, 1]
+            entries[2 + k, 0] += x
+            entries[2 + k, 1] += y
+            entries[2 + k, 2] += x * um + y * vm
 
 
 class MotionLedger:
@@ -310,7 +313,8 @@ class MotionLedger:
         _enter_step(ledger, start_stock, end_stock, sums)
         self._enter_cracks(ledger, start, start_bonds, run)
         ledger[BONDS, 2] = plastic[0]
-        ledger[BONDS + 1 :] += forces[len(FORCES) :]
+        if self.own:
+            ledger[BONDS + 1 :] += forces[len(FORCES) :]
         remembered[LEDGER], remembered[BED_FRICTION] = ledger, plastic[1:].copy()
 
     def _account(
@@ -321,7 +325,8 @@ class MotionLedger:
         start_stock, end_stock, forces = entries(start, end, applied, run)
         sums = np.zeros((ELEMENTS, 3))
         sums[: len(FORCES)] = forces[: len(FORCES)]
-        sums[OWN] += forces[len(FORCES) :].sum(axis=0)
+        if self.own:
+            sums[OWN] += forces[len(FORCES) :].sum(axis=0)
         # The Coriolis force is normal to the velocity; its work along the mean of two velocities is the error of the step.
         sums[TIME_STEP, 2], sums[CORIOLIS, 2] = sums[CORIOLIS, 2], 0.0
         if has_loads:

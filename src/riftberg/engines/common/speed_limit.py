@@ -30,6 +30,9 @@ _PUSH: Final = {
     "sea_ice": "the drag of the sea ice", "waves": "the waves", "sea_floor": "the sea floor",
 }  # fmt: skip
 
+EXPONENT: Final = 0x7FF0000000000000
+"""Bits of the exponent of a number with double precision."""
+
 KEEL_TEMPERATURE, KEEL_SALINITY = map(Environment._fields.index, ("keel_temperature", "keel_salinity"))
 
 _GIVEN: Final = tuple(n for k, n in enumerate(Environment._fields) if k not in (KEEL_TEMPERATURE, KEEL_SALINITY))
@@ -100,9 +103,12 @@ def _is_finite(environment: Environment) -> bool:
     for k in range(len(environment)):
         if k in (KEEL_TEMPERATURE, KEEL_SALINITY):
             continue
-        for value in environment[k]:
-            if not math.isfinite(value):
-                return False
+        # All ones in the exponent mark infinity and what is no number: as whole numbers, so that the loop vectorises.
+        bits, wrong = environment[k].view(np.int64), False
+        for e in range(bits.size):
+            wrong |= bits[e] & EXPONENT == EXPONENT
+        if wrong:
+            return False
     return True
 
 

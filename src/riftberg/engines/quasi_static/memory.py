@@ -11,6 +11,7 @@ import numpy as np
 from riftberg.engines.common.crack_tips import NO_TIPS, TIP_NAMES, CrackTips, tips_from_arrays
 from riftberg.engines.common.forces.sizes import Sizes
 from riftberg.engines.common.run_state import RunState
+from riftberg.engines.quasi_static.bodies.dynamics import BodyWorkspace
 from riftberg.engines.quasi_static.bodies.pose import Bodies
 from riftberg.engines.quasi_static.contact.faces import FaceContact, FacePairs
 from riftberg.engines.quasi_static.fracture.brittle_lattice import BrittleLattice
@@ -83,6 +84,7 @@ class Memory(NamedTuple):
     lattice: BrittleLattice | None = None
     state: BodyState | None = None  # Of the fragments under their loads
     sizes: Sizes | None = None
+    workspace: BodyWorkspace | None = None
     # Of the mesh of cells, as long as nothing breaks; beside lone bergs, of the others that may meet
     topology: CellTopology | None = None
     meeting_topology: CellTopology | None = None

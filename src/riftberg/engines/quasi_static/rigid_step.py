@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import borrower
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.common.forces.media import MEDIA, ForcedElements
 from riftberg.engines.common.forces.pack import mean_pack
 from riftberg.engines.common.forces.sizes import Sizes
@@ -213,10 +213,27 @@ class StepSnapshot(NamedTuple):
 
     def is_current(self, el: Elements) -> bool:
         """Whether nothing of this has changed since."""
-        # As bytes, which compare quickly.
-        return all(
-            current.tobytes() == saved.tobytes() for current, saved in zip(_collect_arrays(el), self, strict=True)
-        )
+        return el.size == self.id.size and _is_same(_collect_arrays(el), self)
+
+
+@kernel
+def _is_same(current: StepSnapshot, saved: StepSnapshot) -> bool:
+    """Whether two snapshots of as many elements are alike."""
+    for e in range(saved.id.size):
+        if not (
+            current.id[e] == saved.id[e]
+            and current.lon[e] == saved.lon[e]
+            and current.lat[e] == saved.lat[e]
+            and current.u[e] == saved.u[e]
+            and current.v[e] == saved.v[e]
+            and current.spin[e] == saved.spin[e]
+            and current.static[e] == saved.static[e]
+            and current.free_y[e] == saved.free_y[e]
+            and current.load_x[e] == saved.load_x[e]
+            and current.load_y[e] == saved.load_y[e]
+        ):
+            return False
+    return True
 
 
 def _collect_arrays(el: Elements) -> StepSnapshot:

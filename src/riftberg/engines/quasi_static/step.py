@@ -30,7 +30,7 @@ from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, record_
 from riftberg.engines.quasi_static.ground.landing import SHORTEST_PUSHED_STEP, TOUCH_STEP
 from riftberg.engines.quasi_static.lattice.equilibrium import released_energy
 from riftberg.engines.quasi_static.memory import Memory
-from riftberg.engines.quasi_static.rigid_step import BodyState, accumulate_step_forces
+from riftberg.engines.quasi_static.rigid_step import BodyState, StepSnapshot, accumulate_step_forces
 from riftberg.engines.quasi_static.trial import FragmentMotion, Trial
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Ints
@@ -77,7 +77,7 @@ class TimeStep:
         self.model, self.el, self.bonds = model, model.elements, model.bonds
         self._memory = memory = memory or Memory()
         self.laws, sizes = memory.laws, memory.sizes or interaction_sizes(self.el, model.constants)
-        self.motion = FragmentMotion(model, self.laws, sizes)
+        self.motion = FragmentMotion(model, self.laws, sizes, memory.workspace)
         self.start, self.dt, self.cracked = model.time, model.parameters.time_step, False
         self.applied = np.zeros((self.el.size, len(FORCES), 2))  # mean accelerations so far, by their part of the step
         self.touched: list[tuple[Ints, Ints]] = []  # elements of the pairs in contact so far
@@ -135,10 +135,11 @@ class TimeStep:
             return True
         return self.laws.seabed is not None and bool(((keel.floor_load > 0.0) & (keel.floor_substep < self.dt)).any())
 
-    def remember(self) -> Memory:
-        """Return the memory for the next step."""
+    def remember(self, snapshot: StepSnapshot | None = None, key: tuple[bytes, ...] = ()) -> Memory:
+        """Return the memory for the next step; ``snapshot``, ``key``: of the state that the step has left."""
         lattice = self.lattice
         return self._memory._replace(
+            snapshot=snapshot, topology_key=key, workspace=self.motion.work,
             bodies=self.state.bodies, cells=lattice.elastic_cells, tips=self.tips, lattice=lattice,
             longest_trial=self._max_dt if self._max_dt < self._longest else math.inf,
             # After a crack the loads are those of a lattice that has been renumbered since: the next step finds them anew, as a

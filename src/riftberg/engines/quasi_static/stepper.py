@@ -83,14 +83,15 @@ class QuasiStaticStepper:
         """See `riftberg.engines.common.stepper.Stepper.take_back`."""
         time, memory, law_states = self._last_start
         if time == model.time:
-            self.memory = memory
+            # A step that fails leaves lattice and loads half changed.
+            self.memory = memory._replace(lattice=None, state=None)
             memory.laws.rollback(law_states)
 
     def step(self, model: RunState) -> None:
         """Advance by one time step."""
         check_concentration(model.elements)
         memory = self.memory
-        self._last_start = model.time, memory._replace(lattice=None, state=None), memory.laws.checkpoint()
+        self._last_start = model.time, memory, memory.laws.checkpoint()
         if memory.footprints is not None:
             memory.footprints.begin_step(model)
         if memory.laws.seabed is not None and memory.snapshot is not None:
@@ -99,10 +100,9 @@ class QuasiStaticStepper:
         if self._step_population(model, unknown):
             return
         step = TimeStep(model, self.memory, unknown)
-        self.memory = self.memory._replace(lattice=None, state=None)  # a step that fails leaves them half changed
         step.run()
         key = _topology_key(model) if step.cracked else self.memory.topology_key
-        self.memory = step.remember()._replace(snapshot=take_snapshot(model.elements), topology_key=key)
+        self.memory = step.remember(take_snapshot(model.elements), key)
         self.applied, self.touched = step.applied, concatenate_pairs(step.touched)
         model.time = step.start + model.parameters.time_step
 

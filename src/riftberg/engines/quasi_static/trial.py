@@ -109,10 +109,12 @@ class FragmentMotion:
     lattice: BrittleLattice
     frozen_displacement: Floats
 
-    def __init__(self, model: RunState, laws: LawsWithMemory, sizes: Sizes) -> None:
+    def __init__(
+        self, model: RunState, laws: LawsWithMemory, sizes: Sizes, work: BodyWorkspace | None = None
+    ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.laws, self.sizes = laws, sizes
-        self._work: BodyWorkspace | None = None
+        self.work = work
         self.seabed, self.faces, self._sides = laws
 
     def trial(self, start: BodyState, h: float) -> Trial:
@@ -323,6 +325,7 @@ class FragmentMotion:
     def workspace(self, bodies: Bodies) -> BodyWorkspace:
         """Return a workspace for the fragments."""
         # All elements are in it, however the fragments part.
-        if self._work is None or self._work.residual.shape != bodies.twist.shape:
-            self._work = allocate_body_workspace(bodies.pose.shape[0], bodies.body.size)
-        return self._work
+        count, elements = bodies.pose.shape[0], bodies.body.size
+        if self.work is None or (self.work.residual.shape[0], self.work.direction.shape[0]) != (count, elements):
+            self.work = allocate_body_workspace(count, elements)
+        return self.work

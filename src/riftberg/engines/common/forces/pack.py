@@ -86,13 +86,20 @@ def hold_by_pack(rows: Floats, u: Floats, v: Floats) -> Floats:
 def check_concentration(elements: Elements) -> None:
     """Refuse a concentration of sea ice that is no part of 1, such as one in per cent by a forcing of the user's own."""
     fraction = elements.environment.ice_fraction
-    wrong = np.flatnonzero((fraction < -ROUND_OFF) | (fraction > 1.0 + ROUND_OFF))
-    if wrong.size:
-        e = wrong[0]
+    if (e := _first_beyond(fraction, -ROUND_OFF, 1.0 + ROUND_OFF)) >= 0:
         raise ForcingError(
             f"ice_fraction = {fraction[e]:g} at element {elements.body.id[e]} is no part of the sea", where="forcing",
             remedy="Give the concentration of sea ice from 0 to 1",
         )  # fmt: skip
+
+
+@kernel
+def _first_beyond(values: Floats, least: float, largest: float) -> int:
+    """Row of the first value outside of some bounds; -1 where there is none."""
+    for e in range(values.size):
+        if values[e] < least or values[e] > largest:
+            return e
+    return -1
 
 
 def mean_pack(environment: Environment, mass: Floats, body: Ints) -> Environment:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import GRAVITY
-from riftberg.engines.common.forces.media import SEA_FLOOR, on_the_floor
+from riftberg.engines.common.forces.media import SEA_FLOOR, grounded_part, on_the_floor
 from riftberg.engines.common.fragments.tree import FragmentTree
 from riftberg.parameters import KernelParameters
 from riftberg.physics.floating import draft_of
@@ -85,12 +85,11 @@ class GroundingLog:
         (elements, forces, 2); ``clearance``: least water under a keel as the bed has it (m), NaN where the depth under the middle
         of elements counts; ``sea_level``: gives the level (m) above the zero of the depth, at points and a time.
         """
-        depth = el.environment.depth
-        touching = on_the_floor(el.body.thickness, depth, el.keel.floor_load, p)
-        least = float(np.min(depth - draft_of(el.body.thickness, p.rho_ice))) if math.isnan(clearance) else clearance
-        self.clearance = min(self.clearance, least)
-        if not touching.any():
+        at_middle, touches = _survey_floor(el.body.thickness, el.environment.depth, el.keel.floor_load, p)
+        self.clearance = min(self.clearance, at_middle if math.isnan(clearance) else clearance)
+        if not touches:  # nearly always, and quick
             return
+        touching = on_the_floor(el.body.thickness, el.environment.depth, el.keel.floor_load, p)
         fragment = _reunite_small_pieces(previous.body.berg, el, tree)
         measures = _measured(fragment, touching, previous, el, p, forces())
         for n, number in enumerate(measures.number):
@@ -217,6 +216,18 @@ def _measured(
         way, speed,
     )  # fmt: skip
     return _Measures(*(column.tolist() for column in columns))
+
+
+@kernel
+def _survey_floor(thickness: Floats, depth: Floats, floor_load: Floats, p: KernelParameters) -> tuple[float, bool]:
+    """Least water (m) under the keel in the middle of an element, and whether the sea floor acts on any (`on_the_floor`)."""
+    least, touches = math.inf, False
+    for e in range(thickness.size):
+        water = depth[e] - draft_of(thickness[e], p.rho_ice)
+        if water < least:  # where the depth is unknown it is no number
+            least = water
+        touches = touches or floor_load[e] > 0.0 or grounded_part(thickness[e], depth[e], p) > 0.0
+    return least, touches and not p.only_interactions
 
 
 @kernel
