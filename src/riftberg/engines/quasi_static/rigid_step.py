@@ -81,14 +81,17 @@ def predict(
 ) -> None:  # fmt: skip
     """Take the first half ``kick`` and drift over ``h`` s: fill it, twist and pose of ``new``, and place the elements.
 
-    ``contact_bodies`` drift with the mean twists ``contact_mean`` of their sub-steps in contact instead.
+    ``contact_bodies`` drift with the mean twists ``contact_mean`` of their sub-steps in contact instead; all others are left
+    active for the second half kick.
     """
     body, twist = bodies.body, new.twist
     first_half_kick(op, bodies.twist, terms, 0.5 * h, kick, work)
     for b in range(twist.shape[0]):
+        work.active[b] = True
         for i in range(3):
             twist[b, i] = kick.twist[b, i]
     for k in range(contact_bodies.size):
+        work.active[contact_bodies[k]] = False
         for i in range(3):
             twist[contact_bodies[k], i] = contact_mean[k, i]
     move_poses(bodies.pose, twist, h, latlon, radius, new.pose, work.scratch[0])
@@ -134,7 +137,7 @@ def _assemble_operators(
 @borrower
 def find_loads(
     op: BodyOperators, twist: Floats, xy: Floats, pressed: Floats, terms: ForceTerms, force: Floats, load: Floats,
-    motion: Motion, shown: Shown, spin_rate: Floats, sums: Floats, work: BodyWorkspace,
+    motion: Motion, shown: Shown, spin_rate: Floats, work: BodyWorkspace,
 ) -> None:  # fmt: skip
     """Find forces and balanced loads at the velocities ``twist`` of the fragments, which their elements take on.
 
@@ -154,25 +157,27 @@ def find_loads(
         for i in range(3):
             force[e, i] += pressed[e, i]
     # The cosine and sine of the fragment's axis stand in columns 9 and 10 of the levers.
-    balance_loads(body, xy, levers, 9, force, forcing.mass, forcing.inertia, twist, sums, load)
+    balance_loads(body, xy, levers, 9, force, forcing.mass, forcing.inertia, twist, work.sums, load)
 
 
 @borrower
 def remove_rigid_modes(
     body: Ints, xy: Floats, displacement: Floats, previous: Floats, rotation: Floats, forcing: ElementForcing,
-    supported: Booleans, mean: Floats, moments: Floats,
+    work: BodyWorkspace,
 ) -> bool:  # fmt: skip
     """Subtract the mean displacement of each fragment, which its pose contains, and rotate the elements by the rest.
 
-    Fragments with supports keep theirs. Returns whether all displacements are finite; ``previous`` are those until now.
+    Fragments with supports (``work.supported``) keep theirs. Returns whether all displacements are finite; ``previous`` are
+    those until now.
     """
     for e in range(body.size):
         for i in range(3):
             if not np.isfinite(displacement[e, i]):
                 return False
+    mean, moments = work.residual, work.moments
     mean_displacement(body, xy, displacement, forcing.mass, forcing.inertia, mean, moments)
     for b in range(mean.shape[0]):
-        if supported[b]:
+        if work.supported[b]:
             mean[b, :] = 0.0
     subtract_mean(body, xy, displacement, mean, moments)
     for e in range(body.size):

@@ -26,7 +26,12 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import longest_trial_step
 from riftberg.engines.quasi_static.bodies.pose import Bodies, bodies_from_elements, split_bodies
 from riftberg.engines.quasi_static.fracture.brittle_lattice import MAX_LOW_RANK_UPDATES, BrittleLattice
-from riftberg.engines.quasi_static.fracture.criteria import Equilibrium, record_peak_stress, store_stresses
+from riftberg.engines.quasi_static.fracture.criteria import (
+    Equilibrium,
+    begin_peak_stress,
+    record_peak_stress,
+    store_stresses,
+)
 from riftberg.engines.quasi_static.ground.landing import SHORTEST_PUSHED_STEP, TOUCH_STEP
 from riftberg.engines.quasi_static.lattice.equilibrium import released_energy
 from riftberg.engines.quasi_static.memory import Memory
@@ -102,7 +107,7 @@ class TimeStep:
         if newly_made:
             self.state = self.motion.in_equilibrium(self.state)
         self.motion.frozen_displacement = self.state.bodies.displacement
-        self.bonds.peak_stress[lattice.intact] = self._equilibrium(self.state).stress[:, 0]
+        begin_peak_stress(self.bonds.peak_stress, lattice.intact, self._equilibrium(self.state).stress)
 
     @property
     def lattice(self) -> BrittleLattice:
@@ -445,7 +450,7 @@ class TimeStep:
             self.bonds,
             equilibrium.lattice,
             equilibrium.intact,
-            equilibrium.deformation,
+            equilibrium.displacement,
             equilibrium.stress,
             self.state.operators.levers,
         )

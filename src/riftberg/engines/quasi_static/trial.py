@@ -140,8 +140,6 @@ class FragmentMotion:
 
         # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
         twist = 2.0 * new.twist - bodies.twist  # first guess: the second half changes it as the first has done
-        work.active[:] = True
-        work.active[drifting] = False
         _remove_landward_velocity(
             new.twist, op.levers, ashore
         )  # each half kick drives a body into the land that stops it
@@ -268,9 +266,9 @@ class FragmentMotion:
             of_faces = self.faces.force(self.model)
             pressed = pressed + of_faces if pressed.size else of_faces
         terms = ForceTerms(np.zeros((count, len(FORCES), 2)), np.zeros_like(twist), np.empty((count, 3)))
-        force, load, sums = np.empty((count, 3)), np.empty((count, 3)), np.empty((twist.shape[0], 7))
+        force, load = np.empty((count, 3)), np.empty((count, 3))
         find_loads(
-            op, twist, self.lattice.xy, pressed, terms, force, load, el.motion, el.shown, el.kicks.spin_rate, sums,
+            op, twist, self.lattice.xy, pressed, terms, force, load, el.motion, el.shown, el.kicks.spin_rate,
             self.workspace(bodies),
         )  # fmt: skip
         state = BodyState(time, bodies._replace(twist=twist), op, terms, force, load)
@@ -290,14 +288,13 @@ class FragmentMotion:
 
     def in_equilibrium(self, state: BodyState) -> BodyState:
         """Return the state with the displacements of the equilibrium under its loads."""
-        bodies, count = state.bodies, state.bodies.pose.shape[0]
+        bodies, work = state.bodies, self.workspace(state.bodies)
         displacement = self.lattice.displacements(state.load)
-        supported = np.zeros(count, np.bool_)
+        work.supported[:] = False
         for b, _ in self._supported(bodies):
-            supported[b] = True
+            work.supported[b] = True
         finite = remove_rigid_modes(
-            bodies.body, self.lattice.xy, displacement, bodies.displacement, self.el.rotation, state.operators.forcing,
-            supported, np.empty((count, 3)), np.empty((count, 4)),
+            bodies.body, self.lattice.xy, displacement, bodies.displacement, self.el.rotation, state.operators.forcing, work
         )  # fmt: skip
         if not finite:
             raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")

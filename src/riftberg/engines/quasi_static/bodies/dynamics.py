@@ -476,6 +476,9 @@ class BodyWorkspace(NamedTuple):
     scratch: Floats  # shape (4, 3, 3)
     in_pack: Booleans  # Fragments that a pack of sea ice holds; shape (fragments,)
     direction: Floats  # Of that force on each element (`riftberg.engines.common.forces.pack`); shape (elements, 2)
+    sums: Floats  # Over fragments; shape (fragments, 7)
+    moments: Floats  # Of fragments, see `mean_displacement`; shape (fragments, 4)
+    supported: Booleans  # Fragments with supports; shape (fragments,)
 
 
 def allocate_body_workspace(count: int, elements: int = 0) -> BodyWorkspace:
@@ -484,7 +487,8 @@ def allocate_body_workspace(count: int, elements: int = 0) -> BodyWorkspace:
     net_force, residual, increment = np.empty((3, count, 3))
     return BodyWorkspace(
         jacobian, net_force, residual, increment, np.empty(count), np.empty(count, np.bool_),
-        np.empty((4, 3, 3)), np.zeros(count, np.bool_), np.empty((elements, 2)),
+        np.empty((4, 3, 3)), np.zeros(count, np.bool_), np.empty((elements, 2)), np.empty((count, 7)),
+        np.empty((count, 4)), np.zeros(count, np.bool_),
     )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from riftberg.engines.common.reserves import bond_strengths
 from riftberg.engines.quasi_static.fracture.crack_paths import CrackPaths, TipIntensity
 from riftberg.engines.quasi_static.fracture.stress_intensity import NONE
 from riftberg.engines.quasi_static.lattice.cell_stiffness import CellStiffness, CellStresses
-from riftberg.engines.quasi_static.lattice.equilibrium import ElasticLattice, bond_deformations
+from riftberg.engines.quasi_static.lattice.equilibrium import ElasticLattice, bond_deformation, bond_deformations
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import (
@@ -173,7 +173,7 @@ def grow_damage(bonds: Bonds, intact: Ints, damage_drive: Floats, dt: float, p: 
 
 @borrower
 def store_stresses(
-    bonds: Bonds, lattice: ElasticLattice, intact: Ints, deformation: Floats, stress: Floats, levers: Floats
+    bonds: Bonds, lattice: ElasticLattice, intact: Ints, displacement: Floats, stress: Floats, levers: Floats
 ) -> None:
     """Write stresses and deformations of the intact bonds to the state; ``levers``: of its bodies."""
     # Taken out before the loop, inside which numba would count references at each access.
@@ -182,13 +182,20 @@ def store_stresses(
     shear_x, shear_y, rotation = bonds.shear_x, bonds.shear_y, bonds.relative_rotation
     for k in range(intact.size):
         b = intact[k]
-        e, s, i = deformation[k, 0], deformation[k, 1], first[b]
+        (e, s, bend), i = bond_deformation(lattice, b, displacement), first[b]
         tx, ty, c, d = ny[b], -nx[b], levers[i, 9], levers[i, 10]
         normal[b], shear[b], peak[b] = stress[k, 0], stress[k, 1], max(peak[b], stress[k, 0])
         length[b] = unstrained[b] + e
         shear_x[b] = s * (c * tx - d * ty)
         shear_y[b] = s * (d * tx + c * ty)
-        rotation[b] = deformation[k, 2]
+        rotation[b] = bend
+
+
+@kernel
+def begin_peak_stress(peak: Floats, intact: Ints, stress: Floats) -> None:
+    """Begin the record of the largest tensile stress (Pa) of each intact bond."""
+    for k in range(intact.size):
+        peak[intact[k]] = stress[k, 0]
 
 
 @kernel

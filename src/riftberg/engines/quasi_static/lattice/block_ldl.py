@@ -205,8 +205,8 @@ def _eliminate(
 def solve_factored(factors: Factors, right: Floats, radius: Floats, free: Floats, out: Floats) -> float:
     """Solve for loads ``right`` (N, N, N m), whose moments act at the rims ``radius`` (m); returns the largest load, N.
 
-    ``free`` is 0 where loads are left out, else 1 (3 elements,); ``out`` takes the solution (elements, 3). Forward substitution
-    by columns, then back.
+    Unknowns beyond the last row of ``right`` bear none. ``free`` is 0 where loads are left out, else 1 (3 elements,); ``out``
+    takes the solution (elements, 3). Forward substitution by columns, then back.
     """
     order, start, row, lower, inverse, x = (
         factors.order, factors.start, factors.row, factors.lower, factors.inverse, factors.work
@@ -214,6 +214,9 @@ def solve_factored(factors: Factors, right: Floats, radius: Floats, free: Floats
     count, largest = order.size, 0.0
     for k in range(count):
         e = order[k]
+        if e >= right.shape[0]:
+            x[k, 0] = x[k, 1] = x[k, 2] = 0.0
+            continue
         for i in range(2):
             x[k, i] = right[e, i] * free[3 * e + i]
         x[k, 2] = right[e, 2] / radius[e] * free[3 * e + 2]

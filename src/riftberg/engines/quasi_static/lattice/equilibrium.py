@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.compiled.kernels import borrower, kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.engines.common.forces.sizes import Sizes
 from riftberg.engines.quasi_static.lattice.dense import find_null_space, multiply, solve_dense
 from riftberg.parameters import KernelParameters
@@ -74,24 +74,24 @@ def _find_lattice(
     return first, second, nx, ny, length, rest, width, height, stiffness, radius, arm_first, arm_second
 
 
+@kernel
+def bond_deformation(lattice: ElasticLattice, b: int, displacement: Floats) -> tuple[float, float, float]:
+    """Extension, slip (m) and bend (rad) of a bond by the displacements of the elements."""
+    i, j, nx, ny = lattice.first[b], lattice.second[b], lattice.nx[b], lattice.ny[b]
+    x, y = displacement[i, 0] - displacement[j, 0], displacement[i, 1] - displacement[j, 1]
+    slip = ny * x - nx * y
+    slip += lattice.arm_first[b] * displacement[i, 2] + lattice.arm_second[b] * displacement[j, 2]
+    return nx * x + ny * y, slip, displacement[i, 2] - displacement[j, 2]
+
+
+@kernel
 def bond_deformations(lattice: ElasticLattice, intact: Ints, displacement: Floats) -> Floats:
     """Extension, slip (m) and bend (rad) of the intact bonds, shape (intact bonds, 3)."""
     deformation = np.empty((intact.size, 3))
-    _deformations(lattice, intact, displacement, deformation)
-    return deformation
-
-
-@borrower
-def _deformations(lattice: ElasticLattice, intact: Ints, displacement: Floats, deformation: Floats) -> None:
-    """Fill the result of `bond_deformations`."""
     for k in range(intact.size):
-        b = intact[k]
-        i, j, nx, ny = lattice.first[b], lattice.second[b], lattice.nx[b], lattice.ny[b]
-        x, y = displacement[i, 0] - displacement[j, 0], displacement[i, 1] - displacement[j, 1]
-        slip = ny * x - nx * y
-        slip += lattice.arm_first[b] * displacement[i, 2] + lattice.arm_second[b] * displacement[j, 2]
-        deformation[k, 0], deformation[k, 1] = nx * x + ny * y, slip
-        deformation[k, 2] = displacement[i, 2] - displacement[j, 2]
+        e, s, bend = bond_deformation(lattice, intact[k], displacement)
+        deformation[k, 0], deformation[k, 1], deformation[k, 2] = e, s, bend
+    return deformation
 
 
 @kernel

@@ -98,12 +98,11 @@ class StiffnessSolver:
 
     def solve(self, load: Floats) -> Floats:
         """Displacements (m, m, rad), shape (elements, 3), under balanced loads (N, N, N m); outlines bear none."""
-        node_load = np.zeros((self._radius.size, 3))
-        node_load[: len(load)] = load
-        displacement, largest = self._find_displacements(node_load)
-        self._check_residual(displacement, largest, node_load)
-        displacement[:, 2] /= self._radius
-        return displacement[: len(load)]
+        displacement, largest = self._find_displacements(load)
+        self._check_residual(displacement, largest, load)
+        of_elements = displacement[: len(load)]
+        of_elements[:, 2] /= self._radius[: len(load)]
+        return of_elements
 
     def _find_displacements(self, load: Floats) -> tuple[Floats, float]:
         """Displacements as lengths (m), and the largest load (N): faces that would pass through each other press.
@@ -112,7 +111,7 @@ class StiffnessSolver:
         the round before close, until these are the same. That takes a few rounds; faces that have closed after
         `MOST_ROUNDS` do not open again, so it ends in any case.
         """
-        open_displacement = np.empty(load.shape)
+        open_displacement = np.empty((self._radius.size, 3))
         largest = self._ldl.solve_scaled(load, self._radius, self._free, open_displacement)
         self._correct_displacement(open_displacement.reshape(-1))
         faces, displacement = self._cells.faces, open_displacement
