@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import pickle
@@ -234,6 +235,8 @@ def _run_packed(packed: bytes) -> Any:
 def _begin_worker(started: Any) -> None:
     """Ignore Ctrl-C and hang-ups (the parent asks the members to stop), and exit when the parent does."""
     started.set()
+    # To look for cycles among all that numba and xarray have loaded takes a tenth of a second each time.
+    gc.set_threshold(20_000)
     for number in SIGNALS:
         if number != signal.SIGTERM:  # by which the members are ended
             signal.signal(number, signal.SIG_IGN)

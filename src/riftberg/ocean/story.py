@@ -269,7 +269,8 @@ def _fill_bell(
     metre = EARTH_RADIUS_A68 * DEGREE
     along = metre * cos(centre_lat * DEGREE)
     for e in range(lon.size):
-        x = along * ((lon[e] + 180.0) % 360.0 - 180.0 - centre_lon)
+        west = lon[e] - 360.0 * np.floor((lon[e] + 180.0) / 360.0)  # a remainder would keep the loop from vectorising
+        x = along * (west - centre_lon)
         y = metre * (lat[e] - centre_lat)
         depth[e] = floor - height * exp(-(x * x + y * y) / length**2)
 
