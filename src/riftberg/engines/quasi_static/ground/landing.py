@@ -5,8 +5,8 @@
 with the media G and the forces f of the floor in the middle of the sub-step. Friction is an elastic-plastic anchor at the centre
 of the load of each element: what the keel moves on (at V1: backward Euler, so that a held fragment comes to rest in any step)
 loads it with the stiffness C / anchor way, up to the capacity C. The force is stored, not the way: where a load rises, a stored
-way would push the berg back, and make energy. A lone element has no levers: its anchor holds it against spin, too, by the friction
-of all patches of the area on which it stands (`.patches`).
+way would push the berg back, and make energy. A lone element has no levers: its anchor holds it against spin, too, by the
+friction of all patches of the area on which it stands (`.patches`).
 
 A sub-step goes so: ask for the depth in its middle, press the keel onto the floor there, find the velocity after it with the
 friction of that press; ask for the depth at its end, press again. It is accepted if by the greater of both forces the floor
@@ -47,7 +47,6 @@ from riftberg.engines.quasi_static.ground.press import (
     PUSH_X,
     PUSH_Y,
     SPREAD_XX,
-    SPREAD_XY,
     SPREAD_YY,
     STRESS,
     YIELD,
@@ -91,8 +90,8 @@ PASSES: Final = 50
 
 ANCHORS: Final = 8
 ANCHOR_X, ANCHOR_Y, ANCHOR_TORQUE, LARGEST, FORCE_X, FORCE_Y, ARM_X, ARM_Y = range(ANCHORS)
-"""Columns of `Landing.anchors`: friction that anchors an element (N) and its torque (N m), the largest that could since it touched,
-force of the floor with that of its slope (N), and where it acts, from the centre of the element (m, east and north)."""
+"""Columns of `Landing.anchors`: friction that anchors an element (N) and its torque (N m), the largest that could since it
+touched, force of the floor with that of its slope (N), and where it acts, from the centre of the element (m, east and north)."""
 
 ANCHOR_NAMES: Final = (
     "anchor_x", "anchor_y", "anchor_torque", "anchor_capacity", "floor_x", "floor_y", "floor_arm_x", "floor_arm_y",
@@ -425,7 +424,11 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
     f.slides[a], f.hold[a], f.rubs[a] = False, 0.0, 0.0
     for i in range(loaded.size):
         anchor, limit = f.next_anchors[loaded[i]], f.loads[loaded[i], HOLD]
-        anchor[ANCHOR_X], anchor[ANCHOR_Y], anchor[ANCHOR_TORQUE] = friction[i, 0], friction[i, 1], radius * friction[i, 2]
+        anchor[ANCHOR_X], anchor[ANCHOR_Y], anchor[ANCHOR_TORQUE] = (
+            friction[i, 0],
+            friction[i, 1],
+            radius * friction[i, 2],
+        )
         anchor[FORCE_X] += friction[i, 0]
         anchor[FORCE_Y] += friction[i, 1]
         _add_force(f.levers[loaded[i]], anchor, anchor[FORCE_X], anchor[FORCE_Y], f.net[a])

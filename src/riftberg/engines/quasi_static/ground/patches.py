@@ -5,8 +5,8 @@ A slip n, with its spin, meets the friction and dissipation
 
     P(n) = sum w_i B_i^T B_i n / |B_i n|,    D(n) = n P(n)
 
-of the patches i, with their weights w_i and B_i n the slip of each. P is the surface of what can be held. A force f beyond it gives
-way by the slip s n to its nearest point (the springs of the patches are as stiff against spin as against slip):
+of the patches i, with their weights w_i and B_i n the slip of each. P is the surface of what can be held. A force f beyond it
+gives way by the slip s n to its nearest point (the springs of the patches are as stiff against spin as against slip):
 
     f = s n + P(n),    s = max f n - D(n)
 
@@ -26,6 +26,7 @@ from riftberg.state import Floats
 
 RINGS: Final = 3
 AROUND: Final = 8
+"""Rings of patches, and patches in each: bergs that slide and spin go within 1 to 5 % as on many small patches."""
 
 SPREAD: Final = 0.05
 """Radius of a patch: it resists its own spin, which rounds the surface where a patch is the pole of the motion."""
