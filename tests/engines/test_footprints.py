@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from scipy.sparse.csgraph import connected_components
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
@@ -176,6 +177,21 @@ def test_a_crack_along_the_sides_of_cells_leaves_no_needles() -> None:
     assert found.owner.size == found.element.size
     rings = [shapely.Polygon(ring) for ring in np.split(found.corner, found.start[1:-1])]
     assert shapely.area(rings).min() > 0.99 * 4e6
+
+
+@pytest.mark.parametrize(("packing", "seed"), [("square", 2), ("square", 5), ("hexagonal", 3), ("hexagonal", 7)])
+def test_what_a_crack_cuts_off_goes_to_elements_that_it_adjoins(packing: str, seed: int) -> None:
+    """Bug: it went to the nearest centre, past the ice of others: each fourth crack of A68a left up to 1.7 km2 alone."""
+    rng = np.random.default_rng(seed)
+    line = [(2e3 * n - 14e3 + rng.uniform(-900.0, 900.0), rng.uniform(-1.5e3, 1.5e3)) for n in range(15)]
+    run = Model(parted(packing, 20.0, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
+    found = FootprintBook(run).follow(run)
+    rings = [shapely.Polygon(ring) for ring in np.split(found.corner, found.start[1:-1])]
+    assert shapely.area(rings).sum() == pytest.approx(288e6, rel=1e-6)
+    for element in np.unique(found.owner):
+        mine = [ring for ring, owner in zip(rings, found.owner, strict=True) if owner == element]
+        shared = [[a.exterior.intersection(b.buffer(0.1)).length > 1.0 for a in mine] for b in mine]
+        assert connected_components(np.array(shared), directed=False)[0] == 1, element
 
 
 @pytest.mark.compiled
