@@ -67,4 +67,4 @@ def test_pieces_share_the_side_along_which_they_were_cut(seed: int) -> None:
     assert crack_cuts.shared_side(one + 1.1e-3 * across, two, 1e-3) < 1e-2 * length
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     assert crack_cuts.shared_side(square, square + 1.0, 1e-6) == 0.0
-    assert crack_cuts.shared_side(square, square + [1.0, 0.4], 1e-6) == pytest.approx(0.6)
+    assert crack_cuts.shared_side(square, square + np.array([1.0, 0.4]), 1e-6) == pytest.approx(0.6)

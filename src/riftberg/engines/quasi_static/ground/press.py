@@ -259,7 +259,7 @@ def _set_compliance(
     _place_loads(pads, plates, b, footing, sq, q, top, shape, which)
     matrix = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
     narrow = DIMPLE * min(plates.per_side[b] * footing.side, math.sqrt(2.0) * length)
-    dimple, beyond = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length), (10.0 * narrow) ** 2
+    dimple = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length)
     for i in range(count):
         bent[:] = 0.0
         for a in range(16):
@@ -272,8 +272,8 @@ def _set_compliance(
             value = -_rise(heaved, sq.position[j, 0], sq.position[j, 1])
             for a in range(16):
                 value += shape[j, a] * bent[which[j, a]]
-            dx, dy = sq.position[i, 0] - sq.position[j, 0], sq.position[i, 1] - sq.position[j, 1]
-            if single and dx**2 + dy**2 < beyond:
+            if single:
+                dx, dy = sq.position[i, 0] - sq.position[j, 0], sq.position[i, 1] - sq.position[j, 1]
                 value += dimple * plate_deflection(math.sqrt(dx**2 + dy**2) / narrow)
             sq.compliance[i, j] = sq.compliance[j, i] = value
     _apply(sq.compliance, sq.coefficient, sq.bending)
