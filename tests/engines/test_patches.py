@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from riftberg.engines.quasi_static.ground.patches import give_way, lay_patches
+from riftberg.engines.quasi_static.ground import patches as areas
 
 
 def turned(xx: float, yy: float, angle: float) -> np.ndarray:
@@ -31,7 +31,7 @@ def friction_of_rectangle(length: float, width: float, slip: np.ndarray, count: 
 @pytest.mark.parametrize("axes", [0.0, 0.7, -1.9])
 def test_patches_have_the_variances_of_the_area_as_it_is_turned(angle: float, axes: float) -> None:
     own = turned(4.0, 1.0, angle)
-    patches = lay_patches(own[0, 0], own[0, 1], own[1, 1], math.cos(axes), math.sin(axes))
+    patches = areas.lay_patches(own[0, 0], own[0, 1], own[1, 1], math.cos(axes), math.sin(axes))
     place, weight = patches[:, :2], patches[:, 2]
     assert weight.sum() == pytest.approx(1.0)
     np.testing.assert_allclose(weight @ place, 0.0, atol=1e-12)
@@ -41,13 +41,17 @@ def test_patches_have_the_variances_of_the_area_as_it_is_turned(angle: float, ax
 def give_way_to(patches: np.ndarray, force: np.ndarray) -> tuple[bool, np.ndarray, np.ndarray]:
     """Whether it slips, what is left of a force, and its derivative."""
     friction, tangent = np.empty(3), np.empty((3, 3))
-    return bool(give_way(patches, force, friction, tangent)), friction, tangent
+    return bool(areas.give_way(patches, force, friction, tangent)), friction, tangent
 
 
 @pytest.mark.parametrize(("length", "width"), [(1.0, 1.0), (1.5, 1.0), (4.0, 1.0)])
 def test_patches_hold_what_many_small_ones_do(length: float, width: float) -> None:
     """Against slips of any kind, within 1.5 % of the largest friction on average; each alone, too."""
-    patches, rng, errors = lay_patches(length**2 / 12.0, 0.0, width**2 / 12.0, 1.0, 0.0), np.random.default_rng(0), []
+    patches, rng, errors = (
+        areas.lay_patches(length**2 / 12.0, 0.0, width**2 / 12.0, 1.0, 0.0),
+        np.random.default_rng(0),
+        [],
+    )
     for slip in [*np.eye(3), *rng.normal(size=(60, 3))]:
         slides, friction, _ = give_way_to(patches, 1e3 * slip)
         assert slides
@@ -62,7 +66,7 @@ def test_a_force_gives_way_to_the_nearest_that_is_held(seed: int) -> None:
     rng = np.random.default_rng(seed)
     own, force = turned(*rng.uniform(0.1, 1.0, 2), rng.uniform(0.0, 3.0)), rng.normal(size=3)
     force *= rng.uniform(1.2, 5.0) / np.linalg.norm(force)
-    patches = lay_patches(own[0, 0], own[0, 1], own[1, 1], 1.0, 0.0)
+    patches = areas.lay_patches(own[0, 0], own[0, 1], own[1, 1], 1.0, 0.0)
     slides, friction, tangent = give_way_to(patches, force)
     assert slides
     slip = force - friction
