@@ -50,3 +50,21 @@ def test_crossings_and_distances_are_those_of_a_geometry_library(seed: int) -> N
 def test_a_way_through_a_corner_of_the_line_crosses_once() -> None:
     line = np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, 0.3]])
     assert crack_cuts.count_crossings(np.array([0.0, -1.0]), np.array([0.0, 1.0]), line) == 1
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_pieces_share_the_side_along_which_they_were_cut(seed: int) -> None:
+    """Whichever comes first, and a gap apart; and nothing where they meet in a corner."""
+    rng = np.random.default_rng(seed)
+    corner, (start, end) = polygon(rng), rng.uniform(-0.3, 0.3, (2, 2))
+    start, end = start + 10.0 * (start - end), end + 10.0 * (end - start)
+    one, two = crack_cuts.divide_polygon(corner, np.array([start, end]))
+    length = shapely.intersection(shapely.LineString([start, end]), shapely.Polygon(corner)).length
+    across = np.array([start[1] - end[1], end[0] - start[0]]) / np.hypot(*(end - start))
+    for gap in (0.0, 0.9e-3, -0.9e-3):
+        assert crack_cuts.shared_side(one + gap * across, two, 1e-3) == pytest.approx(length, rel=1e-3)
+        assert crack_cuts.shared_side(two, one + gap * across, 1e-3) == pytest.approx(length, rel=1e-3)
+    assert crack_cuts.shared_side(one + 1.1e-3 * across, two, 1e-3) < 1e-2 * length
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    assert crack_cuts.shared_side(square, square + 1.0, 1e-6) == 0.0
+    assert crack_cuts.shared_side(square, square + np.array([1.0, 0.4]), 1e-6) == pytest.approx(0.6)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from scipy.sparse.csgraph import connected_components
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.engines.common.forces.sizes import interaction_sizes
@@ -14,7 +15,6 @@ from riftberg.engines.common.lattices import outline_cells
 from riftberg.engines.quasi_static.bodies.pose import split_bodies
 from riftberg.engines.quasi_static.ground.pads import place_points
 from riftberg.engines.quasi_static.lattice import cells, footprints
-from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
 from riftberg.state.population import find_rows
 
 
@@ -33,7 +33,7 @@ def model(rotation: float, packing: str) -> Model:
 def test_footprints_fill_the_outline_and_are_convex(rotation: float, packing: str) -> None:
     """Bug: round-off on a square lattice turned by 20 degrees gave one element the whole berg."""
     run = model(rotation, packing)
-    found = FootprintBook(run).follow(run)
+    found = footprints.FootprintBook(run).follow(run)
     rings = [shapely.Polygon(found.corner[a:b]) for a, b in zip(found.start[:-1], found.start[1:], strict=True)]
     area = np.bincount(found.owner, shapely.area(rings))
     assert area.sum() == pytest.approx(108e6, rel=1e-6)
@@ -46,13 +46,13 @@ def test_footprints_fill_the_outline_and_are_convex(rotation: float, packing: st
 def test_footprints_turn_with_their_fragments() -> None:
     """Two fragments at once lie as each by itself."""
     run = model(20.0, "square")
-    el, found = run.elements, FootprintBook(run).follow(run)
+    el, found = run.elements, footprints.FootprintBook(run).follow(run)
     turn = np.exp(0.3j) * ((el.lon - el.lon.mean()) + 1j * (el.lat - el.lat.mean()))
     xy, body = np.column_stack([turn.real, turn.imag]), (np.arange(el.size) >= 20).astype(np.int64)
-    both = body_footprint(found, el, np.arange(el.size), xy, body)
+    both = footprints.body_footprint(found, el, np.arange(el.size), xy, body)
     for b in (0, 1):
         rows = np.flatnonzero(body == b)
-        one = body_footprint(found, el, rows, xy)
+        one = footprints.body_footprint(found, el, rows, xy)
         mine = np.isin(both.owner, rows)
         corner = np.repeat(mine, np.diff(both.start))
         np.testing.assert_allclose(both.corner[corner], one.corner, atol=1e-6)
@@ -64,10 +64,12 @@ def test_footprints_turn_with_their_fragments() -> None:
 def test_footprints_of_a_fragment_that_moved_as_a_whole_have_moved_with_it(turn: float) -> None:
     """To the micrometre, whatever the way: corners keep their places about the elements."""
     run = model(20.0, "square")
-    el, found = run.elements, FootprintBook(run).follow(run)
+    el, found = run.elements, footprints.FootprintBook(run).follow(run)
     rows, way = np.arange(el.size), 3e4 - 7e3j
     there = np.exp(1j * turn) * (found.centre @ (1.0, 1.0j)) + way
-    laid = body_footprint(found, el, rows, np.column_stack([there.real, there.imag])[np.argsort(found.element)])
+    laid = footprints.body_footprint(
+        found, el, rows, np.column_stack([there.real, there.imag])[np.argsort(found.element)]
+    )
     asked = np.exp(1j * turn) * (found.corner @ (1.0, 1.0j)) + way
     assert laid.corner.shape == found.corner.shape
     np.testing.assert_allclose(laid.corner @ (1.0, 1.0j), asked, rtol=0, atol=1e-6)
@@ -83,7 +85,7 @@ def test_bergs_of_one_element_have_the_cells_of_a_lattice(packing: str, monkeypa
         outline_cells(np.zeros((1, 2)), r, packing, 0.0) for r in interaction_sizes(run.elements, run.constants).radius
     ]
     monkeypatch.setattr(footprints, "lattices", lambda *_: [])
-    found = FootprintBook(run).follow(run)
+    found = footprints.FootprintBook(run).follow(run)
     row = find_rows(run.elements.id, found.element)[0]
     assert sorted(row) == list(range(30))
     for ring, owner in zip(np.split(found.corner, found.start[1:-1]), found.owner, strict=True):
@@ -96,7 +98,7 @@ def test_without_contact_and_sediment_no_footprints_are_made() -> None:
     bergs = Iceberg.field(30, (-40.0, -38.0, -58.0, -57.0), seed=2)
     run = Model(bergs, Forcing.uniform((0.1, 0.0)), Parameters(stepping={"interactions": False}))
     run.step()
-    assert FootprintBook(run).state_dict() == {}
+    assert footprints.FootprintBook(run).state_dict() == {}
 
 
 def test_a_child_born_inside_the_outline_of_the_start_has_a_footprint_of_its_own() -> None:
@@ -115,7 +117,7 @@ def test_a_child_born_inside_the_outline_of_the_start_has_a_footprint_of_its_own
     assert children.size > 1
     found = run._stepper.memory.footprints.follow(run)  # type: ignore[attr-defined]
     xy = np.column_stack([el.lon, el.lat])
-    laid = body_footprint(found, el, children, xy, np.arange(children.size))
+    laid = footprints.body_footprint(found, el, children, xy, np.arange(children.size))
     rings = [shapely.Polygon(laid.corner[a:b]) for a, b in zip(laid.start[:-1], laid.start[1:], strict=True)]
     area = np.bincount(laid.owner, shapely.area(rings))
     np.testing.assert_allclose(area, el.body.length[children] * el.body.width[children], rtol=1e-6)
@@ -152,7 +154,7 @@ def test_a_crack_divides_the_ice_along_its_line(packing: str, angle: float, line
     A line with a bend, as one without; the ends, which no crossing bears witness of, may be off by a part of a cell.
     """
     run = Model(parted(packing, angle, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
-    el, found = run.elements, FootprintBook(run).follow(run)
+    el, found = run.elements, footprints.FootprintBook(run).follow(run)
     corner = found.corner - found.centre.mean(axis=0) + (el.lon.mean(), el.lat.mean())
     rings = [shapely.Polygon(corner[a:b]) for a, b in zip(found.start[:-1], found.start[1:], strict=True)]
     np.testing.assert_allclose(shapely.area(shapely.convex_hull(rings)), shapely.area(rings), rtol=1e-9)
@@ -171,11 +173,26 @@ def test_a_crack_along_the_sides_of_cells_leaves_no_needles() -> None:
     """Bug: centimetres of ice went over to the other piece, a kilometre long, and stood half a kilometre in others later."""
     line = [(0.02 * (-1) ** n, 2e3 * n - 7e3) for n in range(8)]
     run = Model(parted("square", 0.0, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
-    found = FootprintBook(run).follow(run)
+    found = footprints.FootprintBook(run).follow(run)
     assert np.unique(run.elements.berg).size == 2
     assert found.owner.size == found.element.size
     rings = [shapely.Polygon(ring) for ring in np.split(found.corner, found.start[1:-1])]
     assert shapely.area(rings).min() > 0.99 * 4e6
+
+
+@pytest.mark.parametrize(("packing", "seed"), [("square", 2), ("square", 5), ("hexagonal", 3), ("hexagonal", 7)])
+def test_what_a_crack_cuts_off_goes_to_elements_that_it_adjoins(packing: str, seed: int) -> None:
+    """Bug: it went to the nearest centre, past the ice of others: each fourth crack of A68a left up to 1.7 km2 alone."""
+    rng = np.random.default_rng(seed)
+    line = [(2e3 * n - 14e3 + rng.uniform(-900.0, 900.0), rng.uniform(-1.5e3, 1.5e3)) for n in range(15)]
+    run = Model(parted(packing, 20.0, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
+    found = footprints.FootprintBook(run).follow(run)
+    rings = [shapely.Polygon(ring) for ring in np.split(found.corner, found.start[1:-1])]
+    assert shapely.area(rings).sum() == pytest.approx(288e6, rel=1e-6)
+    for element in np.unique(found.owner):
+        mine = [ring for ring, owner in zip(rings, found.owner, strict=True) if owner == element]
+        shared = [[a.exterior.intersection(b.buffer(0.1)).length > 1.0 for a in mine] for b in mine]
+        assert connected_components(np.array(shared), directed=False)[0] == 1, element
 
 
 @pytest.mark.compiled
@@ -211,7 +228,7 @@ def test_the_ice_of_an_element_stays_where_it_is_as_its_fragment_parts(latitude:
     berg = Iceberg.rectangle(150e3, 50e3, thickness=250.0, radius=2500.0, placement=(-40.0, latitude), rotation=17.0)
     run = Model(berg, Forcing.uniform(), Parameters())
     run.step()
-    el, book, c, whole = run.elements, FootprintBook(run), run.constants, run._stepper.memory.bodies  # type: ignore[attr-defined]
+    el, book, c, whole = run.elements, footprints.FootprintBook(run), run.constants, run._stepper.memory.bodies  # type: ignore[attr-defined]
     lone = int(el.lon.argmax())
     pieces = (el.lon > np.quantile(el.lon, 0.7)).astype(np.int64)
     crumb = pieces.copy()
@@ -220,7 +237,7 @@ def test_the_ice_of_an_element_stays_where_it_is_as_its_fragment_parts(latitude:
     def corners(bodies: Any) -> np.ndarray:
         """Corners of all footprints on the sphere, m."""
         xy = 2.0 * c.earth_radius / (1.0 + bodies.reference[:, 2:]) * bodies.reference[:, :2]
-        laid = body_footprint(book.follow(run), el, np.arange(el.size), xy, bodies.body)
+        laid = footprints.body_footprint(book.follow(run), el, np.arange(el.size), xy, bodies.body)
         body = np.repeat(bodies.body[laid.owner], np.diff(laid.start))
         points = [
             place_points(*at, bodies.pose[b], True, c.earth_radius) for at, b in zip(laid.corner, body, strict=True)
@@ -238,7 +255,7 @@ def test_a_crack_that_goes_on_leaves_the_ice_of_pieces_that_it_parted_earlier() 
     """Bug: it was divided anew between these, which had moved since: faces lay metres inside each other, loaded or not."""
     line = [(-3e3, -7e3), (-1e3, 0.0), (2e3, 7e3)]
     run = Model(parted("square", 27.0, line), Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
-    el, bonds, book = run.elements, run.bonds, FootprintBook(run)
+    el, bonds, book = run.elements, run.bonds, footprints.FootprintBook(run)
     divided = book.follow(run)
     # The crack goes on through the piece in the east, from where it has ended.
     east = el.berg == el.berg[el.lon.argmax()]

@@ -63,20 +63,31 @@ def test_a_keel_clear_of_the_floor_bears_nothing() -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_moments_are_integrals_over_the_polygon(seed: int) -> None:
-    """All ten sums, of corners that are nowhere zero; midpoints of edges integrate squares over a triangle exactly."""
+    """All sums, of corners that are nowhere zero; corners, midpoints and centroid integrate cubes over a triangle exactly."""
     r = np.random.default_rng(seed)
     turns = np.sort(r.uniform(0.0, 2.0 * np.pi, 5))
     corners = np.column_stack([3.0 + 5.0 * np.cos(turns), -7.0 + 4.0 * np.sin(turns), r.uniform(-1.0, 2.0, 5)])
-    level, sign, expected = 0.37, float(r.choice([-1.0, 1.0])), np.zeros(10)
+    level, sign, expected = 0.37, float(r.choice([-1.0, 1.0])), np.zeros(13)
     for n in range(1, 4):
         a, b, c = corners[0], corners[n], corners[n + 1]
         area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
-        for x, y, d in (0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)):
+        points = [
+            (a, 3),
+            (b, 3),
+            (c, 3),
+            (0.5 * (a + b), 8),
+            (0.5 * (b + c), 8),
+            (0.5 * (c + a), 8),
+            ((a + b + c) / 3.0, 27),
+        ]
+        for (x, y, d), weight in points:
             e = d - level
-            expected += sign * area / 3.0 * np.array([e, e * x, e * y, 1.0, x, y, x * x, x * y, y * y, 0.5 * e * e])
-    sums = np.zeros(10)
-    seabed.add_moments(corners, 5, level, sign, sums)
-    np.testing.assert_allclose(sums, expected, rtol=1e-11, atol=1e-11)
+            values = [e, e * x, e * y, 1.0, x, y, x * x, x * y, y * y, 0.5 * e * e, e * x * x, e * x * y, e * y * y]
+            expected += sign * area * weight / 60.0 * np.array(values)
+    for size in (10, 13):
+        sums = np.zeros(size)
+        seabed.add_moments(corners, 5, level, sign, sums)
+        np.testing.assert_allclose(sums, expected[:size], rtol=1e-11, atol=1e-11)
 
 
 def test_cut_parts_add_up() -> None:

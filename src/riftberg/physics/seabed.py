@@ -159,7 +159,8 @@ def add_moments(p: Floats, count: int, level: float, sign: float, sums: Floats) 
         Level (m), and 1 or -1.
     sums : ndarray
         Takes, in this order: of ``d - level`` the integral (m3) and its moments by x and y (m4); of 1 the integral (m2), the
-        moments by x and y and the second moments xx, xy, yy; and of half the square of ``d - level`` (m4).
+        moments by x and y and the second moments xx, xy, yy; of half the square of ``d - level`` (m4); and, if it has room
+        for 13, the second moments xx, xy, yy of ``d - level`` (m5).
     """
     for n in range(1, count - 1):
         x0, y0, d0 = p[0, 0], p[0, 1], p[0, 2] - level
@@ -178,6 +179,21 @@ def add_moments(p: Floats, count: int, level: float, sign: float, sums: Floats) 
         sums[7] += twelfth * (sx * sy + x0 * y0 + x1 * y1 + x2 * y2)
         sums[8] += twelfth * (sy * sy + y0 * y0 + y1 * y1 + y2 * y2)
         sums[9] += 0.5 * twelfth * (sd * sd + d0 * d0 + d1 * d1 + d2 * d2)
+        if sums.size > 10:
+            # Of f g h: area / 60 (f g h + f sum g h + g sum f h + h sum f g + 2 sum f g h), with the sums of f, g and h.
+            dx, dy, fifth = d0 * x0 + d1 * x1 + d2 * x2, d0 * y0 + d1 * y1 + d2 * y2, 0.2 * twelfth
+            sums[10] += fifth * (
+                sd * (sx * sx + x0 * x0 + x1 * x1 + x2 * x2)
+                + 2.0 * (sx * dx + d0 * x0 * x0 + d1 * x1 * x1 + d2 * x2 * x2)
+            )
+            sums[11] += fifth * (
+                sd * (sx * sy + x0 * y0 + x1 * y1 + x2 * y2)
+                + (sx * dy + sy * dx + 2.0 * (d0 * x0 * y0 + d1 * x1 * y1 + d2 * x2 * y2))
+            )
+            sums[12] += fifth * (
+                sd * (sy * sy + y0 * y0 + y1 * y1 + y2 * y2)
+                + 2.0 * (sy * dy + d0 * y0 * y0 + d1 * y1 * y1 + d2 * y2 * y2)
+            )
 
 
 @kernel
@@ -195,7 +211,7 @@ def pressed(p: Floats, count: int, top: float, room: Floats, sums: Floats) -> No
     top : float
         Overlap from which the pressure grows no more, m.
     room, sums : ndarray
-        Scratch for two more corners than ``count``, and the result (10,).
+        Scratch for two more corners than ``count``, and the result (10 or 13).
     """
     sums[:] = 0.0
     highest = lowest = p[0, 2]

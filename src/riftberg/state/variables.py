@@ -297,6 +297,7 @@ class Keel(NamedTuple):
     ]
     anchor_x: Annotated[Floats, _is("N", "eastward friction that anchors the keel")]
     anchor_y: Annotated[Floats, _is("N", "northward friction that anchors the keel")]
+    anchor_torque: Annotated[Floats, _is("N m", "torque of the friction that anchors the keel of a lone element")]
     anchor_capacity: Annotated[
         Floats, _is("N", "largest friction that could hold the keel since it touched the floor last")
     ]

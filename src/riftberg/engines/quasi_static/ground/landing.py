@@ -5,7 +5,8 @@
 with the media G and the forces f of the floor in the middle of the sub-step. Friction is an elastic-plastic anchor at the centre
 of the load of each element: what the keel moves on (at V1: backward Euler, so that a held fragment comes to rest in any step)
 loads it with the stiffness C / anchor way, up to the capacity C. The force is stored, not the way: where a load rises, a stored
-way would push the berg back, and make energy.
+way would push the berg back, and make energy. A lone element has no levers: its anchor holds it against spin, too, by the
+friction of all patches of the area on which it stands (`.patches`).
 
 A sub-step goes so: ask for the depth in its middle, press the keel onto the floor there, find the velocity after it with the
 friction of that press; ask for the depth at its end, press again. It is accepted if by the greater of both forces the floor
@@ -34,6 +35,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, move_poses
 from riftberg.engines.quasi_static.contact.anchors import GIVES_WAY
 from riftberg.engines.quasi_static.ground.pads import Pads, fill_hulls, place_points
+from riftberg.engines.quasi_static.ground.patches import give_way, lay_patches
 from riftberg.engines.quasi_static.ground.plate import Plates
 from riftberg.engines.quasi_static.ground.press import (
     HOLD,
@@ -44,6 +46,8 @@ from riftberg.engines.quasi_static.ground.press import (
     PRESSED,
     PUSH_X,
     PUSH_Y,
+    SPREAD_XX,
+    SPREAD_YY,
     STRESS,
     YIELD,
     press,
@@ -84,12 +88,14 @@ HELD_STEP: Final = 1e9
 PASSES: Final = 50
 """Of Newton's method for the friction, after which the sub-step is halved."""
 
-ANCHORS: Final = 7
-ANCHOR_X, ANCHOR_Y, LARGEST, FORCE_X, FORCE_Y, ARM_X, ARM_Y = range(ANCHORS)
-"""Columns of `Landing.anchors`: friction that anchors an element (N), the largest that could since it touched, force of the floor
-with that of its slope (N), and where it acts, from the centre of the element (m, east and north)."""
+ANCHORS: Final = 8
+ANCHOR_X, ANCHOR_Y, ANCHOR_TORQUE, LARGEST, FORCE_X, FORCE_Y, ARM_X, ARM_Y = range(ANCHORS)
+"""Columns of `Landing.anchors`: friction that anchors an element (N) and its torque (N m), the largest that could since it
+touched, force of the floor with that of its slope (N), and where it acts, from the centre of the element (m, east and north)."""
 
-ANCHOR_NAMES: Final = ("anchor_x", "anchor_y", "anchor_capacity", "floor_x", "floor_y", "floor_arm_x", "floor_arm_y")
+ANCHOR_NAMES: Final = (
+    "anchor_x", "anchor_y", "anchor_torque", "anchor_capacity", "floor_x", "floor_y", "floor_arm_x", "floor_arm_y",
+)  # fmt: skip
 """The same among the variables of `Keel`."""
 
 BEGINS, MIDDLE, END, DONE, AFLOAT, BEYOND, TOO_SHORT, UNSETTLED = range(8)
@@ -271,11 +277,16 @@ def _add_force(m: Floats, anchor: Floats, x: float, y: float, net: Floats) -> No
 
 
 @borrower
-def _pull(anchor: Floats, lever: Floats, spring: float, v: Floats) -> tuple[float, float]:
-    """Force (N) of an anchor that holds while its fragment moves; ``lever``: velocity of the keel by that of the fragment."""
+def _pull(anchor: Floats, lever: Floats, radius: float, spring: float, v: Floats) -> tuple[float, float, float]:
+    """Force (N) of an anchor that holds while its fragment moves, and its torque over the radius of gyration of its area.
+
+    ``lever``: velocity of the keel, and its spin times the radius, by the velocity of the fragment.
+    """
     x = anchor[ANCHOR_X] - spring * (lever[0] * v[0] + lever[1] * v[1] + lever[2] * v[2])
     y = anchor[ANCHOR_Y] - spring * (lever[3] * v[0] + lever[4] * v[1] + lever[5] * v[2])
-    return x, y
+    if radius == 0.0:
+        return x, y, 0.0
+    return x, y, anchor[ANCHOR_TORQUE] / radius - spring * (lever[6] * v[0] + lever[7] * v[1] + lever[8] * v[2])
 
 
 # Many arguments: the sums of Newton's method.
@@ -287,7 +298,7 @@ def _add_friction(
     """Find the friction of all anchors at a velocity, and whether they slide; add it up, and minus its slope by the velocity."""
     for i in range(loaded.size):
         w, limit, fraction, cx, cy = lever[i], f.loads[loaded[i], HOLD], 1.0, 0.0, 0.0
-        x, y = _pull(f.anchors[loaded[i]], w, spring[i], v)
+        x, y, _ = _pull(f.anchors[loaded[i]], w, 0.0, spring[i], v)
         size = math.hypot(x, y)
         slides[i] = size > limit and may_slide
         if slides[i]:
@@ -303,6 +314,33 @@ def _add_friction(
                 tangent[k, j] += p * w[j] + q * w[3 + j]
 
 
+# Many arguments: as above, of one element.
+@kernel
+def _add_patch_friction(
+    anchor: Floats, limit: float, patches: Floats, radius: float, lever: Floats, spring: float, v: Floats, may_slide: bool,
+    friction: Floats, total: Floats, tangent: Floats,
+) -> bool:  # fmt: skip
+    """Do the same for a lone element, whose patches slip each by its own velocity; returns whether they do."""
+    force, slope, slides = np.empty(3), np.zeros((3, 3)), False
+    force[0], force[1], force[2] = _pull(anchor, lever, radius, spring, v)
+    if may_slide:
+        for r in range(3):
+            force[r] /= limit
+        slides = give_way(patches, force, friction, slope)
+        for r in range(3):
+            friction[r] *= limit
+    else:
+        for r in range(3):
+            friction[r], slope[r, r] = force[r], 1.0
+    for k in range(3):
+        for r in range(3):
+            total[k] += lever[3 * r + k] * friction[r]
+            for j in range(3):
+                for s in range(3):
+                    tangent[k, j] += spring * lever[3 * r + k] * slope[r, s] * lever[3 * s + j]
+    return slides
+
+
 @stage
 def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: float) -> bool:
     """Solve for the velocity at the end of a sub-step with the anchors, by Newton's method; False where it does not settle.
@@ -313,8 +351,9 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
     mass, levers = take_elements(forcing, slice(first, last)), f.levers[first:last]
     always, body = np.ones(1, np.bool_), np.zeros(last - first, np.int64)
     loaded = first + np.flatnonzero(f.loads[first:last, LOAD] > 0.0)
-    lever, spring, constant = np.empty((loaded.size, 6)), np.empty(loaded.size), f.push[a].copy()
-    friction, slides = np.empty((loaded.size, 2)), np.zeros(loaded.size, np.bool_)
+    lever, spring, constant = np.empty((loaded.size, 9)), np.empty(loaded.size), f.push[a].copy()
+    friction, slides = np.zeros((loaded.size, 3)), np.zeros(loaded.size, np.bool_)
+    radius, patches = 0.0, np.empty((0, 3))  # of a lone element
     f.next_anchors[first:last] = 0.0
     for i in range(loaded.size):
         e = loaded[i]
@@ -324,7 +363,12 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
         for k in range(3):
             lever[i, k], lever[i, 3 + k] = m[k] - anchor[ARM_Y] * m[6 + k], m[3 + k] + anchor[ARM_X] * m[6 + k]
         anchor[LARGEST] = max(f.anchors[e, LARGEST], f.loads[e, HOLD])
-        spring[i] = dt * anchor[LARGEST] / bed.anchor_way
+        spring[i], spread = dt * anchor[LARGEST] / bed.anchor_way, f.loads[e, SPREAD_XX] + f.loads[e, SPREAD_YY]
+        if spread > 0.0 and f.loads[e, HOLD] > 0.0:
+            radius, (xx, xy, yy) = math.sqrt(spread), f.loads[e, SPREAD_XX : SPREAD_YY + 1]
+            patches = lay_patches(xx, xy, yy, m[9], m[10])
+            for k in range(3):
+                lever[i, 6 + k] = radius * m[6 + k]
 
     v0, v, new, step = f.velocity[a], f.next_velocity[a], f.velocity[a].copy(), np.zeros(3)
     net, jacobian, twist = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty((1, 3))
@@ -342,7 +386,13 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
             for j in range(3):
                 tangent[k, j] = 0.5 * jacobian[0, k, j]
         # As if all anchors held at first: a fragment that turns about one of them seems to slide by its last velocity.
-        _add_friction(f, loaded, lever, spring, new, passes > 0, friction, slides, total, tangent)
+        if radius > 0.0:
+            slides[0] = _add_patch_friction(
+                f.anchors[first], f.loads[first, HOLD], patches, radius, lever[0], spring[0], new, passes > 0, friction[0],
+                total, tangent,
+            )  # fmt: skip
+        else:
+            _add_friction(f, loaded, lever, spring, new, passes > 0, friction, slides, total, tangent)
         acceleration = times(mobility, total)
         for k in range(3):
             r[k] = new[k] - v0[k] - dt * acceleration[k]
@@ -374,16 +424,26 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
     f.slides[a], f.hold[a], f.rubs[a] = False, 0.0, 0.0
     for i in range(loaded.size):
         anchor, limit = f.next_anchors[loaded[i]], f.loads[loaded[i], HOLD]
-        anchor[ANCHOR_X], anchor[ANCHOR_Y] = friction[i, 0], friction[i, 1]
+        anchor[ANCHOR_X], anchor[ANCHOR_Y], anchor[ANCHOR_TORQUE] = (
+            friction[i, 0],
+            friction[i, 1],
+            radius * friction[i, 2],
+        )
         anchor[FORCE_X] += friction[i, 0]
         anchor[FORCE_Y] += friction[i, 1]
         _add_force(f.levers[loaded[i]], anchor, anchor[FORCE_X], anchor[FORCE_Y], f.net[a])
         f.hold[a] += limit
+        for k in range(3):
+            f.net[a, k] += f.levers[loaded[i], 6 + k] * anchor[ANCHOR_TORQUE]
         if slides[i]:
             # The anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
             f.slides[a] = True
-            x, y = _pull(f.anchors[loaded[i]], lever[i], 0.5 * spring[i], twist[0])
-            f.rubs[a] += limit * max(math.hypot(x, y) - limit, 0.0) * bed.anchor_way / max(anchor[LARGEST], 1e-30)
+            x, y, z = _pull(f.anchors[loaded[i]], lever[i], radius, 0.5 * spring[i], twist[0])
+            work = limit * (math.hypot(x, y) - limit)
+            if radius > 0.0:
+                px, py, pz = friction[i]
+                work = px * (x - px) + py * (y - py) + pz * (z - pz)
+            f.rubs[a] += max(work, 0.0) * bed.anchor_way / max(anchor[LARGEST], 1e-30)
     return True
 
 

@@ -69,7 +69,7 @@ class Footing(NamedTuple):
     side: float  # Of the pads, m
     piece: Floats  # Room for the corners of a polygon
     room: Floats  # Room for those of what is cut off it
-    sums: Floats  # Its integrals (`pressed`); shape (10,)
+    sums: Floats  # Its integrals (`pressed`); shape (10,), of a lone element (13,)
 
 
 class Squares(NamedTuple):
@@ -86,10 +86,11 @@ class Squares(NamedTuple):
     position: Floats  # Where the load acts, m; shape (squares, 2)
 
 
-PRESSED: Final = 9
-LOAD, LOAD_X, LOAD_Y, HOLD, PUSH_X, PUSH_Y, LIFT, STRESS, YIELD = range(PRESSED)
+PRESSED: Final = 12
+LOAD, LOAD_X, LOAD_Y, HOLD, PUSH_X, PUSH_Y, LIFT, STRESS, YIELD, SPREAD_XX, SPREAD_XY, SPREAD_YY = range(PRESSED)
 """Effect of the floor on an element: load (N), where it acts (m, along the axes of the fragment), largest friction (N), push by
-the slope of the floor (N, the same axes), largest lift of the keel (m), bending stress (Pa), and how deep the bed yields (m)."""
+the slope of the floor (N, the same axes), largest lift of the keel (m), bending stress (Pa), how deep the bed yields (m), and
+the variances of where friction acts (m2, the same axes), of a lone element alone."""
 
 
 SMOOTH: Final = 0.25
@@ -258,7 +259,7 @@ def _set_compliance(
     _place_loads(pads, plates, b, footing, sq, q, top, shape, which)
     matrix = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
     narrow = DIMPLE * min(plates.per_side[b] * footing.side, math.sqrt(2.0) * length)
-    dimple, beyond = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length), (10.0 * narrow) ** 2
+    dimple = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length)
     for i in range(count):
         bent[:] = 0.0
         for a in range(16):
@@ -271,8 +272,8 @@ def _set_compliance(
             value = -_rise(heaved, sq.position[j, 0], sq.position[j, 1])
             for a in range(16):
                 value += shape[j, a] * bent[which[j, a]]
-            dx, dy = sq.position[i, 0] - sq.position[j, 0], sq.position[i, 1] - sq.position[j, 1]
-            if single and dx**2 + dy**2 < beyond:
+            if single:
+                dx, dy = sq.position[i, 0] - sq.position[j, 0], sq.position[i, 1] - sq.position[j, 1]
                 value += dimple * plate_deflection(math.sqrt(dx**2 + dy**2) / narrow)
             sq.compliance[i, j] = sq.compliance[j, i] = value
     _apply(sq.compliance, sq.coefficient, sq.bending)
@@ -445,6 +446,7 @@ def _share_out(
 ) -> None:  # fmt: skip
     """Write the loads on the elements (``loads``) and the polygons (``bent``)."""
     sums, share, (origin_x, origin_y) = footing.sums, np.full(sq.load.size, -1.0), pads.origin[b]
+    alone, total, mx, my = sums.size > 10, 0.0, 0.0, 0.0
     for m in range(sq.polygons.size):
         i, p = sq.square[m], sq.polygons[m]
         size, highest = _press_polygon(footing, p, q, sq.bending[i], footing.top)
@@ -468,10 +470,21 @@ def _share_out(
         if bed.grip < footing.top:
             pressed(footing.piece, size, bed.grip, footing.room, sums)
         element[HOLD] += bed.friction * bed.stiffness * sums[0]
+        if alone:
+            total += sums[0]
+            mx += sums[1]
+            my += sums[2]
+            for n in range(3):
+                element[SPREAD_XX + n] += sums[10 + n]
     for e in range(pads.row_start[b], pads.row_start[b + 1]):
         if loads[e, LOAD] > 0.0:
             loads[e, LOAD_X] /= loads[e, LOAD]
             loads[e, LOAD_Y] /= loads[e, LOAD]
+            if alone:
+                x, y = mx / total, my / total
+                loads[e, SPREAD_XX] = max(loads[e, SPREAD_XX] / total - x * x, 0.0)
+                loads[e, SPREAD_XY] = loads[e, SPREAD_XY] / total - x * y
+                loads[e, SPREAD_YY] = max(loads[e, SPREAD_YY] / total - y * y, 0.0)
 
 
 @borrower
@@ -506,7 +519,8 @@ def press(
     bent[:, 0] = 0.0
     footing = Footing(
         polygons, start, np.empty((start[-1], 3)), np.empty((polygons.size, 2)), np.empty(polygons.size), hull, bed.stiffness,
-        bed.strength / bed.stiffness, pads.side[b], np.empty((most, 3)), np.empty((most, 3)), np.empty(10),
+        bed.strength / bed.stiffness, pads.side[b], np.empty((most, 3)), np.empty((most, 3)),
+        np.empty(13 if pads.row_start[b + 1] - pads.row_start[b] == 1 else 10),
     )  # fmt: skip
     largest, iterations, bends = _lay_planes(pads, footing, depth, draft, level), 0, length > 0.0
     q[:] = 0.0

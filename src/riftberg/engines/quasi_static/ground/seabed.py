@@ -441,6 +441,7 @@ def _carry(
         fragments.carried[a], fragments.rubbed[a], fragments.shortest[a] = True, contact.rubbed[c], landing.TOUCH_STEP
         fragments.path[a], fragments.velocity[a] = h * contact.mean[c], contact.twist[c]
         fragments.anchors[own_rows, :2] = contact.anchors[rows][:, [anchors.ANCHOR_X, anchors.ANCHOR_Y]]
+        fragments.anchors[own_rows, landing.ANCHOR_TORQUE] = 0.0  # others turn it
         fragments.applied[own_rows] = contact.applied[rows]
 
 

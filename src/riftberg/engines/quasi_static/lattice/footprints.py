@@ -29,6 +29,7 @@ from riftberg.engines.quasi_static.lattice.crack_cuts import (
     count_crossings,
     distances_to_line,
     divide_polygon,
+    shared_side,
     touches_line,
 )
 from riftberg.engines.quasi_static.lattice.frames import fit_rotations
@@ -65,6 +66,9 @@ ONWARD: Final = 2.0
 
 SHORTEST_EDGE: Final = 1e-5
 """Shortest edge of a footprint, as a part of the radius: a few times the edges that the moved centres leave at a corner."""
+
+SEAM: Final = 1e-4
+"""Gap between polygons that counts as none, over the side of an element: ten edges of the shortest kind."""
 
 NO_AREA: Final = 1e-9
 """Area of a polygon, over the square of the radius, that is none."""
@@ -205,7 +209,7 @@ def _join_footprints(sets: list[Footprints]) -> Footprints:
 def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Footprints:
     """Return the footprints, divided along the lines of cracks that have parted fragments since the last time.
 
-    The ice beyond a line goes to the nearest element there.
+    The ice beyond a line goes to the element there with which it shares the longest side.
     """
     crossed = np.flatnonzero(bonds.crack > 0)
     parted = crossed[el.berg[bonds.first[crossed]] != el.berg[bonds.second[crossed]]]
@@ -251,24 +255,46 @@ def _divide(
     line = np.vstack([ends[:1], crossing, ends[1:]])
     neighbours = np.flatnonzero(divided)
     neighbours = neighbours[distances_to_line(centre[neighbours], line) <= 2.0 * side]
-    transferred: dict[int, list[Floats]] = {}
+    scraps: list[tuple[float, int, Floats, Ints]] = []
     for e in neighbours.tolist():
         polygons = rings[e]
         if not any(touches_line(polygon, line) for polygon in polygons):
             continue
         rings[e] = []
         for piece in (piece for polygon in polygons for piece in divide_polygon(polygon, line)):
-            ring, (_, x, y), target = _without_short_edges(piece, side), area_and_centroid(piece, 0, len(piece)), e
+            ring, (area, x, y) = _without_short_edges(piece, side), area_and_centroid(piece, 0, len(piece))
             if len(ring) < 3:
                 continue
-            middle = np.array([x, y])
-            if count_crossings(middle, centre[e], line) % 2:  # it lies beyond the crack
-                others = neighbours[berg[neighbours] != berg[e]]
-                nearest = others[np.argsort(np.hypot(*(centre[others] - middle).T))].tolist()
-                target = next((other for other in nearest if not count_crossings(middle, centre[other], line) % 2), e)
-            (rings[e] if target == e else transferred.setdefault(target, [])).append(ring)
-    for e, added in transferred.items():
-        rings[e].extend(added)
+            crossings = count_crossings(np.array([x, y]), centre[e], line)
+            if crossings == 0:
+                rings[e].append(ring)
+            else:  # it lies beyond the crack, or behind a bend of it
+                scraps.append((area, e, ring, neighbours[(berg[neighbours] == berg[e]) == (crossings % 2 == 0)]))
+    # The largest first: needles lie beside what an element has got.
+    scraps.sort(key=lambda scrap: -scrap[0])
+    while scraps:
+        lonely = []
+        for scrap in scraps:
+            _, _, ring, others = scrap
+            if (target := _find_neighbour(ring, rings, others, SEAM * side)) < 0:
+                lonely.append(scrap)
+            else:
+                rings[target].append(ring)
+        if len(lonely) == len(scraps):  # it adjoins nobody there
+            for _, e, ring, _ in lonely:
+                rings[e].append(ring)
+            break
+        scraps = lonely
+
+
+def _find_neighbour(ring: Floats, rings: list[list[Floats]], others: Ints, gap: float) -> int:
+    """Return which of other elements shares the longest side with a polygon, -1 where none does."""
+    longest, neighbour = gap, -1  # corners that meet share none
+    for e in others.tolist():
+        shared = sum(shared_side(ring, polygon, gap) for polygon in rings[e])
+        if shared > longest:
+            longest, neighbour = shared, e
+    return neighbour
 
 
 class BodyFootprint(NamedTuple):

@@ -1,0 +1,176 @@
+"""A lone berg that spins on the bed of sediment, against slow sums of Coulomb's law over the patches of its base."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from riftberg import Forcing, Iceberg, Model, Parameters
+from twins.drag import side_spin
+
+pytestmark = pytest.mark.compiled
+
+THICKNESS, DENSITY, FRICTION = 100.0, 850.0, 0.5
+DRAFT = THICKNESS * DENSITY / 1025.0
+
+
+def lone(
+    length: float, width: float, *, spin: float, speed: float = 0.0, lift: float = 0.1, turn: float = 0.0, dt: float = 60.0,
+    latitude: float | None = None, elements: int = 1, floor: Any = None,
+) -> Model:  # fmt: skip
+    """A berg on a floor that lifts it by ``lift`` m: so heavily that the water hardly brakes it."""
+    plane = latitude is None
+    where: dict[str, Any] = {
+        "latlon": not plane, "density": DENSITY, "thickness": THICKNESS, "spin": spin, "velocity": (speed, 0.0),
+    }  # fmt: skip
+    if elements == 1:
+        berg = Iceberg.from_points([0.0], [0.0 if plane else latitude], length=length, width=width, **where)
+        berg.elements.rotation[:] = turn
+    else:
+        berg = Iceberg.rectangle(length, width, radius=0.5 * length / elements, **where)
+    sea: Any = Forcing.uniform((0.0, 0.0), depth=DRAFT - lift, latlon=not plane, latitude=0.0 if plane else None)
+    if floor is not None:
+        sea = Forcing.uniform((0.0, 0.0), latlon=False, latitude=0.0) + floor
+    parameters = Parameters(
+        ice={"density": DENSITY}, earth={"latlon": not plane, **({"f_plane": True, "reference_latitude": 0.0} if plane else {})},
+        grounding={"law": "seabed", "bending": False, "friction": FRICTION}, fracture={"enabled": False},
+        stepping={"time_step": dt},
+    )  # fmt: skip
+    return Model(berg, sea, parameters)
+
+
+def patches(area: float, count: int = 60) -> np.ndarray:
+    """Middles of equal patches of the base, a square; shape (2, patches)."""
+    return math.sqrt(area) * np.stack(np.meshgrid(*((np.arange(count) + 0.5) / count - 0.5,) * 2)).reshape(2, -1)
+
+
+def water(length: float, width: float) -> float:
+    """Rate by which the sides slow a spin: w' = -rate w |w|."""
+    inertia = DENSITY * THICKNESS * length * width * (length**2 + width**2) / 12.0
+    return side_spin(inertia, length, width, DRAFT, 1.0, Parameters().drag.water_side)
+
+
+def slide(
+    length: float, width: float, speed: float, spin: float, deceleration: float, h: float = 0.05
+) -> tuple[float, float]:
+    """Way (m) and turn (rad) until it lies, by the friction of each patch against its velocity, and the water against spin."""
+    xy, angle, way = patches(length * width), 0.0, np.zeros(2)
+    gyration, braked = (length**2 + width**2) / 12.0, water(length, width)
+    v = np.array([speed, 0.0, spin])
+    while True:
+        c, s = math.cos(angle), math.sin(angle)
+        x, y = np.array([[c, -s], [s, c]]) @ xy
+        keel = np.stack([v[0] - v[2] * y, v[1] + v[2] * x])
+        push = -deceleration * keel / np.maximum(np.hypot(*keel), 1e-9)
+        change = h * np.array([*push.mean(axis=1), (x * push[1] - y * push[0]).mean() / gyration])
+        change[2] -= h * braked * v[2] * abs(v[2])
+        if np.hypot(*change[:2]) + abs(change[2]) * length > 0.5 * (np.hypot(*v[:2]) + abs(v[2]) * length):
+            return float(way[0]), angle
+        way, angle, v = way + h * (v[:2] + 0.5 * change[:2]), angle + h * (v[2] + 0.5 * change[2]), v + change
+
+
+def stop(model: Model, most: int = 60) -> tuple[float, float]:
+    """Way east (m) and turn (rad) until the berg lies still."""
+    el = model.elements
+    x, angle = el.lon.mean(), 0.0
+    for _ in range(most):
+        before = el.rotation[0]
+        model.step()
+        el = model.elements
+        angle += el.rotation[0] - before
+        if abs(el.spin).max() < 1e-8 and abs(el.u).max() < 1e-6:
+            return float(el.lon.mean() - x), float(angle)
+    raise AssertionError("the berg did not come to rest")
+
+
+def mean_radius(area: float) -> float:
+    return float(np.hypot(*patches(area, 200)).mean())
+
+
+def deceleration(model: Model) -> float:
+    """Largest friction over mass, m s-2."""
+    return float(model.elements.floor_hold.sum() / model.elements.mass.sum())
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize(
+    ("length", "width", "turn", "spin", "lift", "latitude"),
+    [
+        (2000.0, 2000.0, 0.0, 5e-4, 0.1, None), (2000.0, 2000.0, 30.0, -5e-4, 0.05, None),
+        (3000.0, 1000.0, 0.0, 5e-4, 0.1, None), (3000.0, 1000.0, 77.0, -5e-4, 0.1, None),
+        (2400.0, 1600.0, 30.0, 5e-4, 0.1, -62.0),
+    ],
+)  # fmt: skip
+def test_a_lone_berg_spins_down_by_the_mean_radius_of_its_base(
+    length: float, width: float, turn: float, spin: float, lift: float, latitude: float | None
+) -> None:
+    """Bug: a berg of one element was held by the floor, but spun on it as in water.
+
+    I w^2 / 2 = mu N r a after the angle a, but for the water.
+    """
+    model = lone(length, width, spin=spin, turn=math.radians(turn), lift=lift, latitude=latitude)
+    start = model.elements.lon[0]
+    _, angle = stop(model)
+    by_water = water(length, width)
+    by_floor = deceleration(model) * mean_radius(length * width) / ((length**2 + width**2) / 12.0)
+    expected = math.copysign(0.5 / by_water * math.log1p(by_water / by_floor * spin**2), spin)
+    assert angle == pytest.approx(expected, rel=0.02)
+    assert model.elements.lon[0] == pytest.approx(start, abs=1e-3)
+    model.advance(steps=10)
+    assert abs(model.elements.spin[0]) < 1e-9
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize(("length", "width"), [(2000.0, 2000.0), (2400.0, 1600.0)])
+@pytest.mark.parametrize("ratio", [0.3, 1.0, 3.0])
+def test_a_berg_that_slides_and_spins_goes_as_its_patches_do(length: float, width: float, ratio: float) -> None:
+    """Spin takes friction off the slide, and the slide off the spin: each comes farther than alone."""
+    speed = 0.2
+    spin = ratio * speed / mean_radius(length * width)
+    model = lone(length, width, speed=speed, spin=spin, lift=0.05, dt=20.0)
+    way, angle = stop(model, 200)
+    asked = slide(length, width, speed, spin, deceleration(model))
+    assert (way, angle) == pytest.approx(asked, rel=0.03)
+
+
+SLOPE = {"flat": None, "slope": Forcing.slope((1010.0, 0.0), 90.0, -1e-3, DRAFT, (1.0, 500.0), latlon=False)}
+
+
+@pytest.mark.parametrize("floor", SLOPE)
+@pytest.mark.parametrize("spin", [3e-4, -3e-4])
+def test_one_element_goes_as_many_bonded_ones_do(floor: str, spin: float) -> None:
+    """One law: friction of the patches of one element, or of the elements of a berg. On the slope it lands on a corner."""
+    ends = []
+    for elements in (1, 16):
+        model = lone(2000.0, 2000.0, speed=0.2, spin=spin, lift=0.05, dt=20.0, elements=elements, floor=SLOPE[floor])
+        model.advance(steps=30)
+        el = model.elements
+        ends.append((el.lon.mean(), el.rotation[0], *([el.lat.mean()] if SLOPE[floor] else [])))
+    assert ends[0] == pytest.approx(ends[1], rel=0.02)
+
+
+def test_what_a_spinning_berg_loses_is_the_work_of_friction() -> None:
+    """But for the water, which takes 1 % here, and what stays in the anchor."""
+    model = lone(2000.0, 2000.0, speed=0.2, spin=3e-4, lift=0.05)
+    stop(model)
+    ledger = model.motion.balance(model, model.remembered)
+    assert ledger.rubbed == pytest.approx(ledger.kinetic_start - ledger.kinetic_now, rel=0.015)
+    assert ledger.momentum_error < 1e-12
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("when", [1, 30])
+def test_a_restart_goes_on_bit_for_bit(when: int, tmp_path: Path) -> None:
+    """Sliding and spinning, and held."""
+    model = lone(2000.0, 2000.0, speed=0.2, spin=3e-4, lift=0.05)
+    model.advance(steps=when)
+    again = Model.resume(model.save(tmp_path / "aground.restart.nc"), model.forcing)
+    for run in (model, again):
+        run.advance(steps=5)
+    for name, values in model.elements.arrays().items():
+        assert np.array_equal(values, again.elements.arrays()[name], equal_nan=True), name
+    assert abs(model.elements.keel.anchor_torque[0]) > 0.0
