@@ -13,11 +13,15 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
+from riftberg.engines.common.bed import Bed
 from riftberg.engines.quasi_static.lattice.crack_cuts import area_and_centroid
 from riftberg.engines.quasi_static.lattice.footprints import BodyFootprint
 from riftberg.physics.elementary import atan2, exp2, log2
 from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS, add_moments, bending_length, cut
 from riftberg.state import Floats, Ints
+
+CLEAR: Final = 2.0
+"""Water (m) under a keel beyond which the floor is not asked for in sub-steps."""
 
 RUNGS: Final = 8.0
 """Sides of pads grow by this root of 2 from one to the next, so that melt changes them seldom."""
@@ -54,6 +58,7 @@ class Pads(NamedTuple):
     centre: Floats  # Its centroid; shape (polygons, 2)
     start: Ints  # Where its corners begin; shape (polygons + 1,)
     corner: Floats  # shape (corners, 2)
+    twin: Ints  # First corner of the element that lies where each does; shape (corners,)
 
 
 @kernel
@@ -191,6 +196,22 @@ def _sum_up_ice(pads: Pads, most: int) -> None:
             variances[s, 2] -= ice[s, 2] * ice[s, 2]
 
 
+@kernel
+def _find_twins(pads: Pads) -> None:
+    """Find the corners that polygons of an element share: the floor is asked for once there."""
+    for k in range(pads.owner.size):
+        row, column = pads.square[k]
+        for before in range(k - 1, -1, -1):  # those of an element follow row by row
+            if pads.owner[before] != pads.owner[k] or pads.square[before, 0] < row - 1:
+                break
+            if abs(pads.square[before, 1] - column) > 1:
+                continue
+            for n in range(pads.start[k], pads.start[k + 1]):
+                for m in range(pads.start[before], pads.start[before + 1]):
+                    if pads.corner[n, 0] == pads.corner[m, 0] and pads.corner[n, 1] == pads.corner[m, 1]:
+                        pads.twin[n] = pads.twin[m]
+
+
 def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats) -> Pads:
     """Cut the footprints of fragments into pads.
 
@@ -219,9 +240,10 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats
         moments=np.zeros((body.size, 6)), origin=origin, side=side, low=low, shape=shape, square_start=square_start[:-1],
         ice=np.zeros((square_start[-1], 6)), polygon_start=polygon_start,
         owner=footprint.owner[polygon[:count]], square=square[:count], centre=np.empty((count, 2)),
-        start=corner_start[: count + 1], corner=corners[: corner_start[count]],
+        start=corner_start[: count + 1], corner=corners[: corner_start[count]], twin=np.arange(corner_start[count]),
     )  # fmt: skip
     _sum_up_ice(pads, most)
+    _find_twins(pads)
     return pads
 
 
@@ -258,12 +280,12 @@ def measure_ice_share(pads: Pads, b: int, x: float, y: float, reach: float) -> f
 
 @kernel
 def fill_hulls(
-    pads: Pads, thickness: Floats, draft: Floats, modulus: float, poisson: float, hull: Floats, mean: Floats, length: Floats
+    pads: Pads, thickness: Floats, draft: Floats, bed: Bed, hull: Floats, mean: Floats, length: Floats
 ) -> None:  # fmt: skip
     """Find the stiffness (3, 3) of each fragment afloat against heave and both tilts, its mean thickness and bending length (m).
 
-    ``thickness``, ``draft``: of the elements ``pads.rows``, m; ``modulus`` (Pa): 0 for ice that does not bend. Pieces that are
-    narrower than their thickness, or nearly unstable, take no tilt, and these and short ones do not bend (length 0).
+    ``thickness``: of all elements, ``draft``: of the elements ``pads.rows``, m. Pieces that are narrower than their thickness, or
+    nearly unstable, take no tilt, and these and short ones do not bend (length 0).
     """
     for b in range(mean.size):
         sums, lean, ice = np.zeros(6), 0.0, 0.0
@@ -271,8 +293,9 @@ def fill_hulls(
             for n in range(6):
                 sums[n] += pads.moments[e, n]
             # Distance of the centres of mass and of buoyancy, by the volume of water.
-            lean += pads.moments[e, 0] * draft[e] * 0.5 * (thickness[e] - draft[e])
-            ice += pads.moments[e, 0] * thickness[e]
+            thick = thickness[pads.rows[e]]
+            lean += pads.moments[e, 0] * draft[e] * 0.5 * (thick - draft[e])
+            ice += pads.moments[e, 0] * thick
         area, mean[b] = sums[0], ice / sums[0]
         # Melted pads lie a little aside of the centroid of the whole ones.
         xx, xy, yy = sums[3] - sums[1] ** 2 / area, sums[4] - sums[1] * sums[2] / area, sums[5] - sums[2] ** 2 / area
@@ -284,7 +307,7 @@ def fill_hulls(
             hull[b, 1, 2] = hull[b, 2, 1] = -WATER_STIFFNESS * xy
             extent, bending = (
                 pads.side[b] * max(pads.shape[b, 0], pads.shape[b, 1]),
-                bending_length(modulus, poisson, mean[b]),
+                bending_length(bed.modulus, bed.poisson, mean[b]),
             )
             if extent > SHORT * math.sqrt(2.0) * bending:
                 length[b] = bending

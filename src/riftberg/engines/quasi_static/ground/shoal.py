@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
-from riftberg.engines.quasi_static.ground.pads import Pads, place_points
+from riftberg.engines.quasi_static.ground.landing import Landing, allocate_landing, list_corners
+from riftberg.engines.quasi_static.ground.pads import CLEAR, Pads, place_points
 from riftberg.engines.quasi_static.ground.plate import unmade_plates
 from riftberg.engines.quasi_static.ground.soundings import DepthSampler, Floor, Soundings
 from riftberg.parameters import KernelParameters
@@ -32,9 +33,6 @@ RESERVE: Final = 10.0
 
 ASIDE: Final = 20.0
 """How far forces may take a fragment from its way in a step, m, before it is looked at again."""
-
-CLEAR: Final = 2.0
-"""Water (m) under a keel beyond which the floor is not asked for in sub-steps."""
 
 
 class Survey(NamedTuple):
@@ -162,62 +160,57 @@ def _watch_squares(
 # Many arguments: what is asked for goes into arrays of the caller.
 @kernel
 def _choose_squares(
-    pads: Pads, watch: Watch, pose: Floats, reach: Floats, level: Floats, draft: Floats, travelled: Floats,
-    latlon: bool, radius: float, chosen: Ints, lon: Floats, lat: Floats,
+    f: Landing, watch: Watch, travelled: Floats, latlon: bool, radius: float, chosen: Ints, lon: Floats, lat: Floats
 ) -> int:  # fmt: skip
     """List the squares that may come near the floor in a step, by the depth that was found last, and where they are.
 
-    ``reach``: way of the step, negative for fragments that stay clear; ``level``: the least in the step, ``draft``: of the
-    deepest keel, ``travelled``: of each fragment since it is watched (m).
+    ``travelled``: distance that each fragment has gone since it is watched, m.
     """
-    count = 0
+    pads, count = f.pads, 0
     for n in range(watch.square.size):
         b, slope = watch.body[n], watch.slope[n]
-        rise = slope * (travelled[b] - watch.travelled[n] + 0.75 * pads.side[b] + reach[b])
-        if reach[b] >= 0.0 and watch.depth[n] + level[b] - draft[b] < rise + CLEAR:
+        rise = slope * (travelled[b] - watch.travelled[n] + 0.75 * pads.side[b] + f.reach[b])
+        if f.reach[b] >= 0.0 and watch.depth[n] + f.level[b].min() - f.deepest[b] < rise + CLEAR:
             x, y = (
                 pads.ice[watch.square[n], 1] + pads.origin[b, 0],
                 pads.ice[watch.square[n], 2] + pads.origin[b, 1],
             )
-            lon[count], lat[count] = place_points(x, y, pose[b], latlon, radius)
+            lon[count], lat[count] = place_points(x, y, f.pose[b], latlon, radius)
             chosen[count], watch.travelled[n] = n, travelled[b]
             count += 1
     return count
 
 
-# Many arguments: as above.
 @kernel
-def _list_candidates(
-    pads: Pads, watch: Watch, chosen: Ints, depth: Floats, reach: Floats, level: Floats, draft: Floats, polygons: Ints,
-    start: Ints, clearance: Floats,
-) -> None:  # fmt: skip
-    """List the polygons that may touch the floor on a way of ``reach`` m, by the depth in the middle of squares ``chosen``.
-
-    ``draft``: of the elements; ``start``: takes where the polygons of each fragment begin, ``clearance`` the least of each.
-    """
-    is_chosen, count, b = np.zeros(watch.square.size, np.bool_), 0, 0
+def _list_candidates(f: Landing, watch: Watch, chosen: Ints, depth: Floats) -> None:
+    """List the polygons that may touch the floor in a step, by the depth in the middle of squares ``chosen``."""
+    pads, is_chosen, count, b = f.pads, np.zeros(watch.square.size, np.bool_), 0, 0
+    for a in range(f.bodies.size):
+        f.clearance[a] += f.level[a].min()
     for n in range(chosen.size):
         is_chosen[chosen[n]], watch.depth[chosen[n]] = True, depth[n]
     for n in range(watch.polygon.size):
         s, k = watch.within[n], watch.polygon[n]
         while b <= watch.body[s]:
-            start[b] = count
+            f.polygon_start[b] = count
             b += 1
         if is_chosen[s]:
             a = watch.body[s]
-            clear = watch.depth[s] + level[a] - draft[pads.owner[k]]
-            clearance[a] = min(clearance[a], clear)
-            if clear < watch.slope[s] * (0.75 * pads.side[a] + reach[a]) + CLEAR:
-                polygons[count] = k
+            clear = watch.depth[s] + f.level[a].min() - f.draft[pads.owner[k]]
+            f.clearance[a] = min(f.clearance[a], clear)
+            if clear < watch.slope[s] * (0.75 * pads.side[a] + f.reach[a]) + CLEAR:
+                f.polygons[count] = k
                 count += 1
-    start[b:] = count
+    f.polygon_start[b:] = count
+    list_corners(f)
 
 
 class Keels:
     """Pads of fragments that came near the floor, and which of them are looked at."""
 
     def __init__(self, bodies: Ints, pads: Pads, size: Floats, survey: Survey, pose: Floats) -> None:
-        self.bodies, self.pads, self.size, self.plates = bodies, pads, size, unmade_plates(pads)
+        self.bodies, self.pads, self.size = bodies, pads, size
+        self.landing = allocate_landing(bodies, pads, unmade_plates(pads))
         self.cut = np.zeros(survey.distance.size, np.bool_)
         self.cut[bodies] = True
         fragment, squares = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start)), pads.shape.prod(axis=1)
@@ -226,32 +219,18 @@ class Keels:
         self._slope = np.where(np.repeat(survey.lone[bodies], squares), STEEPEST, np.nan)
         self.travelled, self._pose, self._times = np.zeros(bodies.size), pose.copy(), np.zeros(bodies.size, np.int64)
         self._watch: Watch | None = None
+        self._chosen: tuple[
+            Ints, Floats, Floats
+        ]  # Room for those of its squares that are asked for, and where they are
 
-    # Many arguments: where the fragments are, and how deep.
-    def find_candidates(
-        self, shoal: Shoal, pads: Pads, pose: Floats, reach: Floats, level: Floats, draft: Floats, depth: DepthSampler,
-        c: KernelParameters,
-    ) -> tuple[Ints, Ints, Floats]:  # fmt: skip
-        """Return the polygons that may touch the floor in a step, where those of each fragment begin, and its clearance (m).
-
-        ``pads``: as they have melted; ``reach``: way of the step, negative for fragments that stay clear; ``level``: the least in
-        the step, m; ``draft``: of the elements, m.
-        """
-        watch = self._update_watch(shoal, pose, c.earth_radius if c.latlon else 1.0)
-        chosen, (lon, lat), count = np.empty_like(watch.square), np.empty((2, watch.square.size)), self.bodies.size
-        deepest = np.maximum.reduceat(draft, pads.row_start[:-1])
-        squares = _choose_squares(
-            pads, watch, pose, reach, level, deepest, self.travelled, c.latlon, c.earth_radius, chosen, lon, lat
-        )
-        polygons, start, clearance = (
-            np.empty(watch.polygon.size, np.int64),
-            np.zeros(count + 1, np.int64),
-            np.full(count, np.inf),
-        )
-        if squares:
-            asked = depth(lon[:squares], lat[:squares])
-            _list_candidates(pads, watch, chosen[:squares], asked, reach, level, draft, polygons, start, clearance)
-        return polygons[: start[-1]], start, clearance
+    def find_candidates(self, f: Landing, shoal: Shoal, depth: DepthSampler, c: KernelParameters) -> bool:
+        """List the polygons of fragments that may touch the floor in a step; returns whether there are any."""
+        watch = self._update_watch(shoal, f.pose, c.earth_radius if c.latlon else 1.0)
+        chosen, lon, lat = self._chosen
+        squares = _choose_squares(f, watch, self.travelled, c.latlon, c.earth_radius, chosen, lon, lat)
+        asked = depth(lon[:squares], lat[:squares]) if squares else lon[:0]
+        _list_candidates(f, watch, chosen[:squares], asked)
+        return bool(f.polygon_start[-1] > 0)
 
     def _update_watch(self, shoal: Shoal, pose: Floats, scale: float) -> Watch:
         """Return the squares that are looked at, after the fragments have come to ``pose``."""
@@ -270,6 +249,7 @@ class Keels:
             self._watch = Watch(
                 square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within
             )
+            self._chosen = np.empty(square.size, np.int64), np.empty(square.size), np.empty(square.size)
         return self._watch
 
 
