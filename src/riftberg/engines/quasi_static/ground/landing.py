@@ -132,6 +132,7 @@ class Landing(NamedTuple):
     radius: Floats  # m
     reach: Floats  # Way for which the pads are watched, m
     level: Floats  # Of the sea at the start, in the middle and at the end of the step, m; shape (fragments, 3)
+    lowest: Floats  # Of these, m
     first_speed: Floats  # At the rim, m s-1
 
     # Where they are now
@@ -196,7 +197,7 @@ def allocate_landing(bodies: Ints, pads: Pads, plates: Plates) -> Landing:
         asked=np.empty(corners, np.int64), asked_start=np.zeros(count + 1, np.int64), place=np.zeros(corners, np.int64),
         pose=each(3, 3), reference=np.empty((elements, 3)), draft=np.empty(elements), deepest=each(), thickness=each(),
         length=each(), hull=each(3, 3), mobility=each(3, 3), arm=each(), radius=each(), reach=each(), level=each(3),
-        first_speed=each(), status=whole(), time=each(), substep=each(), path=each(3), velocity=each(3),
+        lowest=each(), first_speed=each(), status=whole(), time=each(), substep=each(), path=each(3), velocity=each(3),
         acceleration=each(3), touches=flags(), anchors=np.empty((elements, ANCHORS)), way=each(3), sounded_pose=each(3, 3),
         levers=np.empty((elements, 11)), rise=each(3), loads=np.empty((elements, PRESSED)), bent=np.empty((polygons, 5)),
         touches_in_middle=flags(), hold=each(), slides=flags(), net=each(3), rubs=each(), next_velocity=each(3),

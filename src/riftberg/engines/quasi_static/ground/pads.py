@@ -202,14 +202,17 @@ def _find_twins(pads: Pads) -> None:
     for k in range(pads.owner.size):
         row, column = pads.square[k]
         for before in range(k - 1, -1, -1):  # those of an element follow row by row
-            if pads.owner[before] != pads.owner[k] or pads.square[before, 0] < row - 1:
+            rows, columns = row - pads.square[before, 0], abs(column - pads.square[before, 1])
+            if pads.owner[before] != pads.owner[k] or rows > 1:
                 break
-            if abs(pads.square[before, 1] - column) > 1:
+            if rows + columns != 1:
                 continue
             for n in range(pads.start[k], pads.start[k + 1]):
                 for m in range(pads.start[before], pads.start[before + 1]):
                     if pads.corner[n, 0] == pads.corner[m, 0] and pads.corner[n, 1] == pads.corner[m, 1]:
                         pads.twin[n] = pads.twin[m]
+            if rows == 1:
+                break
 
 
 def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats) -> Pads:

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from riftberg.compiled.kernels import kernel
 from riftberg.engines.common.bed import make_bed
 from riftberg.engines.common.broad_phase import NO_PAIRS
 from riftberg.engines.common.fragments.connectivity import connected_parts
@@ -225,6 +226,7 @@ class Seabed:
         )
         for n in range(3):
             f.level[:, n] = forcing.sea_level(lon, lat, time + 0.5 * n * h)
+        f.level.min(axis=1, out=f.lowest)
         if keels.find_candidates(f, shoal, self.depth, c):
             return f
         self.clearance[0] = min(self.clearance[0], max(f.clearance.min(), 0.0))
@@ -397,16 +399,21 @@ class Seabed:
 
     def anchors(self, keel: Keel) -> Floats:
         """Return the anchors of the elements on the floor, for sub-steps of contact."""
-        force, floor_anchors = np.array([keel.anchor_x, keel.anchor_y]), anchors.allocate_anchors(keel.floor_x.size)
-        floor_anchors[:, [anchors.ANCHOR_X, anchors.ANCHOR_Y]] = force.T
-        floor_anchors[:, anchors.STIFFNESS] = keel.anchor_capacity / self.bed.anchor_way
-        floor_anchors[:, anchors.HOLD] = keel.floor_hold
-        floor_anchors[:, anchors.SLOPE_X], floor_anchors[:, anchors.SLOPE_Y] = (
-            keel.floor_x - force[0],
-            keel.floor_y - force[1],
-        )
-        floor_anchors[:, anchors.ARM_X], floor_anchors[:, anchors.ARM_Y] = keel.floor_arm_x, keel.floor_arm_y
+        floor_anchors = anchors.allocate_anchors(keel.floor_x.size)
+        _fill_anchors(keel, self.bed.anchor_way, floor_anchors)
         return floor_anchors
+
+
+@kernel
+def _fill_anchors(keel: Keel, anchor_way: float, floor_anchors: Floats) -> None:
+    """Take the anchors of the elements on the floor from their keels."""
+    for e in range(keel.floor_x.size):
+        anchor = floor_anchors[e]
+        anchor[anchors.ANCHOR_X], anchor[anchors.ANCHOR_Y] = keel.anchor_x[e], keel.anchor_y[e]
+        anchor[anchors.STIFFNESS], anchor[anchors.HOLD] = keel.anchor_capacity[e] / anchor_way, keel.floor_hold[e]
+        anchor[anchors.SLOPE_X] = keel.floor_x[e] - keel.anchor_x[e]
+        anchor[anchors.SLOPE_Y] = keel.floor_y[e] - keel.anchor_y[e]
+        anchor[anchors.ARM_X], anchor[anchors.ARM_Y] = keel.floor_arm_x[e], keel.floor_arm_y[e]
 
 
 def bent_bonds(
@@ -462,7 +469,9 @@ def join_motions(contact: SubcycledMotion | None, ground: SubcycledMotion | None
         return ground if contact is None else contact
     hard = ground.peak_load
     # An impact loads a fragment more than the floor that it makes it press on.
-    alone, rows = (~np.isin(which, contact.peak_load.bodies) for which in (hard.bodies, body[hard.rows]))
+    others = np.ones(int(body.max()) + 1, np.bool_)
+    others[contact.peak_load.bodies] = False
+    alone, rows = others[hard.bodies], others[body[hard.rows]]
     hard = PeakContactLoad(
         hard.rows[rows], hard.force[rows], hard.axes[rows], hard.bodies[alone], hard.spin[alone], hard.time[alone]
     )
@@ -477,7 +486,9 @@ def join_motions(contact: SubcycledMotion | None, ground: SubcycledMotion | None
 
 def drop_fragments(contact: SubcycledMotion, bodies: Ints, body: Ints) -> SubcycledMotion:
     """Return the motion in contact of all other fragments: contact acts in the sub-steps of the bed, too."""
-    stay, rows = ~np.isin(contact.bodies, bodies), ~np.isin(body[contact.rows], bodies)
+    others = np.ones(int(body.max()) + 1, np.bool_)
+    others[bodies] = False
+    stay, rows = others[contact.bodies], others[body[contact.rows]]
     by_body = {name: getattr(contact, name)[stay] for name in ("bodies", "mean", "twist", "impulse", "rubbed")}
     return contact._replace(
         rows=contact.rows[rows], anchors=contact.anchors[rows], applied=contact.applied[rows], **by_body

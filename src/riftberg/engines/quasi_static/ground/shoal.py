@@ -170,7 +170,7 @@ def _choose_squares(
     for n in range(watch.square.size):
         b, slope = watch.body[n], watch.slope[n]
         rise = slope * (travelled[b] - watch.travelled[n] + 0.75 * pads.side[b] + f.reach[b])
-        if f.reach[b] >= 0.0 and watch.depth[n] + f.level[b].min() - f.deepest[b] < rise + CLEAR:
+        if f.reach[b] >= 0.0 and watch.depth[n] + f.lowest[b] - f.deepest[b] < rise + CLEAR:
             x, y = (
                 pads.ice[watch.square[n], 1] + pads.origin[b, 0],
                 pads.ice[watch.square[n], 2] + pads.origin[b, 1],
@@ -186,7 +186,7 @@ def _list_candidates(f: Landing, watch: Watch, chosen: Ints, depth: Floats) -> N
     """List the polygons that may touch the floor in a step, by the depth in the middle of squares ``chosen``."""
     pads, is_chosen, count, b = f.pads, np.zeros(watch.square.size, np.bool_), 0, 0
     for a in range(f.bodies.size):
-        f.clearance[a] += f.level[a].min()
+        f.clearance[a] += f.lowest[a]
     for n in range(chosen.size):
         is_chosen[chosen[n]], watch.depth[chosen[n]] = True, depth[n]
     for n in range(watch.polygon.size):
@@ -196,7 +196,7 @@ def _list_candidates(f: Landing, watch: Watch, chosen: Ints, depth: Floats) -> N
             b += 1
         if is_chosen[s]:
             a = watch.body[s]
-            clear = watch.depth[s] + f.level[a].min() - f.draft[pads.owner[k]]
+            clear = watch.depth[s] + f.lowest[a] - f.draft[pads.owner[k]]
             f.clearance[a] = min(f.clearance[a], clear)
             if clear < watch.slope[s] * (0.75 * pads.side[a] + f.reach[a]) + CLEAR:
                 f.polygons[count] = k
