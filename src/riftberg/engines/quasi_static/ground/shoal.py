@@ -147,21 +147,46 @@ def _watch_squares(
 
     Blocks of squares of some half a tile have the same.
     """
-    rows, columns, side = pads.shape[b, 0], pads.shape[b, 1], pads.side[b]
+    rows, columns, side, shallow_tiles = pads.shape[b, 0], pads.shape[b, 1], pads.side[b], np.flatnonzero(shallow)
     wide = max(int(0.7 * floor.half / side), 1)
     reach = distance + floor.half + 0.71 * wide * side
     for j in range((rows - 1) // wide + 1):
         for i in range((columns - 1) // wide + 1):
             x = pads.origin[b, 0] + pads.low[b, 0] + (i + 0.5) * wide * side
             y = pads.origin[b, 1] + pads.low[b, 1] + (j + 0.5) * wide * side
-            steepest, has_shallow = 0.0, False
-            for n in range(shallow.size):
+            steepest = math.nan
+            for n in shallow_tiles:
                 if (floor.x[n] - x) ** 2 + (floor.y[n] - y) ** 2 < reach * reach:
-                    has_shallow = has_shallow or shallow[n]
-                    steepest = max(steepest, floor.slope[n])
+                    steepest = 0.0
+                    break
+            if steepest == 0.0:
+                for n in range(shallow.size):
+                    if (floor.x[n] - x) ** 2 + (floor.y[n] - y) ** 2 < reach * reach:
+                        steepest = max(steepest, floor.slope[n])
             for row in range(j * wide, min((j + 1) * wide, rows)):
                 for column in range(i * wide, min((i + 1) * wide, columns)):
-                    slope[row * columns + column] = steepest if has_shallow else math.nan
+                    slope[row * columns + column] = steepest
+
+
+@kernel
+def _list_watched(square: Ints, slope: Floats) -> tuple[Ints, Ints, Ints]:
+    """List the squares over a floor that may touch them, the polygons in these, and the place of the square of each.
+
+    ``square``: of each polygon; ``slope``: of each square, NaN where it is deep.
+    """
+    place, polygons = np.full(slope.size, -1), 0
+    for s in square:
+        if not math.isnan(slope[s]):
+            place[s] = 0
+            polygons += 1
+    squares = np.flatnonzero(place == 0)
+    place[squares] = np.arange(squares.size)
+    polygon, within, count = np.empty(polygons, np.int64), np.empty(polygons, np.int64), 0
+    for k in range(square.size):
+        if not math.isnan(slope[square[k]]):
+            polygon[count], within[count] = k, place[square[k]]
+            count += 1
+    return squares, polygon, within
 
 
 # Many arguments: what is asked for goes into arrays of the caller.
@@ -250,8 +275,7 @@ class Keels:
             _watch_squares(pads, a, *shoal.floors[b], float(survey.distance[b]), slope)
             self._times[a] = survey.times[b]
         if renewed or self._watch is None:
-            polygon = np.flatnonzero(np.isfinite(self._slope[self._square]))
-            square, within = np.unique(self._square[polygon], return_inverse=True)
+            square, polygon, within = _list_watched(self._square, self._slope)
             body = np.searchsorted(pads.square_start, square, side="right") - 1
             self._watch = Watch(
                 square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within
