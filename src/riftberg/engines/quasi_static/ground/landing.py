@@ -252,17 +252,34 @@ def list_corners(f: Landing) -> None:
     pads, count = f.pads, 0
     for a in range(f.bodies.size):
         first = f.asked_start[a] = count
-        for k in f.polygons[f.polygon_start[a] : f.polygon_start[a + 1]]:
+        for p in range(f.polygon_start[a], f.polygon_start[a + 1]):
+            k = f.polygons[p]
+            f.place[pads.start[k] : pads.start[k + 1]] = -1
+            _share_corners(f, p, f.polygon_start[a])
             for n in range(pads.start[k], pads.start[k + 1]):
-                # Places of the last step are still there: those of this one stand in its list.
-                corner = pads.twin[n]
-                listed = first + f.place[corner]
-                if listed >= count or f.asked[listed] != corner:
-                    f.place[corner], f.asked[count] = count - first, corner
+                if f.place[n] < 0:
+                    f.place[n], f.asked[count] = count - first, n
                     count += 1
         if f.polygon_start[a] == f.polygon_start[a + 1]:
             f.status[a] = AFLOAT
     f.asked_start[f.bodies.size] = count
+
+
+@borrower
+def _share_corners(f: Landing, p: int, first: int) -> None:
+    """Take the places of corners that a polygon shares with its element's in the squares beside and below, from ``first`` on."""
+    pads, k = f.pads, f.polygons[p]
+    for q in range(p - 1, first - 1, -1):  # those of an element follow row by row
+        m = f.polygons[q]
+        rows, columns = pads.square[k, 0] - pads.square[m, 0], abs(pads.square[k, 1] - pads.square[m, 1])
+        if pads.owner[m] != pads.owner[k] or rows > 1:
+            return
+        if rows + columns != 1:
+            continue
+        for n in range(pads.start[k], pads.start[k + 1]):
+            for i in range(pads.start[m], pads.start[m + 1]):
+                if pads.corner[n, 0] == pads.corner[i, 0] and pads.corner[n, 1] == pads.corner[i, 1]:
+                    f.place[n] = f.place[i]
 
 
 @borrower

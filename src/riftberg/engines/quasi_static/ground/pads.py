@@ -58,7 +58,6 @@ class Pads(NamedTuple):
     centre: Floats  # Its centroid; shape (polygons, 2)
     start: Ints  # Where its corners begin; shape (polygons + 1,)
     corner: Floats  # shape (corners, 2)
-    twin: Ints  # First corner of the element that lies where each does; shape (corners,)
 
 
 @kernel
@@ -196,25 +195,6 @@ def _sum_up_ice(pads: Pads, most: int) -> None:
             variances[s, 2] -= ice[s, 2] * ice[s, 2]
 
 
-@kernel
-def _find_twins(pads: Pads) -> None:
-    """Find the corners that polygons of an element share: the floor is asked for once there."""
-    for k in range(pads.owner.size):
-        row, column = pads.square[k]
-        for before in range(k - 1, -1, -1):  # those of an element follow row by row
-            rows, columns = row - pads.square[before, 0], abs(column - pads.square[before, 1])
-            if pads.owner[before] != pads.owner[k] or rows > 1:
-                break
-            if rows + columns != 1:
-                continue
-            for n in range(pads.start[k], pads.start[k + 1]):
-                for m in range(pads.start[before], pads.start[before + 1]):
-                    if pads.corner[n, 0] == pads.corner[m, 0] and pads.corner[n, 1] == pads.corner[m, 1]:
-                        pads.twin[n] = pads.twin[m]
-            if rows == 1:
-                break
-
-
 def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats) -> Pads:
     """Cut the footprints of fragments into pads.
 
@@ -243,10 +223,9 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats
         moments=np.zeros((body.size, 6)), origin=origin, side=side, low=low, shape=shape, square_start=square_start[:-1],
         ice=np.zeros((square_start[-1], 6)), polygon_start=polygon_start,
         owner=footprint.owner[polygon[:count]], square=square[:count], centre=np.empty((count, 2)),
-        start=corner_start[: count + 1], corner=corners[: corner_start[count]], twin=np.arange(corner_start[count]),
+        start=corner_start[: count + 1], corner=corners[: corner_start[count]],
     )  # fmt: skip
     _sum_up_ice(pads, most)
-    _find_twins(pads)
     return pads
 
 

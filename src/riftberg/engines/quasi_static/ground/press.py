@@ -112,7 +112,7 @@ def _lay_planes(pads: Pads, footing: Footing, depth: Floats, place: Ints, draft:
         shallow = deep = depth[asked + m]
         for n in range(size):
             c = pads.start[k] + n
-            corner[n, 0], corner[n, 1], corner[n, 2] = pads.corner[c, 0], pads.corner[c, 1], depth[place[pads.twin[c]]]
+            corner[n, 0], corner[n, 1], corner[n, 2] = pads.corner[c, 0], pads.corner[c, 1], depth[place[c]]
             mx += corner[n, 0] / size
             my += corner[n, 1] / size
             shallow, deep = min(shallow, corner[n, 2]), max(deep, corner[n, 2])
