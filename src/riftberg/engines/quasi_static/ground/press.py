@@ -426,6 +426,16 @@ def _minimise(footing: Footing, sq: Squares, q: Floats, top: float) -> int:
 
 
 @kernel
+def _lift(footing: Footing, sq: Squares, rise: float, q: Floats) -> None:
+    """Lift a fragment if that takes less energy than to press all of it in: where it yields, the bed leads to no balance."""
+    gradient, hessian = np.empty(3), np.empty((3, 3))
+    pressed_in = _sum_up(footing, sq, q, footing.top, gradient, hessian)
+    q[0] = rise
+    if _sum_up(footing, sq, q, footing.top, gradient, hessian) > pressed_in:
+        q[0] = 0.0
+
+
+@kernel
 def _balance(footing: Footing, sq: Squares, q: Floats) -> int:
     """Find the balance from the rise and bending that are there; returns the iterations, -1 where there is no end."""
     iterations = _minimise(footing, sq, q, footing.top)
@@ -521,9 +531,12 @@ def press(
         if bends:
             fit_plate(pads, plates, b, polygons[sq.polygons], merged, length, bed.poisson)
             _set_compliance(pads, plates, b, footing, sq, merged == 1, q, math.inf, length)
-            iterations = _balance(footing, sq, q)
+        if largest > footing.top:
+            _lift(footing, sq, largest - footing.top, q)
+        iterations = _balance(footing, sq, q)
+        if bends and iterations >= 0:
             _set_compliance(pads, plates, b, footing, sq, merged == 1, q, footing.top, length)
-        iterations = _balance(footing, sq, q) if iterations >= 0 else -1
+            iterations = _balance(footing, sq, q)
         if iterations < 0:
             return -1, largest
         if _stay_clear(footing, margin, q):
