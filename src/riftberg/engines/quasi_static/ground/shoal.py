@@ -22,9 +22,6 @@ from riftberg.state.variables import Body, Environment
 STEEPEST: Final = 0.5
 """Slope by which a floor that is not surveyed may rise towards the keel of a lone berg."""
 
-SMALL: Final = 2500.0
-"""Longest side (m) of a lone berg under which the floor is asked for rather than surveyed: it has few pads."""
-
 RING: Final = 10_000.0
 """Distance (m) beyond the way of a step for which the floor is surveyed."""
 
@@ -42,7 +39,6 @@ class Survey(NamedTuple):
     """Survey of the floor around fragments; one row for each fragment."""
 
     lone: NDArray[np.bool_]
-    small: NDArray[np.bool_]  # Whether it is a lone berg under which nothing is surveyed
     box: Floats  # Least x and y, and largest, of the footprint, m; shape (fragments, 4)
     radius: Floats  # Of the farthest corner of that box, m
     pose: Floats  # At the survey; shape (fragments, 3, 3)
@@ -61,12 +57,10 @@ def _begin_survey(bodies: Bodies, body: Body, latlon: bool, earth: float) -> Sur
         np.full((count, 2), np.inf),
         np.full((count, 2), -np.inf),
     )
-    lone, longest = np.bincount(bodies.body) == 1, np.maximum(body.length, body.width)
     np.minimum.at(low, bodies.body, xy - margin)
     np.maximum.at(high, bodies.body, xy + margin)
     return Survey(
-        lone=lone, small=lone & (np.bincount(bodies.body, longest) < SMALL), box=np.hstack([low, high]),
-        radius=np.hypot(*np.maximum(-low, high).T),
+        lone=np.bincount(bodies.body) == 1, box=np.hstack([low, high]), radius=np.hypot(*np.maximum(-low, high).T),
         pose=np.zeros((count, 3, 3)), distance=np.full(count, -1.0), shallow=np.zeros(count, np.bool_), draft=np.zeros(count),
         times=np.zeros(count, np.int64),
     )  # fmt: skip
@@ -101,7 +95,7 @@ def find_near(
     """Mark the fragments that may come near the floor in ``h`` s, and the fragments that may have left the surveyed floor.
 
     Lone bergs by the depth in the middle and the speed of the water, which they may take up; where that is near, the floor is
-    surveyed unless they are small. ``further``: factor of the way; ``scale``: radius of the earth, or 1 in a plane; ``reach``
+    surveyed. ``further``: factor of the way; ``scale``: radius of the earth, or 1 in a plane; ``reach``
     takes the way of the step and ``draft`` the deepest keel of each fragment, m. Returns the least clearance in the middle of
     elements, m.
     """
@@ -118,7 +112,7 @@ def find_near(
             within = math.sqrt(body.length[e] * body.width[e]) + reach[b]
             near_floor[b] = load[e] > 0.0 or environment.depth[e] - keel < STEEPEST * within
     for b in range(near_floor.size):
-        if not survey.lone[b] or (near_floor[b] and not survey.small[b]):
+        if near_floor[b] or not survey.lone[b]:
             travelled = _measure_distance(bodies.pose[b], survey.pose[b], survey.radius[b], scale)
             near_floor[b], left[b] = (
                 survey.shallow[b],
@@ -245,10 +239,10 @@ class Keels:
         self.landing = allocate_landing(bodies, pads, unmade_plates(pads))
         self.cut = np.zeros(survey.distance.size, np.bool_)
         self.cut[bodies] = True
-        fragment, squares = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start)), pads.shape.prod(axis=1)
+        fragment = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
         self._square = pads.square_start[fragment] + pads.square[:, 0] * pads.shape[fragment, 1] + pads.square[:, 1]
         # Steepest slope of the floor that may come under each square; none where it is so deep that nobody needs to look.
-        self._slope = np.where(np.repeat(survey.small[bodies], squares), STEEPEST, np.nan)
+        self._slope = np.full(len(pads.ice), np.nan)
         self.travelled, self._pose, self._times = np.zeros(bodies.size), pose.copy(), np.zeros(bodies.size, np.int64)
         self._watch: Watch | None = None
         self._chosen: tuple[
