@@ -89,9 +89,6 @@ class Seabed:
         # Work of friction since the start, J; least clearance of a keel, m.
         self.rubbed, self.clearance = np.zeros(1), np.full(1, np.inf)
         self._footprints, self._divided = footprints, footprints.divided
-        self._looked: tuple[Any, ...] = (None,) * 3
-        self._looked_for = (math.nan, math.nan)
-        self._found: tuple[NDArray[np.bool_], Floats, Shoal]
         self._shoals: list[Shoal] = []  # Of the last groups of fragments that went through a step, the latest first
 
     def checkpoint(self) -> tuple[Floats, Floats]:
@@ -101,12 +98,11 @@ class Seabed:
     def rollback(self, saved: tuple[Floats, Floats]) -> None:
         """Return to the values of `checkpoint`."""
         self.rubbed, self.clearance = (array.copy() for array in saved)
-        self._looked_for = (math.nan, math.nan)
 
     def state_dict(self) -> dict[str, Any]:
         """Return the arrays that a restart file must hold beside the state."""
         # The run that goes on looks at the floor anew, as a resumed one does: the least clearance hangs on what is asked for.
-        self._shoals, self._looked_for = [], (math.nan, math.nan)
+        self._shoals = []
         # Files hold finite numbers: a large one stands for no keel near the floor yet.
         return {"bed_plastic": self.rubbed, "bed_clearance": np.minimum(self.clearance, 0.5 * LARGEST)}
 
@@ -129,13 +125,10 @@ class Seabed:
 
         ``further``: factor of the way for which the floor is watched.
         """
-        el, c, looked = model.elements, model.constants, (bodies.pose, bodies.twist, model.elements.keel)
+        el, c = model.elements, model.constants
         if self._divided != self._footprints.divided:  # the same elements have other pads
             self._divided = self._footprints.divided
-            self._shoals, self._looked_for = [], (math.nan, math.nan)
-        # The stepper asks before it parts the bergs, then the trial step.
-        if (h, further) == self._looked_for and all(map(operator.is_, looked, self._looked)):
-            return self._found
+            self._shoals = []
         shoal = self._shoal(model, bodies)
         survey, count, scale = shoal.survey, bodies.pose.shape[0], c.earth_radius if c.latlon else 1.0
         near_floor, left, (reach, draft) = np.zeros(count, np.bool_), np.zeros(count, np.bool_), np.empty((2, count))
@@ -148,8 +141,7 @@ class Seabed:
             near_floor[b] = survey.shallow[b]
         if not near_floor.any():  # else it is looked at more closely
             self.clearance[0] = min(self.clearance[0], least)
-        self._looked, self._looked_for, self._found = looked, (h, further), (near_floor, reach, shoal)
-        return self._found
+        return near_floor, reach, shoal
 
     def _shoal(self, model: RunState, bodies: Bodies) -> Shoal:
         """Return the survey and the pads of these fragments from the last steps, or begin new ones."""

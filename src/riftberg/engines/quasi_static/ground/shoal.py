@@ -149,8 +149,8 @@ def _watch_squares(
             x = pads.origin[b, 0] + pads.low[b, 0] + (i + 0.5) * wide * side
             y = pads.origin[b, 1] + pads.low[b, 1] + (j + 0.5) * wide * side
             steepest = math.nan
-            for n in shallow_tiles:
-                if (floor.x[n] - x) ** 2 + (floor.y[n] - y) ** 2 < reach * reach:
+            for t in shallow_tiles:
+                if (floor.x[t] - x) ** 2 + (floor.y[t] - y) ** 2 < reach * reach:
                     steepest = 0.0
                     break
             if steepest == 0.0:
