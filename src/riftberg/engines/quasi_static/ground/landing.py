@@ -827,10 +827,7 @@ def write_keels(f: Landing, keel: Keel) -> None:
             keel.floor_lift[n], keel.floor_stress[n] = load[LIFT], load[STRESS]
             keel.floor_yield[n], keel.floor_substep[n] = max(f.yielded[e], load[YIELD]), f.substep[a]
             if load[LOAD] > 0.0:
-                keel.anchor_x[n], keel.anchor_y[n], keel.anchor_capacity[n] = (
-                    anchor[ANCHOR_X],
-                    anchor[ANCHOR_Y],
-                    anchor[LARGEST],
-                )
+                keel.anchor_x[n], keel.anchor_y[n] = anchor[ANCHOR_X], anchor[ANCHOR_Y]
+                keel.anchor_capacity[n] = anchor[LARGEST]
                 keel.floor_x[n], keel.floor_y[n] = anchor[FORCE_X], anchor[FORCE_Y]
                 keel.floor_arm_x[n], keel.floor_arm_y[n] = anchor[ARM_X], anchor[ARM_Y]

@@ -153,10 +153,8 @@ def _cut_by_squares(
                     if end_corner > len(corners):
                         corners = _lengthen(corners, 2 * end_corner)
                     for n in range(piece_size):
-                        corners[corner_start[count] + n, 0], corners[corner_start[count] + n, 1] = (
-                            piece[n, 0],
-                            piece[n, 1],
-                        )
+                        c = corner_start[count] + n
+                        corners[c, 0], corners[c, 1] = piece[n, 0], piece[n, 1]
                     polygons[count], square[count, 0], square[count, 1] = k, j, i
                     count += 1
                     corner_start[count] = end_corner
@@ -287,10 +285,8 @@ def fill_hulls(
         if 12.0 * least / area >= mean[b] ** 2 and least - lean > 0.5 * least:
             hull[b, 1, 1], hull[b, 2, 2] = WATER_STIFFNESS * (yy - lean), WATER_STIFFNESS * (xx - lean)
             hull[b, 1, 2] = hull[b, 2, 1] = -WATER_STIFFNESS * xy
-            extent, bending = (
-                pads.side[b] * max(pads.shape[b, 0], pads.shape[b, 1]),
-                bending_length(bed.modulus, bed.poisson, mean[b]),
-            )
+            extent = pads.side[b] * max(pads.shape[b, 0], pads.shape[b, 1])
+            bending = bending_length(bed.modulus, bed.poisson, mean[b])
             if extent > SHORT * math.sqrt(2.0) * bending:
                 length[b] = bending
 

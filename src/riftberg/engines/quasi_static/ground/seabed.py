@@ -203,19 +203,8 @@ class Seabed:
         if pads is not keels.pads:
             f = f._replace(pads=pads)
         landing.begin_step(
-            f,
-            bodies,
-            body,
-            el.environment.depth,
-            el.keel,
-            c.rho_ice,
-            step,
-            shoal.survey.radius,
-            reach,
-            near_floor,
-            lon,
-            lat,
-        )
+            f, bodies, body, el.environment.depth, el.keel, c.rho_ice, step, shoal.survey.radius, reach, near_floor, lon, lat
+        )  # fmt: skip
         for n in range(3):
             f.level[:, n] = forcing.sea_level(lon, lat, time + 0.5 * n * h)
         f.level.min(axis=1, out=f.lowest)
@@ -271,10 +260,10 @@ class Seabed:
         landing.set_masses(f, op.matrices)
         if contact is not None and landing.carry(f, contact, by_the_floor, op.body, h):
             return flexure  # others need not go through the step in vain
-        step, (lon, lat), depth = (
+        step, depth, (lon, lat) = (
             self._step(model, h),
-            np.empty((2, f.asked_start[-1] + f.polygon_start[-1])),
             np.zeros(0),
+            np.empty((2, f.asked_start[-1] + f.polygon_start[-1])),
         )
         while requested := landing.advance(f, step, op.forcing, depth, lon, lat):
             if bends:

@@ -52,11 +52,8 @@ def _begin_survey(bodies: Bodies, body: Body, latlon: bool, earth: float) -> Sur
     """Return a survey in which nothing is surveyed yet."""
     count, xy = len(bodies.pose), tangent_coordinates(bodies.reference, latlon, earth)
     # Ice of an element at the rim may reach farther than its own half.
-    margin, low, high = (
-        np.hypot(body.length, body.width)[:, None],
-        np.full((count, 2), np.inf),
-        np.full((count, 2), -np.inf),
-    )
+    margin = np.hypot(body.length, body.width)[:, None]
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
     np.minimum.at(low, bodies.body, xy - margin)
     np.maximum.at(high, bodies.body, xy + margin)
     return Survey(
@@ -114,10 +111,8 @@ def find_near(
     for b in range(near_floor.size):
         if near_floor[b] or not survey.lone[b]:
             travelled = _measure_distance(bodies.pose[b], survey.pose[b], survey.radius[b], scale)
-            near_floor[b], left[b] = (
-                survey.shallow[b],
-                not travelled + reach[b] <= survey.distance[b] or draft[b] > survey.draft[b],
-            )
+            left[b] = not travelled + reach[b] <= survey.distance[b] or draft[b] > survey.draft[b]
+            near_floor[b] = survey.shallow[b]
     return least
 
 
@@ -131,6 +126,9 @@ class Watch(NamedTuple):
     travelled: Floats  # Distance that its fragment had gone then, m
     polygon: Ints  # By fragment
     within: Ints  # Place of the square of each polygon
+    chosen: Ints  # Places of those that are asked for in a step come here
+    lon: Floats  # And where they are
+    lat: Floats
 
 
 @kernel
@@ -183,12 +181,9 @@ def _list_watched(square: Ints, slope: Floats) -> tuple[Ints, Ints, Ints]:
     return squares, polygon, within
 
 
-# Many arguments: what is asked for goes into arrays of the caller.
 @kernel
-def _choose_squares(
-    f: Landing, watch: Watch, travelled: Floats, latlon: bool, radius: float, chosen: Ints, lon: Floats, lat: Floats
-) -> int:  # fmt: skip
-    """List the squares that may come near the floor in a step, by the depth that was found last, and where they are.
+def _choose_squares(f: Landing, watch: Watch, travelled: Floats, latlon: bool, radius: float) -> int:
+    """List the squares that may come near the floor in a step, by the depth that was found last; returns their number.
 
     ``travelled``: distance that each fragment has gone since it is watched, m.
     """
@@ -197,24 +192,22 @@ def _choose_squares(
         b, slope = watch.body[n], watch.slope[n]
         rise = slope * (travelled[b] - watch.travelled[n] + 0.75 * pads.side[b] + f.reach[b])
         if f.reach[b] >= 0.0 and watch.depth[n] + f.lowest[b] - f.deepest[b] < rise + CLEAR:
-            x, y = (
-                pads.ice[watch.square[n], 1] + pads.origin[b, 0],
-                pads.ice[watch.square[n], 2] + pads.origin[b, 1],
-            )
-            lon[count], lat[count] = place_points(x, y, f.pose[b], latlon, radius)
-            chosen[count], watch.travelled[n] = n, travelled[b]
+            ice = pads.ice[watch.square[n]]
+            x, y = ice[1] + pads.origin[b, 0], ice[2] + pads.origin[b, 1]
+            watch.lon[count], watch.lat[count] = place_points(x, y, f.pose[b], latlon, radius)
+            watch.chosen[count], watch.travelled[n] = n, travelled[b]
             count += 1
     return count
 
 
 @kernel
-def _list_candidates(f: Landing, watch: Watch, chosen: Ints, depth: Floats) -> None:
-    """List the polygons that may touch the floor in a step, by the depth in the middle of squares ``chosen``."""
+def _list_candidates(f: Landing, watch: Watch, depth: Floats) -> None:
+    """List the polygons that may touch the floor in a step, by the depth in the middle of the chosen squares."""
     pads, is_chosen, count, b = f.pads, np.zeros(watch.square.size, np.bool_), 0, 0
     for a in range(f.bodies.size):
         f.clearance[a] += f.lowest[a]
-    for n in range(chosen.size):
-        is_chosen[chosen[n]], watch.depth[chosen[n]] = True, depth[n]
+    for n in range(depth.size):
+        is_chosen[watch.chosen[n]], watch.depth[watch.chosen[n]] = True, depth[n]
     for n in range(watch.polygon.size):
         s, k = watch.within[n], watch.polygon[n]
         while b <= watch.body[s]:
@@ -245,17 +238,13 @@ class Keels:
         self._slope = np.full(len(pads.ice), np.nan)
         self.travelled, self._pose, self._times = np.zeros(bodies.size), pose.copy(), np.zeros(bodies.size, np.int64)
         self._watch: Watch | None = None
-        self._chosen: tuple[
-            Ints, Floats, Floats
-        ]  # Room for those of its squares that are asked for, and where they are
 
     def find_candidates(self, f: Landing, shoal: Shoal, depth: DepthSampler, c: KernelParameters) -> bool:
         """List the polygons of fragments that may touch the floor in a step; returns whether there are any."""
         watch = self._update_watch(shoal, f.pose, c.earth_radius if c.latlon else 1.0)
-        chosen, lon, lat = self._chosen
-        squares = _choose_squares(f, watch, self.travelled, c.latlon, c.earth_radius, chosen, lon, lat)
-        asked = depth(lon[:squares], lat[:squares]) if squares else lon[:0]
-        _list_candidates(f, watch, chosen[:squares], asked)
+        squares = _choose_squares(f, watch, self.travelled, c.latlon, c.earth_radius)
+        asked = depth(watch.lon[:squares], watch.lat[:squares]) if squares else np.zeros(0)
+        _list_candidates(f, watch, asked)
         return bool(f.polygon_start[-1] > 0)
 
     def _update_watch(self, shoal: Shoal, pose: Floats, scale: float) -> Watch:
@@ -272,9 +261,9 @@ class Keels:
             square, polygon, within = _list_watched(self._square, self._slope)
             body = np.searchsorted(pads.square_start, square, side="right") - 1
             self._watch = Watch(
-                square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within
-            )
-            self._chosen = np.empty(square.size, np.int64), np.empty(square.size), np.empty(square.size)
+                square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within,
+                np.empty_like(square), *np.empty((2, square.size)),
+            )  # fmt: skip
         return self._watch
 
 
