@@ -101,13 +101,12 @@ def test_bergs_over_a_bed_of_sediment_go_as_in_the_general_step(
     sea = Forcing.uniform((0.1, 0.05), latlon=not earth, **({"latitude": -60.0} if earth else {}))
     own, plain = (model_of(population(not earth, bonded=False), sea + bank, **case) for _ in range(2))
     own.advance(steps=6)
-    near = own._stepper.memory.laws.seabed.find_near_floor(own, own._stepper.memory.bodies, 1800.0)
     found = general.find_lone_bergs(
         own,
         own._stepper.memory.bodies,
         interaction_sizes(own.elements, own.constants),
         own._stepper.memory.laws.faces,
-        near,
+        own._stepper.memory.laws.seabed,
     )
     assert found is not None
     assert found[0].size == 7

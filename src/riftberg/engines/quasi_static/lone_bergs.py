@@ -43,6 +43,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
 )
 from riftberg.engines.quasi_static.bodies.pose import Bodies, move_poses, place_elements
 from riftberg.engines.quasi_static.contact.faces import FaceContact
+from riftberg.engines.quasi_static.ground.seabed import Seabed
 from riftberg.ocean.cells import settle_elements
 from riftberg.ocean.forcing import Forcing, WrappedForcing
 from riftberg.state import Elements, Floats, Ints
@@ -56,22 +57,22 @@ BLOCK = 8192
 
 
 def find_lone_bergs(
-    model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceContact, near_floor: Booleans | None = None
+    model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceContact, seabed: Seabed | None = None
 ) -> tuple[Ints, Booleans] | None:
     """Return the rows of lone bergs, and which other elements belong to fragments that nobody may touch in a time step.
 
-    ``near_floor``: which fragments a bed of sediment may touch; they count among those that may meet. None where lone bergs are
-    too few, or fewer than the others.
+    Those that a bed of sediment may touch count among those that may meet. None where lone bergs are too few, or fewer than the
+    others.
     """
-    el, body = model.elements, bodies.body
+    el, body, h = model.elements, bodies.body, model.parameters.time_step
     least = max(MIN_LONE_BERGS, el.size // 2 + 1)
     if el.size < least or np.count_nonzero(alone := np.bincount(body)[body] == 1) < least:
         return None
     alone &= (el.body.static < 0.5) & (el.body.free_y >= 0.5)
     if model.constants.interactions:
         sizes = sizes._replace(radius=np.maximum(sizes.radius, faces.reach(model)))
-    meets = np.zeros(bodies.pose.shape[0], np.bool_) if near_floor is None else near_floor.copy()
-    for rows in candidate_pairs(el, body, sizes, model.parameters.time_step, model.constants):
+    meets = np.zeros(len(bodies.pose), np.bool_) if seabed is None else seabed.find_near_floor(model, bodies, h)
+    for rows in candidate_pairs(el, body, sizes, h, model.constants):
         meets[body[rows]] = True
     unreachable = ~meets[body]
     lone = np.flatnonzero(alone & unreachable)

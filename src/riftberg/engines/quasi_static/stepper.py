@@ -117,10 +117,7 @@ class QuasiStaticStepper:
             bodies = first_bodies(model.elements, bonds, c)
             unknown = np.ones(bodies.pose.shape[0], np.bool_)
         sizes = memory.sizes or interaction_sizes(model.elements, c)
-        near_floor = None
-        if seabed is not None:
-            near_floor = seabed.find_near_floor(model, bodies, model.parameters.time_step)
-        lone_bergs = find_lone_bergs(model, bodies, sizes, faces, near_floor)
+        lone_bergs = find_lone_bergs(model, bodies, sizes, faces, seabed)
         if lone_bergs is None:
             return False
         lone, unreachable = lone_bergs

@@ -27,13 +27,16 @@ from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.engines.common.bed import Bed
 from riftberg.engines.common.forces.media import FORCES, SEA_FLOOR
 from riftberg.engines.quasi_static.bodies.dynamics import (
+    BodyMatrices,
     ElementForcing,
     add_forces,
     assemble_force_and_jacobian,
     take_elements,
 )
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, move_poses
+from riftberg.engines.quasi_static.contact import anchors
 from riftberg.engines.quasi_static.contact.anchors import GIVES_WAY
+from riftberg.engines.quasi_static.contact.islands import SubcycledMotion
 from riftberg.engines.quasi_static.ground.pads import Pads, fill_hulls, place_points
 from riftberg.engines.quasi_static.ground.patches import give_way, lay_patches
 from riftberg.engines.quasi_static.ground.plate import Plates
@@ -52,9 +55,10 @@ from riftberg.engines.quasi_static.ground.press import (
     YIELD,
     press,
 )
+from riftberg.physics.floating import draft_of
 from riftberg.physics.geometry import solve, times
 from riftberg.state import Floats, Ints
-from riftberg.state.variables import Keel
+from riftberg.state.variables import Body, Keel
 
 Booleans = NDArray[np.bool_]
 
@@ -93,11 +97,6 @@ ANCHOR_X, ANCHOR_Y, ANCHOR_TORQUE, LARGEST, FORCE_X, FORCE_Y, ARM_X, ARM_Y = ran
 """Columns of `Landing.anchors`: friction that anchors an element (N) and its torque (N m), the largest that could since it
 touched, force of the floor with that of its slope (N), and where it acts, from the centre of the element (m, east and north)."""
 
-ANCHOR_NAMES: Final = (
-    "anchor_x", "anchor_y", "anchor_torque", "anchor_capacity", "floor_x", "floor_y", "floor_arm_x", "floor_arm_y",
-)  # fmt: skip
-"""The same among the variables of `Keel`."""
-
 BEGINS, MIDDLE, END, DONE, AFLOAT, BEYOND, TOO_SHORT, UNSETTLED = range(8)
 """Status of a fragment: what it needs the depth for, or how it ended: it touched the floor, or nothing; it went beyond the pads
 that are watched; no sub-step was short enough; no rise balances it."""
@@ -117,14 +116,18 @@ class Landing(NamedTuple):
 
     pads: Pads
     plates: Plates
+    bodies: Ints  # Their numbers among all fragments, in rising order
     polygons: Ints  # Those that may touch the floor, one fragment after the other
     polygon_start: Ints  # Where those of each fragment begin; shape (fragments + 1,)
-    points: Ints  # Number of those at which it asks for the depth
+    asked: Ints  # Their corners, each once; the depth is asked there, and in the middles of the polygons
+    asked_start: Ints  # Where those of each fragment begin; shape (fragments + 1,)
+    place: Ints  # Of each asked corner among those of its fragment; shape (corners,)
 
     # The fragments at the start
     pose: Floats  # shape (fragments, 3, 3)
     reference: Floats  # Of the elements ``pads.rows``; shape (elements, 3)
     draft: Floats  # Of the elements, m
+    deepest: Floats  # Draft, m
     thickness: Floats  # Mean, m
     length: Floats  # Of bending, m
     hull: Floats  # Stiffness against heave and tilts; shape (fragments, 3, 3)
@@ -133,6 +136,7 @@ class Landing(NamedTuple):
     radius: Floats  # m
     reach: Floats  # Way for which the pads are watched, m
     level: Floats  # Of the sea at the start, in the middle and at the end of the step, m; shape (fragments, 3)
+    lowest: Floats  # Of these, m
     first_speed: Floats  # At the rim, m s-1
 
     # Where they are now
@@ -179,46 +183,159 @@ class Landing(NamedTuple):
     peak_axes: Floats  # Theirs then, cosine and sine; shape (elements, 2)
 
 
-# Many arguments: what the fragments are, and where.
-def begin_step(
-    pads: Pads, plates: Plates, polygons: Ints, polygon_start: Ints, numbers: Ints, bodies: Bodies, keel: Keel, thickness: Floats,
-    draft: Floats, bed: Bed,
-) -> Landing:  # fmt: skip
-    """Let the fragments ``numbers`` begin a step where they are; ``thickness``, ``draft``: of the elements ``pads.rows``, m."""
-    rows, count, elements = pads.rows, numbers.size, pads.rows.size
-    fragment = np.repeat(np.arange(count), np.diff(pads.row_start))
-    corners = np.concatenate([[0], np.cumsum(pads.start[polygons + 1] - pads.start[polygons])])[polygon_start]
-    anchors, loads = np.zeros((elements, ANCHORS)), np.zeros((elements, PRESSED))
-    for column, name in enumerate(ANCHOR_NAMES[:FORCE_X]):
-        anchors[:, column] = getattr(keel, name)[rows]
-    loads[:, HOLD] = keel.floor_hold[rows]
-    hold = np.asarray(np.bincount(fragment, loads[:, HOLD]), np.float64)
-    stands = (keel.floor_load[rows] > 0.0) | (anchors[:, :2] != 0.0).any(axis=1)
-    touches, substep = np.bincount(fragment, stands) > 0.0, keel.floor_substep[rows[pads.row_start[:-1]]]
-    hull, mean_thickness, length = np.empty((count, 3, 3)), np.empty(count), np.empty(count)
-    fill_hulls(pads, thickness, draft, bed.modulus, bed.poisson, hull, mean_thickness, length)
+def allocate_landing(bodies: Ints, pads: Pads, plates: Plates) -> Landing:
+    """Return arrays for the steps of some fragments, which `begin_step` fills."""
+    count, elements, polygons, corners = bodies.size, pads.rows.size, pads.owner.size, len(pads.corner)
 
-    def zeros(*shape: int) -> Floats:
-        return np.zeros((count, *shape))
+    def each(*shape: int) -> Floats:
+        return np.empty((count, *shape))
 
-    def falses() -> Booleans:
-        return np.zeros(count, np.bool_)
+    def whole() -> Ints:
+        return np.empty(count, np.int64)
+
+    def flags() -> Booleans:
+        return np.empty(count, np.bool_)
 
     return Landing(
-        pads, plates, polygons, polygon_start, points=np.diff(corners) + np.diff(polygon_start),
-        pose=bodies.pose[numbers], reference=bodies.reference[rows], draft=draft, thickness=mean_thickness, length=length,
-        hull=hull, mobility=zeros(3, 3), arm=zeros(), radius=zeros(), reach=zeros(), level=zeros(3), first_speed=zeros(),
-        status=np.where(np.diff(polygon_start) > 0, BEGINS, AFLOAT), time=zeros(),
-        substep=np.where(touches & (substep > 0.0), substep, HELD_STEP), path=zeros(3), velocity=bodies.twist[numbers],
-        acceleration=zeros(3), touches=touches, anchors=anchors,
-        way=zeros(3), sounded_pose=zeros(3, 3), levers=np.empty((elements, 11)), rise=zeros(3), loads=loads,
-        bent=np.zeros((polygons.size, 5)), touches_in_middle=falses(), hold=hold, slides=falses(),
-        net=zeros(3), rubs=zeros(), next_velocity=zeros(3), next_anchors=np.zeros_like(anchors),
-        push=zeros(3), carried=falses(), hold_change=zeros(),
-        accepted=falses(), shortest=np.full(count, math.inf), clearance=np.full(count, math.inf), rubbed=zeros(),
-        yielded=keel.floor_yield[rows], applied=np.zeros((elements, len(FORCES), 2)), peak=np.full(count, -1.0),
-        peak_time=zeros(), peak_spin=zeros(), peak_force=np.zeros((elements, 3)), peak_axes=np.zeros((elements, 2)),
+        pads, plates, bodies, polygons=np.empty(polygons, np.int64), polygon_start=np.zeros(count + 1, np.int64),
+        asked=np.empty(corners, np.int64), asked_start=np.zeros(count + 1, np.int64), place=np.zeros(corners, np.int64),
+        pose=each(3, 3), reference=np.empty((elements, 3)), draft=np.empty(elements), deepest=each(), thickness=each(),
+        length=each(), hull=each(3, 3), mobility=each(3, 3), arm=each(), radius=each(), reach=each(), level=each(3),
+        lowest=each(), first_speed=each(), status=whole(), time=each(), substep=each(), path=each(3), velocity=each(3),
+        acceleration=each(3), touches=flags(), anchors=np.empty((elements, ANCHORS)), way=each(3), sounded_pose=each(3, 3),
+        levers=np.empty((elements, 11)), rise=each(3), loads=np.empty((elements, PRESSED)), bent=np.empty((polygons, 5)),
+        touches_in_middle=flags(), hold=each(), slides=flags(), net=each(3), rubs=each(), next_velocity=each(3),
+        next_anchors=np.empty((elements, ANCHORS)), push=each(3), carried=flags(), hold_change=each(), accepted=flags(),
+        shortest=each(), clearance=each(), rubbed=each(), yielded=np.empty(elements),
+        applied=np.empty((elements, len(FORCES), 2)), peak=each(), peak_time=each(), peak_spin=each(),
+        peak_force=np.empty((elements, 3)), peak_axes=np.empty((elements, 2)),
     )  # fmt: skip
+
+
+# Many arguments: the state, and what has been found of the fragments.
+@kernel
+def begin_step(
+    f: Landing, bodies: Bodies, body: Body, depth: Floats, keel: Keel, rho_ice: float, step: Step, radius: Floats, reach: Floats,
+    near_floor: Booleans, lon: Floats, lat: Floats,
+) -> None:  # fmt: skip
+    """Let fragments begin a step where they are; all but level, polygons and masses.
+
+    ``depth``: in the middles of the elements, m; ``radius``, ``reach``, ``near_floor``: of all fragments; ``lon`` and ``lat``
+    take the middles of those that begin.
+    """
+    _clear(f)
+    pads = f.pads
+    for a in range(f.bodies.size):
+        b = f.bodies[a]
+        f.pose[a], f.velocity[a], f.radius[a] = bodies.pose[b], bodies.twist[b], radius[b]
+        # Where the floor is not asked for under its pads, the middles of the elements tell the water under a berg.
+        f.reach[a], f.clearance[a], f.deepest[a] = -1.0, math.inf, -math.inf
+        stands, near = False, near_floor[b]
+        if near:
+            f.reach[a] = reach[b]
+        for e in range(pads.row_start[a], pads.row_start[a + 1]):
+            row = pads.rows[e]
+            f.reference[e], f.draft[e] = bodies.reference[row], draft_of(body.thickness[row], rho_ice)
+            f.deepest[a] = max(f.deepest[a], f.draft[e])
+            if near:
+                f.clearance[a] = min(f.clearance[a], depth[row] - f.draft[e])
+            f.anchors[e, ANCHOR_X], f.anchors[e, ANCHOR_Y] = keel.anchor_x[row], keel.anchor_y[row]
+            f.anchors[e, ANCHOR_TORQUE] = keel.anchor_torque[row]
+            f.anchors[e, LARGEST], f.loads[e, HOLD] = keel.anchor_capacity[row], keel.floor_hold[row]
+            f.yielded[e] = keel.floor_yield[row]
+            f.hold[a] += keel.floor_hold[row]
+            stands = stands or keel.floor_load[row] > 0.0 or keel.anchor_x[row] != 0.0 or keel.anchor_y[row] != 0.0
+        substep = keel.floor_substep[pads.rows[pads.row_start[a]]]
+        f.touches[a], f.substep[a] = stands, substep if stands and substep > 0.0 else HELD_STEP
+        lon[a], lat[a] = place_points(pads.origin[a, 0], pads.origin[a, 1], f.pose[a], step.latlon, step.earth)
+    fill_hulls(pads, body.thickness, f.draft, step.bed, f.hull, f.thickness, f.length)
+
+
+@kernel
+def list_corners(f: Landing) -> None:
+    """List the corners of the polygons that may touch the floor, each once, and let fragments without any go afloat."""
+    pads, count = f.pads, 0
+    for a in range(f.bodies.size):
+        first = f.asked_start[a] = count
+        for p in range(f.polygon_start[a], f.polygon_start[a + 1]):
+            k = f.polygons[p]
+            f.place[pads.start[k] : pads.start[k + 1]] = -1
+            _share_corners(f, p, f.polygon_start[a])
+            for n in range(pads.start[k], pads.start[k + 1]):
+                if f.place[n] < 0:
+                    f.place[n], f.asked[count] = count - first, n
+                    count += 1
+        if f.polygon_start[a] == f.polygon_start[a + 1]:
+            f.status[a] = AFLOAT
+    f.asked_start[f.bodies.size] = count
+
+
+@borrower
+def _share_corners(f: Landing, p: int, first: int) -> None:
+    """Take the places of corners that a polygon shares with its element's in the squares beside and below, from ``first`` on."""
+    pads, k = f.pads, f.polygons[p]
+    for q in range(p - 1, first - 1, -1):  # those of an element follow row by row
+        m = f.polygons[q]
+        rows, columns = pads.square[k, 0] - pads.square[m, 0], abs(pads.square[k, 1] - pads.square[m, 1])
+        if pads.owner[m] != pads.owner[k] or rows > 1:
+            return
+        if rows + columns != 1:
+            continue
+        for n in range(pads.start[k], pads.start[k + 1]):
+            for i in range(pads.start[m], pads.start[m + 1]):
+                if pads.corner[n, 0] == pads.corner[i, 0] and pads.corner[n, 1] == pads.corner[i, 1]:
+                    f.place[n] = f.place[i]
+
+
+@borrower
+def _clear(f: Landing) -> None:
+    """Clear what the last step has left."""
+    f.status[:], f.shortest[:], f.peak[:] = BEGINS, math.inf, -1.0
+    f.accepted[:] = f.carried[:] = f.slides[:] = f.touches_in_middle[:] = False
+    f.time[:] = f.rubs[:] = f.rubbed[:] = f.hold[:] = f.hold_change[:] = f.peak_time[:] = f.peak_spin[:] = 0.0
+    f.path[:] = f.acceleration[:] = f.rise[:] = f.net[:] = f.push[:] = 0.0
+    f.anchors[:] = f.next_anchors[:] = f.loads[:] = f.applied[:] = f.peak_force[:] = f.peak_axes[:] = 0.0
+
+
+@kernel
+def set_masses(f: Landing, matrices: BodyMatrices) -> None:
+    """Take the masses of the fragments, and how fast their rims are."""
+    for a in range(f.bodies.size):
+        b, v = f.bodies[a], f.velocity[a]
+        f.mobility[a], f.arm[a] = matrices.mobility[b], math.sqrt(matrices.inertia[b, 2, 2] / matrices.inertia[b, 0, 0])
+        f.first_speed[a] = math.hypot(v[0], v[1]) + f.arm[a] * abs(v[2])
+
+
+@kernel
+def carry(f: Landing, contact: SubcycledMotion, by_the_floor: Ints, body: Ints, h: float) -> bool:
+    """Let contact take fragments through the step, and push those ``by_the_floor``; returns whether one leaves its watched pads.
+
+    ``body``: of the elements.
+    """
+    leaves = False
+    for c in range(contact.bodies.size):
+        b = contact.bodies[c]
+        a = np.searchsorted(f.bodies, b)
+        if a == f.bodies.size or f.bodies[a] != b:
+            continue
+        for k in range(3):
+            f.push[a, k] = contact.impulse[c, k] / h
+        if (by_the_floor == b).any():
+            continue
+        f.carried[a], f.rubbed[a], f.shortest[a] = True, contact.rubbed[c], TOUCH_STEP
+        for k in range(3):
+            f.path[a, k], f.velocity[a, k] = h * contact.mean[c, k], contact.twist[c, k]
+        e = f.pads.row_start[a]
+        for n in range(contact.rows.size):  # the elements of a fragment stand in the order of the state in both
+            if body[contact.rows[n]] == b:
+                f.anchors[e, ANCHOR_X] = contact.anchors[n, anchors.ANCHOR_X]
+                f.anchors[e, ANCHOR_Y] = contact.anchors[n, anchors.ANCHOR_Y]
+                f.anchors[e, ANCHOR_TORQUE] = 0.0  # others turn it
+                f.applied[e] = contact.applied[n]
+                e += 1
+        if math.hypot(f.path[a, 0], f.path[a, 1]) + f.radius[a] * abs(f.path[a, 2]) > f.reach[a]:
+            f.status[a], leaves = BEYOND, True
+    return leaves
 
 
 @borrower
@@ -235,8 +352,8 @@ def _press(f: Landing, a: int, bed: Bed, fraction: float, depth: Floats) -> bool
     """Press a fragment onto the floor after a part of the step; returns whether it touches it."""
     own_polygons = slice(f.polygon_start[a], f.polygon_start[a + 1])
     iterations, largest = press(
-        f.pads, f.plates, a, f.polygons[own_polygons], depth, f.draft, _interpolate_level(f.level[a], fraction), bed, f.hull[a],
-        f.length[a], f.thickness[a], f.rise[a], f.loads, f.bent[own_polygons],
+        f.pads, f.plates, a, f.polygons[own_polygons], depth, f.place, f.draft, _interpolate_level(f.level[a], fraction), bed,
+        f.hull[a], f.length[a], f.thickness[a], f.rise[a], f.loads, f.bent[own_polygons],
     )  # fmt: skip
     f.clearance[a] = min(f.clearance[a], -largest)
     if iterations < 0:
@@ -348,7 +465,7 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
     Leaves velocity, net force, anchors, forces and work of friction of the sub-step.
     """
     first, last = f.pads.row_start[a], f.pads.row_start[a + 1]
-    mass, levers = take_elements(forcing, slice(first, last)), f.levers[first:last]
+    mass, levers = take_elements(forcing, f.pads.rows[first:last]), f.levers[first:last]
     always, body = np.ones(1, np.bool_), np.zeros(last - first, np.int64)
     loaded = first + np.flatnonzero(f.loads[first:last, LOAD] > 0.0)
     lever, spring, constant = np.empty((loaded.size, 9)), np.empty(loaded.size), f.push[a].copy()
@@ -607,7 +724,7 @@ def _accept(f: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
     f.rubbed[a] += f.rubs[a]
     accelerations, rate = np.zeros((count, len(FORCES), 2)), np.empty((count, 3))
     force, net = np.empty((count, 3)), np.zeros((1, 3))
-    mass, levers = take_elements(forcing, slice(first, last)), f.levers[first:last]
+    mass, levers = take_elements(forcing, f.pads.rows[first:last]), f.levers[first:last]
     add_forces(np.zeros(count, np.int64), levers, mean, mass, accelerations, rate, force, net)
     size = 0.0
     for n in range(count):
@@ -681,13 +798,11 @@ def _find_friction(f: Landing, a: int, step: Step, hold_at_start: Floats, change
 def _write_points(f: Landing, a: int, step: Step, pose: Floats, at: int, lon: Floats, lat: Floats) -> int:
     """Write where a fragment asks for the depth, from ``at`` on: the corners of its polygons, then their centroids."""
     pads, (ox, oy) = f.pads, f.pads.origin[a]
-    polygons = f.polygons[f.polygon_start[a] : f.polygon_start[a + 1]]
-    for k in polygons:
-        for n in range(pads.start[k], pads.start[k + 1]):
-            x, y = pads.corner[n, 0] + ox, pads.corner[n, 1] + oy
-            lon[at], lat[at] = place_points(x, y, pose, step.latlon, step.earth)
-            at += 1
-    for k in polygons:
+    for n in f.asked[f.asked_start[a] : f.asked_start[a + 1]]:
+        x, y = pads.corner[n, 0] + ox, pads.corner[n, 1] + oy
+        lon[at], lat[at] = place_points(x, y, pose, step.latlon, step.earth)
+        at += 1
+    for k in f.polygons[f.polygon_start[a] : f.polygon_start[a + 1]]:
         x, y = pads.centre[k, 0] + ox, pads.centre[k, 1] + oy
         lon[at], lat[at] = place_points(x, y, pose, step.latlon, step.earth)
         at += 1
@@ -711,7 +826,7 @@ def press_all(f: Landing, step: Step, depth: Floats, lon: Floats, lat: Floats) -
 def advance(f: Landing, step: Step, forcing: ElementForcing, depth: Floats, lon: Floats, lat: Floats) -> int:
     """Take all fragments up to where they need the depth at another place; returns the number of points that they ask for.
 
-    ``forcing``: of the elements ``pads.rows``; ``depth`` (m) at the points of the last call; ``lon`` and ``lat`` take those that
+    ``forcing``: of all elements; ``depth`` (m) at the points of the last call; ``lon`` and ``lat`` take those that
     are asked for.
     """
     at = requested = 0
@@ -724,8 +839,9 @@ def advance(f: Landing, step: Step, forcing: ElementForcing, depth: Floats, lon:
         elif f.status[a] == BEGINS:
             _begin_substep(f, a, step)
         elif f.status[a] == MIDDLE or f.status[a] == END:
-            answer = depth[at : at + f.points[a]]
-            at += f.points[a]
+            first = at
+            at += f.asked_start[a + 1] - f.asked_start[a] + f.polygon_start[a + 1] - f.polygon_start[a]
+            answer = depth[first:at]
             if f.carried[a]:
                 _set_down(f, a, step, answer)
             elif f.status[a] == MIDDLE:
@@ -737,22 +853,41 @@ def advance(f: Landing, step: Step, forcing: ElementForcing, depth: Floats, lon:
     return requested
 
 
+@kernel
+def find_largest_change(f: Landing, bodies: Ints, twist: Floats) -> float:
+    """Largest change of the hold on fragments in contact; on those that went as the floor said, by their velocity after it.
+
+    ``bodies``, ``twist``: of contact.
+    """
+    largest = f.hold_change.max()
+    for c in range(bodies.size):
+        a = np.searchsorted(f.bodies, bodies[c])
+        if a < f.bodies.size and f.bodies[a] == bodies[c] and f.status[a] == DONE and not f.carried[a]:
+            largest = max(largest, relative_change(f, a, f.velocity[a] - twist[c]) / CARRIED_CHANGE)
+    return float(largest)
+
+
+@kernel
 def lift_off(keel: Keel) -> None:
     """Clear the effect of the floor on all keels; the yield of the bed stays."""
-    for name, array in keel._asdict().items():
-        if name != "floor_yield":
-            array[:] = 0.0
+    keel.floor_load[:] = keel.floor_x[:] = keel.floor_y[:] = keel.floor_arm_x[:] = keel.floor_arm_y[:] = 0.0
+    keel.anchor_x[:] = keel.anchor_y[:] = keel.anchor_torque[:] = keel.anchor_capacity[:] = keel.floor_hold[:] = 0.0
+    keel.floor_lift[:] = keel.floor_stress[:] = keel.floor_substep[:] = 0.0
 
 
+@kernel
 def write_keels(f: Landing, keel: Keel) -> None:
     """Write what the floor does to the keels of the fragments that touched it."""
-    elements = np.diff(f.pads.row_start)
-    landed = np.repeat(f.status == DONE, elements)
-    rows, loads, anchors = f.pads.rows[landed], f.loads[landed], f.anchors[landed]
-    keel.floor_load[rows], keel.floor_hold[rows] = loads[:, LOAD], loads[:, HOLD]
-    keel.floor_lift[rows], keel.floor_stress[rows] = loads[:, LIFT], loads[:, STRESS]
-    keel.floor_yield[rows] = np.maximum(f.yielded[landed], loads[:, YIELD])
-    keel.floor_substep[rows] = np.repeat(f.substep, elements)[landed]
-    bears = loads[:, LOAD] > 0.0
-    for name, column in zip(ANCHOR_NAMES, anchors[bears].T, strict=True):
-        getattr(keel, name)[rows[bears]] = column
+    for a in range(f.bodies.size):
+        if f.status[a] != DONE:
+            continue
+        for e in range(f.pads.row_start[a], f.pads.row_start[a + 1]):
+            n, load, anchor = f.pads.rows[e], f.loads[e], f.anchors[e]
+            keel.floor_load[n], keel.floor_hold[n] = load[LOAD], load[HOLD]
+            keel.floor_lift[n], keel.floor_stress[n] = load[LIFT], load[STRESS]
+            keel.floor_yield[n], keel.floor_substep[n] = max(f.yielded[e], load[YIELD]), f.substep[a]
+            if load[LOAD] > 0.0:
+                keel.anchor_x[n], keel.anchor_y[n] = anchor[ANCHOR_X], anchor[ANCHOR_Y]
+                keel.anchor_torque[n], keel.anchor_capacity[n] = anchor[ANCHOR_TORQUE], anchor[LARGEST]
+                keel.floor_x[n], keel.floor_y[n] = anchor[FORCE_X], anchor[FORCE_Y]
+                keel.floor_arm_x[n], keel.floor_arm_y[n] = anchor[ARM_X], anchor[ARM_Y]

@@ -13,11 +13,15 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
+from riftberg.engines.common.bed import Bed
 from riftberg.engines.quasi_static.lattice.crack_cuts import area_and_centroid
 from riftberg.engines.quasi_static.lattice.footprints import BodyFootprint
 from riftberg.physics.elementary import atan2, exp2, log2
 from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS, add_moments, bending_length, cut
 from riftberg.state import Floats, Ints
+
+CLEAR: Final = 2.0
+"""Water (m) under a keel beyond which the floor is not asked for in sub-steps."""
 
 RUNGS: Final = 8.0
 """Sides of pads grow by this root of 2 from one to the next, so that melt changes them seldom."""
@@ -149,10 +153,8 @@ def _cut_by_squares(
                     if end_corner > len(corners):
                         corners = _lengthen(corners, 2 * end_corner)
                     for n in range(piece_size):
-                        corners[corner_start[count] + n, 0], corners[corner_start[count] + n, 1] = (
-                            piece[n, 0],
-                            piece[n, 1],
-                        )
+                        c = corner_start[count] + n
+                        corners[c, 0], corners[c, 1] = piece[n, 0], piece[n, 1]
                     polygons[count], square[count, 0], square[count, 1] = k, j, i
                     count += 1
                     corner_start[count] = end_corner
@@ -258,12 +260,12 @@ def measure_ice_share(pads: Pads, b: int, x: float, y: float, reach: float) -> f
 
 @kernel
 def fill_hulls(
-    pads: Pads, thickness: Floats, draft: Floats, modulus: float, poisson: float, hull: Floats, mean: Floats, length: Floats
+    pads: Pads, thickness: Floats, draft: Floats, bed: Bed, hull: Floats, mean: Floats, length: Floats
 ) -> None:  # fmt: skip
     """Find the stiffness (3, 3) of each fragment afloat against heave and both tilts, its mean thickness and bending length (m).
 
-    ``thickness``, ``draft``: of the elements ``pads.rows``, m; ``modulus`` (Pa): 0 for ice that does not bend. Pieces that are
-    narrower than their thickness, or nearly unstable, take no tilt, and these and short ones do not bend (length 0).
+    ``thickness``: of all elements, ``draft``: of the elements ``pads.rows``, m. Pieces that are narrower than their thickness, or
+    nearly unstable, take no tilt, and these and short ones do not bend (length 0).
     """
     for b in range(mean.size):
         sums, lean, ice = np.zeros(6), 0.0, 0.0
@@ -271,8 +273,9 @@ def fill_hulls(
             for n in range(6):
                 sums[n] += pads.moments[e, n]
             # Distance of the centres of mass and of buoyancy, by the volume of water.
-            lean += pads.moments[e, 0] * draft[e] * 0.5 * (thickness[e] - draft[e])
-            ice += pads.moments[e, 0] * thickness[e]
+            thick = thickness[pads.rows[e]]
+            lean += pads.moments[e, 0] * draft[e] * 0.5 * (thick - draft[e])
+            ice += pads.moments[e, 0] * thick
         area, mean[b] = sums[0], ice / sums[0]
         # Melted pads lie a little aside of the centroid of the whole ones.
         xx, xy, yy = sums[3] - sums[1] ** 2 / area, sums[4] - sums[1] * sums[2] / area, sums[5] - sums[2] ** 2 / area
@@ -282,10 +285,8 @@ def fill_hulls(
         if 12.0 * least / area >= mean[b] ** 2 and least - lean > 0.5 * least:
             hull[b, 1, 1], hull[b, 2, 2] = WATER_STIFFNESS * (yy - lean), WATER_STIFFNESS * (xx - lean)
             hull[b, 1, 2] = hull[b, 2, 1] = -WATER_STIFFNESS * xy
-            extent, bending = (
-                pads.side[b] * max(pads.shape[b, 0], pads.shape[b, 1]),
-                bending_length(modulus, poisson, mean[b]),
-            )
+            extent = pads.side[b] * max(pads.shape[b, 0], pads.shape[b, 1])
+            bending = bending_length(bed.modulus, bed.poisson, mean[b])
             if extent > SHORT * math.sqrt(2.0) * bending:
                 length[b] = bending
 

@@ -81,12 +81,8 @@ def cubics(t: float, derivative: int, out: Floats) -> None:
         out[0], out[1] = (2.0 * t - 3.0) * t * t + 1.0, ((t - 2.0) * t + 1.0) * t
         out[2], out[3] = (3.0 - 2.0 * t) * t * t, (t - 1.0) * t * t
     elif derivative == 1:
-        out[0], out[1], out[2], out[3] = (
-            6.0 * (t - 1.0) * t,
-            (3.0 * t - 4.0) * t + 1.0,
-            6.0 * (1.0 - t) * t,
-            (3.0 * t - 2.0) * t,
-        )
+        out[0], out[1] = 6.0 * (t - 1.0) * t, (3.0 * t - 4.0) * t + 1.0
+        out[2], out[3] = 6.0 * (1.0 - t) * t, (3.0 * t - 2.0) * t
     else:
         out[0], out[1], out[2], out[3] = 12.0 * t - 6.0, 6.0 * t - 4.0, 6.0 - 12.0 * t, 6.0 * t - 2.0
 
@@ -181,17 +177,13 @@ def _assemble(
                         count = _place_points(pads.ice[first + row * wide + column], side, points)
                     if count == 0:
                         area, count = EMPTY_SQUARE * side * side, 1
-                        points[0, 0], points[0, 1] = (
-                            pads.low[b, 0] + (column + 0.5) * side,
-                            pads.low[b, 1] + (row + 0.5) * side,
-                        )
+                        points[0, 0] = pads.low[b, 0] + (column + 0.5) * side
+                        points[0, 1] = pads.low[b, 1] + (row + 0.5) * side
                     else:
                         area = pads.ice[first + row * wide + column, 0] / count
                     for p in range(count):
-                        s, t = (
-                            (points[p, 0] - pads.low[b, 0]) / h - i,
-                            (points[p, 1] - pads.low[b, 1]) / h - j,
-                        )
+                        s = (points[p, 0] - pads.low[b, 0]) / h - i
+                        t = (points[p, 1] - pads.low[b, 1]) / h - j
                         for d in range(3):
                             cubics(s, d, x[d])
                             cubics(t, d, y[d])

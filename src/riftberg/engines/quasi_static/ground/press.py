@@ -23,6 +23,7 @@ import numpy as np
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.common.bed import Bed
 from riftberg.engines.quasi_static.ground.pads import (
+    CLEAR,
     CORNERS,
     Pads,
     measure_ice_share,
@@ -33,7 +34,6 @@ from riftberg.engines.quasi_static.ground.plate import (
     fit_plate,
     list_unknowns,
 )
-from riftberg.engines.quasi_static.ground.shoal import CLEAR
 from riftberg.physics.geometry import solve
 from riftberg.physics.seabed import WATER_STIFFNESS, bending_stress, plate_deflection, pressed
 from riftberg.state import Floats, Ints
@@ -99,29 +99,30 @@ second order leads it."""
 
 
 @borrower
-def _lay_planes(pads: Pads, footing: Footing, depth: Floats, draft: Floats, level: float) -> float:
+def _lay_planes(pads: Pads, footing: Footing, depth: Floats, place: Ints, draft: Floats, level: float) -> float:
     """Lay a plane through the overlap of each polygon without rise; returns the largest overlap, or minus the clearance (m).
 
-    Its mean is Simpson's, exact for floors of second order, its gradient the mean one. ``depth``: at the corners of the polygons
-    one after the other, then at their centroids.
+    Its mean is Simpson's, exact for floors of second order, its gradient the mean one. ``depth``, ``place``: as in
+    `press`.
     """
-    largest, corners = -math.inf, len(footing.corner)
+    largest, asked = -math.inf, depth.size - footing.polygons.size
     for m in range(footing.polygons.size):
         k, at = footing.polygons[m], footing.start[m]
         size, corner, keel = footing.start[m + 1] - at, footing.corner[at:], draft[pads.owner[k]] - level
         x, y, mx, my, mv = pads.centre[k, 0], pads.centre[k, 1], 0.0, 0.0, 0.0
-        shallow = deep = depth[corners + m]
+        shallow = deep = depth[asked + m]
         for n in range(size):
-            corner[n, 0], corner[n, 1] = pads.corner[pads.start[k] + n, 0], pads.corner[pads.start[k] + n, 1]
+            c = pads.start[k] + n
+            corner[n, 0], corner[n, 1], corner[n, 2] = pads.corner[c, 0], pads.corner[c, 1], depth[place[c]]
             mx += corner[n, 0] / size
             my += corner[n, 1] / size
-            shallow, deep = min(shallow, depth[at + n]), max(deep, depth[at + n])
+            shallow, deep = min(shallow, corner[n, 2]), max(deep, corner[n, 2])
         # A plane through a cliff would overshoot into the keel: water beside it counts as no deeper than such a slope makes it.
         drop = CLIFF * 2.0 * math.hypot(corner[0, 0] - mx, corner[0, 1] - my)
         cliff = deep - shallow > drop
         deepest = shallow + drop if cliff else math.inf
         for n in range(size):
-            corner[n, 2] = keel - min(depth[at + n], deepest)
+            corner[n, 2] = keel - min(corner[n, 2], deepest)
             mv += corner[n, 2] / size
         gx = gy = area = mean = 0.0
         for n in range(size):
@@ -133,7 +134,7 @@ def _lay_planes(pads: Pads, footing: Footing, depth: Floats, draft: Floats, leve
             area += triangle
             mean += triangle * (mv + v0 + v1) / 3.0
         gx, gy, mean = gx / area, gy / area, mean / area
-        middle = keel - min(depth[corners + m], deepest)
+        middle = keel - min(depth[asked + m], deepest)
         mean += 2.0 / 3.0 * (middle - mean)
         # Where the floor has an edge its mean slope leads the plane far above the shallowest point.
         top, rise, share = keel - shallow + min(max(2.0 / 3.0 * (middle - mv), 0.0), SMOOTH), 0.0, 1.0
@@ -426,6 +427,16 @@ def _minimise(footing: Footing, sq: Squares, q: Floats, top: float) -> int:
 
 
 @kernel
+def _lift(footing: Footing, sq: Squares, rise: float, q: Floats) -> None:
+    """Lift a fragment if that takes less energy than to press all of it in: where it yields, the bed leads to no balance."""
+    gradient, hessian = np.empty(3), np.empty((3, 3))
+    pressed_in = _sum_up(footing, sq, q, footing.top, gradient, hessian)
+    q[0] = rise
+    if _sum_up(footing, sq, q, footing.top, gradient, hessian) > pressed_in:
+        q[0] = 0.0
+
+
+@kernel
 def _balance(footing: Footing, sq: Squares, q: Floats) -> int:
     """Find the balance from the rise and bending that are there; returns the iterations, -1 where there is no end."""
     iterations = _minimise(footing, sq, q, footing.top)
@@ -501,12 +512,12 @@ def _stay_clear(footing: Footing, margin: float, q: Floats) -> bool:
 # Many arguments: what the press finds goes into arrays of the caller, which makes them once for all sub-steps.
 @kernel
 def press(
-    pads: Pads, plates: Plates, b: int, polygons: Ints, depth: Floats, draft: Floats, level: float, bed: Bed, hull: Floats,
-    length: float, thickness: float, q: Floats, loads: Floats, bent: Floats,
+    pads: Pads, plates: Plates, b: int, polygons: Ints, depth: Floats, place: Ints, draft: Floats, level: float, bed: Bed,
+    hull: Floats, length: float, thickness: float, q: Floats, loads: Floats, bent: Floats,
 ) -> tuple[int, float]:  # fmt: skip
     """Press the keel of fragment ``b`` onto the floor; returns Newton's iterations, -1 for no end, and the largest overlap (m).
 
-    ``polygons``: its polygons that may touch the floor; ``depth``: at their corners one after the other, then at their centroids
+    ``polygons``: its polygons that may touch the floor; ``depth``: at their corners, each at its ``place``, then at their middles
     (m); ``draft``: of the elements ``pads.rows`` (m); ``length``: of bending, 0 for ice that does not, and ``thickness`` (m).
     ``q`` takes heave and tilts, ``loads`` the columns `LOAD` to `YIELD` of the elements, ``bent`` load (N), bending (m), share of
     ice and place (m) of each polygon.
@@ -522,7 +533,7 @@ def press(
         bed.strength / bed.stiffness, pads.side[b], np.empty((most, 3)), np.empty((most, 3)),
         np.empty(13 if pads.row_start[b + 1] - pads.row_start[b] == 1 else 10),
     )  # fmt: skip
-    largest, iterations, bends = _lay_planes(pads, footing, depth, draft, level), 0, length > 0.0
+    largest, iterations, bends = _lay_planes(pads, footing, depth, place, draft, level), 0, length > 0.0
     q[:] = 0.0
     if largest <= 0.0:
         return 0, largest
@@ -534,9 +545,12 @@ def press(
         if bends:
             fit_plate(pads, plates, b, polygons[sq.polygons], merged, length, bed.poisson)
             _set_compliance(pads, plates, b, footing, sq, merged == 1, q, math.inf, length)
-            iterations = _balance(footing, sq, q)
+        if largest > footing.top:
+            _lift(footing, sq, largest - footing.top, q)
+        iterations = _balance(footing, sq, q)
+        if bends and iterations >= 0:
             _set_compliance(pads, plates, b, footing, sq, merged == 1, q, footing.top, length)
-        iterations = _balance(footing, sq, q) if iterations >= 0 else -1
+            iterations = _balance(footing, sq, q)
         if iterations < 0:
             return -1, largest
         if _stay_clear(footing, margin, q):

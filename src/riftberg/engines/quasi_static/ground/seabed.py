@@ -19,13 +19,12 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
 from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
 from riftberg.engines.quasi_static.contact import anchors
-from riftberg.engines.quasi_static.contact.islands import PeakContactLoad, SubcycledMotion, select_forcing
+from riftberg.engines.quasi_static.contact.islands import PeakContactLoad, SubcycledMotion
 from riftberg.engines.quasi_static.ground import landing
 from riftberg.engines.quasi_static.ground.pads import (
     choose_pad_sides,
     cut_into_pads,
     melt_pads,
-    place_points,
 )
 from riftberg.engines.quasi_static.ground.press import LIFT
 from riftberg.engines.quasi_static.ground.shoal import Keels, Shoal, find_near
@@ -35,7 +34,6 @@ from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body
 from riftberg.errors import InputError, RunError
 from riftberg.ocean.forcing import Forcing
 from riftberg.physics.elementary import atan2, cos, sin
-from riftberg.physics.floating import draft_of
 from riftberg.physics.seabed import POISSON, UNBENT_MODULUS, bending_stress
 from riftberg.state import Floats, Ints
 from riftberg.state.population import find_rows
@@ -76,15 +74,6 @@ def make_depth_sampler(forcing: Forcing, middle: float = 0.0, period: float = 0.
     return depth
 
 
-@kernel
-def _place_middles(origin: Floats, pose: Floats, latlon: bool, radius: float) -> tuple[Floats, Floats]:
-    """Find the positions of the middles of fragments."""
-    lon, lat = np.empty(len(origin)), np.empty(len(origin))
-    for b in range(len(origin)):
-        lon[b], lat[b] = place_points(origin[b, 0], origin[b, 1], pose[b], latlon, radius)
-    return lon, lat
-
-
 class Seabed:
     """The bed under a run, with its memory from one step to the next beside the state."""
 
@@ -100,9 +89,6 @@ class Seabed:
         # Work of friction since the start, J; least clearance of a keel, m.
         self.rubbed, self.clearance = np.zeros(1), np.full(1, np.inf)
         self._footprints, self._divided = footprints, footprints.divided
-        self._looked: tuple[Any, ...] = (None,) * 3
-        self._looked_for = (math.nan, math.nan)
-        self._found: tuple[NDArray[np.bool_], Floats, Shoal]
         self._shoals: list[Shoal] = []  # Of the last groups of fragments that went through a step, the latest first
 
     def checkpoint(self) -> tuple[Floats, Floats]:
@@ -112,12 +98,11 @@ class Seabed:
     def rollback(self, saved: tuple[Floats, Floats]) -> None:
         """Return to the values of `checkpoint`."""
         self.rubbed, self.clearance = (array.copy() for array in saved)
-        self._looked_for = (math.nan, math.nan)
 
     def state_dict(self) -> dict[str, Any]:
         """Return the arrays that a restart file must hold beside the state."""
         # The run that goes on looks at the floor anew, as a resumed one does: the least clearance hangs on what is asked for.
-        self._shoals, self._looked_for = [], (math.nan, math.nan)
+        self._shoals = []
         # Files hold finite numbers: a large one stands for no keel near the floor yet.
         return {"bed_plastic": self.rubbed, "bed_clearance": np.minimum(self.clearance, 0.5 * LARGEST)}
 
@@ -140,13 +125,10 @@ class Seabed:
 
         ``further``: factor of the way for which the floor is watched.
         """
-        el, c, looked = model.elements, model.constants, (bodies.pose, bodies.twist, model.elements.keel)
+        el, c = model.elements, model.constants
         if self._divided != self._footprints.divided:  # the same elements have other pads
             self._divided = self._footprints.divided
-            self._shoals, self._looked_for = [], (math.nan, math.nan)
-        # The stepper asks before it parts the bergs, then the trial step.
-        if (h, further) == self._looked_for and all(map(operator.is_, looked, self._looked)):
-            return self._found
+            self._shoals = []
         shoal = self._shoal(model, bodies)
         survey, count, scale = shoal.survey, bodies.pose.shape[0], c.earth_radius if c.latlon else 1.0
         near_floor, left, (reach, draft) = np.zeros(count, np.bool_), np.zeros(count, np.bool_), np.empty((2, count))
@@ -159,8 +141,7 @@ class Seabed:
             near_floor[b] = survey.shallow[b]
         if not near_floor.any():  # else it is looked at more closely
             self.clearance[0] = min(self.clearance[0], least)
-        self._looked, self._looked_for, self._found = looked, (h, further), (near_floor, reach, shoal)
-        return self._found
+        return near_floor, reach, shoal
 
     def _shoal(self, model: RunState, bodies: Bodies) -> Shoal:
         """Return the survey and the pads of these fragments from the last steps, or begin new ones."""
@@ -207,7 +188,7 @@ class Seabed:
 
     def _landing(
         self, model: RunState, bodies: Bodies, time: float, h: float, further: float
-    ) -> tuple[landing.Landing, Ints] | None:
+    ) -> landing.Landing | None:
         """Prepare the fragments that may touch the floor for a step; None where there are none.
 
         ``further``: factor of the way for which the floor is watched.
@@ -216,28 +197,25 @@ class Seabed:
         near_floor, reach, shoal = self._find_near(model, bodies, h, further)
         if not near_floor.any():
             return None
-        keels = self._keels(model, bodies, near_floor, shoal)
-        numbers, rows, pose = keels.bodies, keels.pads.rows, bodies.pose[keels.bodies]
-        thickness, reach = el.body.thickness[rows], np.where(near_floor, reach, -1.0)[numbers]
-        pads = melt_pads(keels.pads, np.sqrt(el.body.length[rows] * el.body.width[rows] / keels.size))
-        draft, level = draft_of(thickness, c.rho_ice), np.empty((numbers.size, 3))
-        middle = _place_middles(pads.origin, pose, c.latlon, c.earth_radius)
+        keels, body, step = self._keels(model, bodies, near_floor, shoal), el.body, self._step(model, h)
+        rows, f, (lon, lat) = keels.pads.rows, keels.landing, np.empty((2, keels.bodies.size))
+        pads = melt_pads(keels.pads, np.sqrt(body.length[rows] * body.width[rows] / keels.size))
+        if pads is not keels.pads:
+            f = f._replace(pads=pads)
+        landing.begin_step(
+            f, bodies, body, el.environment.depth, el.keel, c.rho_ice, step, shoal.survey.radius, reach, near_floor, lon, lat
+        )  # fmt: skip
         for n in range(3):
-            level[:, n] = forcing.sea_level(*middle, time + 0.5 * n * h)
-        polygons, start, clearance = keels.find_candidates(
-            shoal, pads, pose, reach, level.min(axis=1), draft, self.depth, c
-        )
-        # Where the floor is not asked for under its pads, the middles of the elements tell the water under a berg.
-        middles = np.minimum.reduceat(el.environment.depth[rows] - draft, pads.row_start[:-1]) + level.min(axis=1)
-        clearance = np.minimum(clearance, np.where(near_floor[numbers], middles, np.inf))
-        if not polygons.size:
-            self.clearance[0] = min(self.clearance[0], max(clearance.min(initial=np.inf), 0.0))
-            return None
-        fragments = landing.begin_step(
-            pads, keels.plates, polygons, start, numbers, bodies, el.keel, thickness, draft, self.bed
-        )
-        radius = shoal.survey.radius[numbers]
-        return fragments._replace(radius=radius, reach=reach, level=level, clearance=clearance), numbers
+            f.level[:, n] = forcing.sea_level(lon, lat, time + 0.5 * n * h)
+        f.level.min(axis=1, out=f.lowest)
+        if keels.find_candidates(f, shoal, self.depth, c):
+            return f
+        self.clearance[0] = min(self.clearance[0], max(f.clearance.min(), 0.0))
+        return None
+
+    def _step(self, model: RunState, h: float) -> landing.Step:
+        """Return a step of ``h`` s over this bed."""
+        return landing.Step(h, self.bed, model.constants.latlon, model.constants.earth_radius)
 
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: SubcycledMotion | None
@@ -250,17 +228,17 @@ class Seabed:
         """
         further, by_the_floor = 1.0, NO_PAIRS[0]
         model.bonds.flexural_stress[:] = 0.0
-        while (prepared := self._landing(model, bodies, time, h, further)) is not None:
-            flexure = self._run(model, op, h, contact, by_the_floor, *prepared)
-            fragments, numbers = prepared
-            beyond, changed = (fragments.status == landing.BEYOND).any(), fragments.hold_change > 1.0
+        while (f := self._landing(model, bodies, time, h, further)) is not None:
+            flexure = self._run(model, op, h, contact, by_the_floor, f)
+            beyond, changed = (f.status == landing.BEYOND).any(), f.hold_change > 1.0
             if not beyond and changed.any() and h <= landing.SHORTEST_PUSHED_STEP * (1.0 + 1e-9):
                 # The floor changes faster than others push: those go as it says, pushed by the mean force.
-                by_the_floor = np.union1d(by_the_floor, numbers[changed])
+                by_the_floor = np.union1d(by_the_floor, f.bodies[changed])
                 continue
             if not beyond:
                 model.bonds.flexural_stress[:] = flexure
-                return self._finish(model, *prepared, h), _largest_hold_change(contact, *prepared)
+                largest = 0.0 if contact is None else landing.find_largest_change(f, contact.bodies, contact.twist)
+                return self._finish(model, f, h), largest
             further *= 8.0  # a light berg may be taken up by the water
             if further > FARTHEST:
                 raise RunError(
@@ -272,38 +250,32 @@ class Seabed:
 
     def _run(
         self, model: RunState, op: BodyOperators, h: float, contact: SubcycledMotion | None, by_the_floor: Ints,
-        fragments: landing.Landing, numbers: Ints,
+        f: landing.Landing,
     ) -> Floats:  # fmt: skip
         """Take fragments through a step; returns the bending stress of bonds, if it may break any (Pa).
 
         ``by_the_floor``: those in contact that do not go as that says.
         """
-        c, matrices, speed = model.constants, op.matrices, np.hypot(*fragments.velocity[:, :2].T)
-        fragments.mobility[:] = matrices.mobility[numbers]
-        fragments.arm[:] = np.sqrt(matrices.inertia[numbers, 2, 2] / matrices.inertia[numbers, 0, 0])
-        fragments.first_speed[:] = speed + fragments.arm * np.abs(fragments.velocity[:, 2])
-        if contact is not None:
-            _carry(fragments, numbers, contact, by_the_floor, op.body, h)
         flexure, bends = np.zeros(model.bonds.first.size), model.parameters.fracture.flexural_strength is not None
-        way = np.hypot(*fragments.path[:, :2].T) + fragments.radius * np.abs(fragments.path[:, 2])
-        beyond = fragments.carried & (way > fragments.reach)
-        if beyond.any():  # known from the start: others need not go through the step in vain
-            fragments.status[beyond] = landing.BEYOND
-            return flexure
-        step = landing.Step(h, self.bed, c.latlon, c.earth_radius)
-        forcing = select_forcing(fragments.pads.rows, op.forcing)
-        (lon, lat), depth = np.empty((2, fragments.points.sum())), np.zeros(0)
-        while requested := landing.advance(fragments, step, forcing, depth, lon, lat):
+        landing.set_masses(f, op.matrices)
+        if contact is not None and landing.carry(f, contact, by_the_floor, op.body, h):
+            return flexure  # others need not go through the step in vain
+        step, depth, (lon, lat) = (
+            self._step(model, h),
+            np.zeros(0),
+            np.empty((2, f.asked_start[-1] + f.polygon_start[-1])),
+        )
+        while requested := landing.advance(f, step, op.forcing, depth, lon, lat):
             if bends:
-                self._bend(model, fragments, flexure)
+                self._bend(model, f, flexure)
             depth = self.depth(lon[:requested], lat[:requested])
         if bends:
-            self._bend(model, fragments, flexure)
-        if (fragments.status == landing.TOO_SHORT).any():
+            self._bend(model, f, flexure)
+        if (f.status == landing.TOO_SHORT).any():
             raise RunError(
                 f"a berg that runs aground at {model.date:%Y-%m-%d %H:%M} needs sub-steps of less than {landing.LEAST_STEP:g} s"
             )
-        self._check_settled(model, fragments)
+        self._check_settled(model, f)
         return flexure
 
     def _check_settled(self, model: RunState, fragments: landing.Landing) -> None:
@@ -327,29 +299,29 @@ class Seabed:
             for cut, stress in cracks:
                 flexure[intact[cut]] = np.maximum(flexure[intact[cut]], stress)
 
-    def _finish(self, model: RunState, fragments: landing.Landing, numbers: Ints, h: float) -> SubcycledMotion | None:
+    def _finish(self, model: RunState, f: landing.Landing, h: float) -> SubcycledMotion | None:
         """Write the final loads to the keels; return the motion of the fragments that touched it, as contact."""
         landing.lift_off(model.elements.keel)
-        self.clearance[0] = min(self.clearance[0], max(fragments.clearance.min(), 0.0))
-        landed = fragments.status == landing.DONE
+        self.clearance[0] = min(self.clearance[0], max(f.clearance.min(), 0.0))
+        landed = f.status == landing.DONE
         if not landed.any():
             return None
-        landing.write_keels(fragments, model.elements.keel)
-        self.rubbed += fragments.rubbed[landed].sum()
+        landing.write_keels(f, model.elements.keel)
+        self.rubbed += f.rubbed[landed].sum()
         # What contact presses has its loads from there, or from the equilibrium at the end.
-        elements = np.diff(fragments.pads.row_start)
-        bonded = landed & (elements > 1) & ~fragments.carried
+        elements = np.diff(f.pads.row_start)
+        bonded = landed & (elements > 1) & ~f.carried
         touched, pressed = np.repeat(landed, elements), np.repeat(bonded, elements)
         peak = PeakContactLoad(
-            fragments.pads.rows[pressed], fragments.peak_force[pressed], fragments.peak_axes[pressed], numbers[bonded],
-            fragments.peak_spin[bonded], fragments.peak_time[bonded],
+            f.pads.rows[pressed], f.peak_force[pressed], f.peak_axes[pressed], f.bodies[bonded], f.peak_spin[bonded],
+            f.peak_time[bonded],
         )  # fmt: skip
         return SubcycledMotion(
-            numbers[landed], fragments.pads.rows[touched], fragments.path[landed] / h, fragments.velocity[landed],
-            np.zeros((np.count_nonzero(landed), 3)), anchors.allocate_anchors(int(touched.sum())), fragments.rubbed[landed],
-            fragments.applied[touched], *NO_PAIRS,
+            f.bodies[landed], f.pads.rows[touched], f.path[landed] / h, f.velocity[landed],
+            np.zeros((np.count_nonzero(landed), 3)), anchors.allocate_anchors(int(touched.sum())), f.rubbed[landed],
+            f.applied[touched], *NO_PAIRS,
             # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
-            max(fragments.shortest[landed].min(), landing.TOUCH_STEP), peak,
+            max(f.shortest[landed].min(), landing.TOUCH_STEP), peak,
         )  # fmt: skip
 
     def check_start(self, model: RunState, bodies: Bodies) -> None:
@@ -365,36 +337,33 @@ class Seabed:
             if not new.any():
                 return
             model.forcing.sample(el, model.time)  # the depth under them, by which the near ones are found
-        prepared = self._landing(model, bodies, model.time, 0.0, 1.0)
-        if prepared is None:
+        f = self._landing(model, bodies, model.time, 0.0, 1.0)
+        if f is None:
             return
-        fragments, numbers = prepared
         if new is not None:  # others have been there
-            old = np.isin(numbers, bodies.body[~new])
-            fragments.status[old] = landing.AFLOAT
-        self._press(model, fragments)
+            f.status[np.isin(f.bodies, bodies.body[~new])] = landing.AFLOAT
+        self._press(model, f)
         if model.parameters.grounding.start == "refuse":
-            self._refuse_deep_keels(model, fragments)
-        landing.write_keels(fragments, el.keel)
-        clearance = fragments.clearance[fragments.status == landing.DONE]
+            self._refuse_deep_keels(model, f)
+        landing.write_keels(f, el.keel)
+        clearance = f.clearance[f.status == landing.DONE]
         self.clearance[0] = min(self.clearance[0], max(clearance.min(initial=np.inf), 0.0))
 
     def settle_pieces(self, model: RunState, bodies: Bodies, time: float) -> None:
         """Find the loads of the floor after fragments have parted: each piece floats and bends by itself now."""
         self._footprints.follow(model)  # cracks have divided them
-        prepared = self._landing(model, bodies, time, 0.0, 1.0)
+        f = self._landing(model, bodies, time, 0.0, 1.0)
         landing.lift_off(model.elements.keel)
-        if prepared is not None:
-            self._press(model, prepared[0])
-            landing.write_keels(prepared[0], model.elements.keel)
+        if f is not None:
+            self._press(model, f)
+            landing.write_keels(f, model.elements.keel)
 
-    def _press(self, model: RunState, fragments: landing.Landing) -> None:
+    def _press(self, model: RunState, f: landing.Landing) -> None:
         """Press fragments onto the floor where they stand."""
-        c, (lon, lat) = model.constants, np.empty((2, fragments.points.sum()))
-        step = landing.Step(1.0, self.bed, c.latlon, c.earth_radius)
-        landing.press_all(fragments, step, np.zeros(0), lon, lat)
-        landing.press_all(fragments, step, self.depth(lon, lat), lon, lat)
-        self._check_settled(model, fragments)
+        step, (lon, lat) = self._step(model, 1.0), np.empty((2, f.asked_start[-1] + f.polygon_start[-1]))
+        landing.press_all(f, step, np.zeros(0), lon, lat)
+        landing.press_all(f, step, self.depth(lon, lat), lon, lat)
+        self._check_settled(model, f)
 
     def _refuse_deep_keels(self, model: RunState, fragments: landing.Landing) -> None:
         """Refuse keels that start deep below the floor, but for pieces off a berg aground, which lay there before."""
@@ -411,50 +380,21 @@ class Seabed:
 
     def anchors(self, keel: Keel) -> Floats:
         """Return the anchors of the elements on the floor, for sub-steps of contact."""
-        force, floor_anchors = np.array([keel.anchor_x, keel.anchor_y]), anchors.allocate_anchors(keel.floor_x.size)
-        floor_anchors[:, [anchors.ANCHOR_X, anchors.ANCHOR_Y]] = force.T
-        floor_anchors[:, anchors.STIFFNESS] = keel.anchor_capacity / self.bed.anchor_way
-        floor_anchors[:, anchors.HOLD] = keel.floor_hold
-        floor_anchors[:, anchors.SLOPE_X], floor_anchors[:, anchors.SLOPE_Y] = (
-            keel.floor_x - force[0],
-            keel.floor_y - force[1],
-        )
-        floor_anchors[:, anchors.ARM_X], floor_anchors[:, anchors.ARM_Y] = keel.floor_arm_x, keel.floor_arm_y
+        floor_anchors = anchors.allocate_anchors(keel.floor_x.size)
+        _fill_anchors(keel, self.bed.anchor_way, floor_anchors)
         return floor_anchors
 
 
-def _carry(
-    fragments: landing.Landing, numbers: Ints, contact: SubcycledMotion, by_the_floor: Ints, body: Ints, h: float
-) -> None:
-    """Let contact take the fragments that may touch the floor through the step, and push those ``by_the_floor``.
-
-    ``body``: of the elements.
-    """
-    _, on_floor, in_contact = np.intersect1d(numbers, contact.bodies, return_indices=True)
-    for a, c in zip(on_floor.tolist(), in_contact.tolist(), strict=True):
-        fragments.push[a] = contact.impulse[c] / h
-        if numbers[a] in by_the_floor:
-            continue
-        # The elements of a fragment stand in the order of the state in both.
-        own_rows = slice(fragments.pads.row_start[a], fragments.pads.row_start[a + 1])
-        rows = np.flatnonzero(body[contact.rows] == numbers[a])
-        fragments.carried[a], fragments.rubbed[a], fragments.shortest[a] = True, contact.rubbed[c], landing.TOUCH_STEP
-        fragments.path[a], fragments.velocity[a] = h * contact.mean[c], contact.twist[c]
-        fragments.anchors[own_rows, :2] = contact.anchors[rows][:, [anchors.ANCHOR_X, anchors.ANCHOR_Y]]
-        fragments.anchors[own_rows, landing.ANCHOR_TORQUE] = 0.0  # others turn it
-        fragments.applied[own_rows] = contact.applied[rows]
-
-
-def _largest_hold_change(contact: SubcycledMotion | None, fragments: landing.Landing, numbers: Ints) -> float:
-    """Largest change of the hold on fragments in contact; on those that went as the floor said, by their velocity after it."""
-    if contact is None:
-        return 0.0
-    largest = float(fragments.hold_change.max())
-    pushed = (fragments.status == landing.DONE) & ~fragments.carried & np.isin(numbers, contact.bodies)
-    for a in np.flatnonzero(pushed).tolist():
-        change = fragments.velocity[a] - contact.twist[contact.bodies == numbers[a]][0]
-        largest = max(largest, landing.relative_change(fragments, a, change) / landing.CARRIED_CHANGE)
-    return largest
+@kernel
+def _fill_anchors(keel: Keel, anchor_way: float, floor_anchors: Floats) -> None:
+    """Take the anchors of the elements on the floor from their keels."""
+    for e in range(keel.floor_x.size):
+        anchor = floor_anchors[e]
+        anchor[anchors.ANCHOR_X], anchor[anchors.ANCHOR_Y] = keel.anchor_x[e], keel.anchor_y[e]
+        anchor[anchors.STIFFNESS], anchor[anchors.HOLD] = keel.anchor_capacity[e] / anchor_way, keel.floor_hold[e]
+        anchor[anchors.SLOPE_X] = keel.floor_x[e] - keel.anchor_x[e]
+        anchor[anchors.SLOPE_Y] = keel.floor_y[e] - keel.anchor_y[e]
+        anchor[anchors.ARM_X], anchor[anchors.ARM_Y] = keel.floor_arm_x[e], keel.floor_arm_y[e]
 
 
 def bent_bonds(
@@ -510,7 +450,9 @@ def join_motions(contact: SubcycledMotion | None, ground: SubcycledMotion | None
         return ground if contact is None else contact
     hard = ground.peak_load
     # An impact loads a fragment more than the floor that it makes it press on.
-    alone, rows = (~np.isin(which, contact.peak_load.bodies) for which in (hard.bodies, body[hard.rows]))
+    others = np.ones(int(body.max()) + 1, np.bool_)
+    others[contact.peak_load.bodies] = False
+    alone, rows = others[hard.bodies], others[body[hard.rows]]
     hard = PeakContactLoad(
         hard.rows[rows], hard.force[rows], hard.axes[rows], hard.bodies[alone], hard.spin[alone], hard.time[alone]
     )
@@ -525,7 +467,9 @@ def join_motions(contact: SubcycledMotion | None, ground: SubcycledMotion | None
 
 def drop_fragments(contact: SubcycledMotion, bodies: Ints, body: Ints) -> SubcycledMotion:
     """Return the motion in contact of all other fragments: contact acts in the sub-steps of the bed, too."""
-    stay, rows = ~np.isin(contact.bodies, bodies), ~np.isin(body[contact.rows], bodies)
+    others = np.ones(int(body.max()) + 1, np.bool_)
+    others[bodies] = False
+    stay, rows = others[contact.bodies], others[body[contact.rows]]
     by_body = {name: getattr(contact, name)[stay] for name in ("bodies", "mean", "twist", "impulse", "rubbed")}
     return contact._replace(
         rows=contact.rows[rows], anchors=contact.anchors[rows], applied=contact.applied[rows], **by_body

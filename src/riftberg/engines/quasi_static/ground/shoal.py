@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
-from riftberg.engines.quasi_static.ground.pads import Pads, place_points
+from riftberg.engines.quasi_static.ground.landing import Landing, allocate_landing, list_corners
+from riftberg.engines.quasi_static.ground.pads import CLEAR, Pads, place_points
 from riftberg.engines.quasi_static.ground.plate import unmade_plates
 from riftberg.engines.quasi_static.ground.soundings import DepthSampler, Floor, Soundings
 from riftberg.parameters import KernelParameters
@@ -33,9 +34,6 @@ RESERVE: Final = 10.0
 ASIDE: Final = 20.0
 """How far forces may take a fragment from its way in a step, m, before it is looked at again."""
 
-CLEAR: Final = 2.0
-"""Water (m) under a keel beyond which the floor is not asked for in sub-steps."""
-
 
 class Survey(NamedTuple):
     """Survey of the floor around fragments; one row for each fragment."""
@@ -54,11 +52,8 @@ def _begin_survey(bodies: Bodies, body: Body, latlon: bool, earth: float) -> Sur
     """Return a survey in which nothing is surveyed yet."""
     count, xy = len(bodies.pose), tangent_coordinates(bodies.reference, latlon, earth)
     # Ice of an element at the rim may reach farther than its own half.
-    margin, low, high = (
-        np.hypot(body.length, body.width)[:, None],
-        np.full((count, 2), np.inf),
-        np.full((count, 2), -np.inf),
-    )
+    margin = np.hypot(body.length, body.width)[:, None]
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
     np.minimum.at(low, bodies.body, xy - margin)
     np.maximum.at(high, bodies.body, xy + margin)
     return Survey(
@@ -96,9 +91,10 @@ def find_near(
 ) -> float:  # fmt: skip
     """Mark the fragments that may come near the floor in ``h`` s, and the fragments that may have left the surveyed floor.
 
-    Lone bergs by the depth in the middle and the speed of the water, which they may take up. ``further``: factor of the way;
-    ``scale``: radius of the earth, or 1 in a plane; ``reach`` takes the way of the step and ``draft`` the deepest keel of each
-    fragment, m. Returns the least clearance in the middle of elements, m.
+    Lone bergs by the depth in the middle and the speed of the water, which they may take up; where that is near, the floor is
+    surveyed. ``further``: factor of the way; ``scale``: radius of the earth, or 1 in a plane; ``reach``
+    takes the way of the step and ``draft`` the deepest keel of each fragment, m. Returns the least clearance in the middle of
+    elements, m.
     """
     least = math.inf
     for b in range(near_floor.size):
@@ -113,12 +109,10 @@ def find_near(
             within = math.sqrt(body.length[e] * body.width[e]) + reach[b]
             near_floor[b] = load[e] > 0.0 or environment.depth[e] - keel < STEEPEST * within
     for b in range(near_floor.size):
-        if not survey.lone[b]:
+        if near_floor[b] or not survey.lone[b]:
             travelled = _measure_distance(bodies.pose[b], survey.pose[b], survey.radius[b], scale)
-            near_floor[b], left[b] = (
-                survey.shallow[b],
-                not travelled + reach[b] <= survey.distance[b] or draft[b] > survey.draft[b],
-            )
+            left[b] = not travelled + reach[b] <= survey.distance[b] or draft[b] > survey.draft[b]
+            near_floor[b] = survey.shallow[b]
     return least
 
 
@@ -132,6 +126,9 @@ class Watch(NamedTuple):
     travelled: Floats  # Distance that its fragment had gone then, m
     polygon: Ints  # By fragment
     within: Ints  # Place of the square of each polygon
+    chosen: Ints  # Places of those that are asked for in a step come here
+    lon: Floats  # And where they are
+    lat: Floats
 
 
 @kernel
@@ -142,116 +139,113 @@ def _watch_squares(
 
     Blocks of squares of some half a tile have the same.
     """
-    rows, columns, side = pads.shape[b, 0], pads.shape[b, 1], pads.side[b]
+    rows, columns, side, shallow_tiles = pads.shape[b, 0], pads.shape[b, 1], pads.side[b], np.flatnonzero(shallow)
     wide = max(int(0.7 * floor.half / side), 1)
     reach = distance + floor.half + 0.71 * wide * side
     for j in range((rows - 1) // wide + 1):
         for i in range((columns - 1) // wide + 1):
             x = pads.origin[b, 0] + pads.low[b, 0] + (i + 0.5) * wide * side
             y = pads.origin[b, 1] + pads.low[b, 1] + (j + 0.5) * wide * side
-            steepest, has_shallow = 0.0, False
-            for n in range(shallow.size):
-                if (floor.x[n] - x) ** 2 + (floor.y[n] - y) ** 2 < reach * reach:
-                    has_shallow = has_shallow or shallow[n]
-                    steepest = max(steepest, floor.slope[n])
+            steepest = math.nan
+            for t in shallow_tiles:
+                if (floor.x[t] - x) ** 2 + (floor.y[t] - y) ** 2 < reach * reach:
+                    steepest = 0.0
+                    break
+            if steepest == 0.0:
+                for n in range(shallow.size):
+                    if (floor.x[n] - x) ** 2 + (floor.y[n] - y) ** 2 < reach * reach:
+                        steepest = max(steepest, floor.slope[n])
             for row in range(j * wide, min((j + 1) * wide, rows)):
                 for column in range(i * wide, min((i + 1) * wide, columns)):
-                    slope[row * columns + column] = steepest if has_shallow else math.nan
+                    slope[row * columns + column] = steepest
 
 
-# Many arguments: what is asked for goes into arrays of the caller.
 @kernel
-def _choose_squares(
-    pads: Pads, watch: Watch, pose: Floats, reach: Floats, level: Floats, draft: Floats, travelled: Floats,
-    latlon: bool, radius: float, chosen: Ints, lon: Floats, lat: Floats,
-) -> int:  # fmt: skip
-    """List the squares that may come near the floor in a step, by the depth that was found last, and where they are.
+def _list_watched(square: Ints, slope: Floats) -> tuple[Ints, Ints, Ints]:
+    """List the squares over a floor that may touch them, the polygons in these, and the place of the square of each.
 
-    ``reach``: way of the step, negative for fragments that stay clear; ``level``: the least in the step, ``draft``: of the
-    deepest keel, ``travelled``: of each fragment since it is watched (m).
+    ``square``: of each polygon; ``slope``: of each square, NaN where it is deep.
     """
-    count = 0
+    place, polygons = np.full(slope.size, -1), 0
+    for s in square:
+        if not math.isnan(slope[s]):
+            place[s] = 0
+            polygons += 1
+    squares = np.flatnonzero(place == 0)
+    place[squares] = np.arange(squares.size)
+    polygon, within, count = np.empty(polygons, np.int64), np.empty(polygons, np.int64), 0
+    for k in range(square.size):
+        if not math.isnan(slope[square[k]]):
+            polygon[count], within[count] = k, place[square[k]]
+            count += 1
+    return squares, polygon, within
+
+
+@kernel
+def _choose_squares(f: Landing, watch: Watch, travelled: Floats, latlon: bool, radius: float) -> int:
+    """List the squares that may come near the floor in a step, by the depth that was found last; returns their number.
+
+    ``travelled``: distance that each fragment has gone since it is watched, m.
+    """
+    pads, count = f.pads, 0
     for n in range(watch.square.size):
         b, slope = watch.body[n], watch.slope[n]
-        rise = slope * (travelled[b] - watch.travelled[n] + 0.75 * pads.side[b] + reach[b])
-        if reach[b] >= 0.0 and watch.depth[n] + level[b] - draft[b] < rise + CLEAR:
-            x, y = (
-                pads.ice[watch.square[n], 1] + pads.origin[b, 0],
-                pads.ice[watch.square[n], 2] + pads.origin[b, 1],
-            )
-            lon[count], lat[count] = place_points(x, y, pose[b], latlon, radius)
-            chosen[count], watch.travelled[n] = n, travelled[b]
+        rise = slope * (travelled[b] - watch.travelled[n] + 0.75 * pads.side[b] + f.reach[b])
+        if f.reach[b] >= 0.0 and watch.depth[n] + f.lowest[b] - f.deepest[b] < rise + CLEAR:
+            ice = pads.ice[watch.square[n]]
+            x, y = ice[1] + pads.origin[b, 0], ice[2] + pads.origin[b, 1]
+            watch.lon[count], watch.lat[count] = place_points(x, y, f.pose[b], latlon, radius)
+            watch.chosen[count], watch.travelled[n] = n, travelled[b]
             count += 1
     return count
 
 
-# Many arguments: as above.
 @kernel
-def _list_candidates(
-    pads: Pads, watch: Watch, chosen: Ints, depth: Floats, reach: Floats, level: Floats, draft: Floats, polygons: Ints,
-    start: Ints, clearance: Floats,
-) -> None:  # fmt: skip
-    """List the polygons that may touch the floor on a way of ``reach`` m, by the depth in the middle of squares ``chosen``.
-
-    ``draft``: of the elements; ``start``: takes where the polygons of each fragment begin, ``clearance`` the least of each.
-    """
-    is_chosen, count, b = np.zeros(watch.square.size, np.bool_), 0, 0
-    for n in range(chosen.size):
-        is_chosen[chosen[n]], watch.depth[chosen[n]] = True, depth[n]
+def _list_candidates(f: Landing, watch: Watch, depth: Floats) -> None:
+    """List the polygons that may touch the floor in a step, by the depth in the middle of the chosen squares."""
+    pads, is_chosen, count, b = f.pads, np.zeros(watch.square.size, np.bool_), 0, 0
+    for a in range(f.bodies.size):
+        f.clearance[a] += f.lowest[a]
+    for n in range(depth.size):
+        is_chosen[watch.chosen[n]], watch.depth[watch.chosen[n]] = True, depth[n]
     for n in range(watch.polygon.size):
         s, k = watch.within[n], watch.polygon[n]
         while b <= watch.body[s]:
-            start[b] = count
+            f.polygon_start[b] = count
             b += 1
         if is_chosen[s]:
             a = watch.body[s]
-            clear = watch.depth[s] + level[a] - draft[pads.owner[k]]
-            clearance[a] = min(clearance[a], clear)
-            if clear < watch.slope[s] * (0.75 * pads.side[a] + reach[a]) + CLEAR:
-                polygons[count] = k
+            clear = watch.depth[s] + f.lowest[a] - f.draft[pads.owner[k]]
+            f.clearance[a] = min(f.clearance[a], clear)
+            if clear < watch.slope[s] * (0.75 * pads.side[a] + f.reach[a]) + CLEAR:
+                f.polygons[count] = k
                 count += 1
-    start[b:] = count
+    f.polygon_start[b:] = count
+    list_corners(f)
 
 
 class Keels:
     """Pads of fragments that came near the floor, and which of them are looked at."""
 
     def __init__(self, bodies: Ints, pads: Pads, size: Floats, survey: Survey, pose: Floats) -> None:
-        self.bodies, self.pads, self.size, self.plates = bodies, pads, size, unmade_plates(pads)
+        self.bodies, self.pads, self.size = bodies, pads, size
+        self.landing = allocate_landing(bodies, pads, unmade_plates(pads))
         self.cut = np.zeros(survey.distance.size, np.bool_)
         self.cut[bodies] = True
-        fragment, squares = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start)), pads.shape.prod(axis=1)
+        fragment = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
         self._square = pads.square_start[fragment] + pads.square[:, 0] * pads.shape[fragment, 1] + pads.square[:, 1]
         # Steepest slope of the floor that may come under each square; none where it is so deep that nobody needs to look.
-        self._slope = np.where(np.repeat(survey.lone[bodies], squares), STEEPEST, np.nan)
+        self._slope = np.full(len(pads.ice), np.nan)
         self.travelled, self._pose, self._times = np.zeros(bodies.size), pose.copy(), np.zeros(bodies.size, np.int64)
         self._watch: Watch | None = None
 
-    # Many arguments: where the fragments are, and how deep.
-    def find_candidates(
-        self, shoal: Shoal, pads: Pads, pose: Floats, reach: Floats, level: Floats, draft: Floats, depth: DepthSampler,
-        c: KernelParameters,
-    ) -> tuple[Ints, Ints, Floats]:  # fmt: skip
-        """Return the polygons that may touch the floor in a step, where those of each fragment begin, and its clearance (m).
-
-        ``pads``: as they have melted; ``reach``: way of the step, negative for fragments that stay clear; ``level``: the least in
-        the step, m; ``draft``: of the elements, m.
-        """
-        watch = self._update_watch(shoal, pose, c.earth_radius if c.latlon else 1.0)
-        chosen, (lon, lat), count = np.empty_like(watch.square), np.empty((2, watch.square.size)), self.bodies.size
-        deepest = np.maximum.reduceat(draft, pads.row_start[:-1])
-        squares = _choose_squares(
-            pads, watch, pose, reach, level, deepest, self.travelled, c.latlon, c.earth_radius, chosen, lon, lat
-        )
-        polygons, start, clearance = (
-            np.empty(watch.polygon.size, np.int64),
-            np.zeros(count + 1, np.int64),
-            np.full(count, np.inf),
-        )
-        if squares:
-            asked = depth(lon[:squares], lat[:squares])
-            _list_candidates(pads, watch, chosen[:squares], asked, reach, level, draft, polygons, start, clearance)
-        return polygons[: start[-1]], start, clearance
+    def find_candidates(self, f: Landing, shoal: Shoal, depth: DepthSampler, c: KernelParameters) -> bool:
+        """List the polygons of fragments that may touch the floor in a step; returns whether there are any."""
+        watch = self._update_watch(shoal, f.pose, c.earth_radius if c.latlon else 1.0)
+        squares = _choose_squares(f, watch, self.travelled, c.latlon, c.earth_radius)
+        asked = depth(watch.lon[:squares], watch.lat[:squares]) if squares else np.zeros(0)
+        _list_candidates(f, watch, asked)
+        return bool(f.polygon_start[-1] > 0)
 
     def _update_watch(self, shoal: Shoal, pose: Floats, scale: float) -> Watch:
         """Return the squares that are looked at, after the fragments have come to ``pose``."""
@@ -264,12 +258,12 @@ class Keels:
             _watch_squares(pads, a, *shoal.floors[b], float(survey.distance[b]), slope)
             self._times[a] = survey.times[b]
         if renewed or self._watch is None:
-            polygon = np.flatnonzero(np.isfinite(self._slope[self._square]))
-            square, within = np.unique(self._square[polygon], return_inverse=True)
+            square, polygon, within = _list_watched(self._square, self._slope)
             body = np.searchsorted(pads.square_start, square, side="right") - 1
             self._watch = Watch(
-                square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within
-            )
+                square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within,
+                np.empty_like(square), *np.empty((2, square.size)),
+            )  # fmt: skip
         return self._watch
 
 

@@ -102,11 +102,12 @@ def _list_tiles(
         columns = _columns(row, height) if latlon else ROWS
         width = 360.0 / columns if latlon else tile
         first, end = math.floor((lon - wide - west) / width), math.floor((lon + wide - west) / width) + 1
+        phi = min((row + 0.5) * height - 90.0, 90.0) * DEGREE if latlon else 0.0
+        across, c = cos(phi), sin(phi)
         for column in range(first, min(end, first + columns)):
             if latlon:
-                phi = min((row + 0.5) * height - 90.0, 90.0) * DEGREE
                 theta = ((column + 0.5) * width - 180.0) * DEGREE
-                a, b, c = cos(phi) * cos(theta), cos(phi) * sin(theta), sin(phi)
+                a, b = across * cos(theta), across * sin(theta)
                 w = 1.0 + pose[0, 2] * a + pose[1, 2] * b + pose[2, 2] * c
                 if w < 0.1:  # nearly on the other side of the earth
                     continue
@@ -159,6 +160,22 @@ def _fill_tiles(depth: Floats, spacing: float, least: Floats, slope: Floats) -> 
         least[n], slope[n] = lowest - BETWEEN * drop, 2.0 * drop / spacing + 1e-3
 
 
+@kernel
+def _look_up(known: Ints, floor: Floats, key: Ints, found: Floats, unknown: Ints) -> int:
+    """Take least depths and slopes of tiles from those that are known; lists the others, and returns how many there are."""
+    count, at = 0, 0
+    for n in range(key.size):
+        if at == known.size or known[at] != key[n]:  # else it follows the last one in both lists
+            at = np.searchsorted(known, key[n])
+        if at < known.size and known[at] == key[n]:
+            found[0, n], found[1, n] = floor[0, at], floor[1, at]
+            at += 1
+        else:
+            unknown[count] = key[n]
+            count += 1
+    return count
+
+
 class Soundings:
     """Tiles of the floor that have been sounded."""
 
@@ -177,12 +194,11 @@ class Soundings:
         key, x, y = key[:tiles], x[:tiles], y[:tiles]
         if self._key.size > MOST_KNOWN:
             self._key, self._floor = self._key[:0], self._floor[:, :0]
-        at = np.searchsorted(self._key, key)
-        unknown = key[self._key[np.minimum(at, self._key.size - 1)] != key] if self._key.size else key
-        if unknown.size:
-            self._sound(np.unique(unknown), tile)
-            at = np.searchsorted(self._key, key)
-        return Floor(x, y, 0.71 * tile, *self._floor[:, at])
+        found, unknown = np.empty((2, tiles)), np.empty_like(key)
+        if count_unknown := _look_up(self._key, self._floor, key, found, unknown):
+            self._sound(unknown[:count_unknown], tile)
+            _look_up(self._key, self._floor, key, found, unknown)
+        return Floor(x, y, 0.71 * tile, *found)
 
     def _sound(self, key: Ints, tile: float) -> None:
         """Sound tiles that are not known yet."""
@@ -192,5 +208,6 @@ class Soundings:
             lon, lat = np.empty(each * batch.size), np.empty(each * batch.size)
             _write_soundings(batch, tile, self._latlon, self._radius, lon, lat)
             _fill_tiles(self._depth(lon, lat), tile / SOUNDINGS, *floor[:, first : first + BATCH])
-        at = np.searchsorted(self._key, key)
-        self._key, self._floor = np.insert(self._key, at, key), np.insert(self._floor, at, floor, axis=1)
+        keys = np.concatenate([self._key, key])
+        order = np.argsort(keys, kind="stable")
+        self._key, self._floor = keys[order], np.concatenate([self._floor, floor], axis=1)[:, order]
