@@ -505,7 +505,7 @@ def test_a_face_that_closes_on_what_it_has_crushed_gets_there_in_few_steps(monke
     state[0, [face.TOUCHED, face.CRUSHED, face.CHORD, face.AREA_AT_END]] = 12e3, 12e3, 1e3, 5e3
     state[0, [face.SINCE, face.SPEED, face.PHASE]] = 50.0, 0.012, face.IMPACT
     pair = model.elements.body.id[None, :].astype(np.int64)
-    model._stepper.memory.laws.faces.pairs = faces.FacePairs(pair, state, np.zeros(1))  # type: ignore[attr-defined]
+    model._stepper.memory.laws.faces.pairs = faces.FacePairs(pair, np.zeros_like(pair), state, np.zeros(1))  # type: ignore[attr-defined]
     steps: list[float] = []
     integrate_faces = faces.integrate_faces
 
