@@ -143,7 +143,7 @@ def allocate_crushing(island: Island, room: int, pair: PairWorkspace) -> Crushin
         np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((bodies, 3)),
         np.empty((bodies, 3)), np.empty((bodies, 3)), np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies),
         np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.zeros((pairs, 2)), np.empty(pairs),
-        np.empty(bodies, np.int64), np.empty((room, 5)), np.empty(room), np.full(room, -1, np.int64), np.empty(room, np.int64),
+        np.empty(bodies, np.int64), np.empty((room, 5)), np.empty(room), np.full(room, -1, np.int64), np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room, np.int64),
         np.empty((room, COLUMNS)), np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64), np.empty((room, 38)),
         np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
         np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),

@@ -30,6 +30,9 @@ SEAM: Final = 1e-4
 """Way, as a part of the reach of an element, by which two of its polygons may lie apart along a side that they share, and by
 which that side is drawn out at its ends: ten times the edges that are left out of footprints."""
 
+import os
+NEAR = float(os.environ.get("NEAR", "0"))
+
 
 @kernel
 def find_seams(begin: Ints, ring: Ints, corner: Floats, reach: Floats) -> tuple[Ints, Ints, Floats]:
@@ -134,28 +137,35 @@ def _join_along_seams(
     sb: float, work: CrushingWorkspace,
 ) -> None:  # fmt: skip
     """Join the overlaps of polygons of two elements that meet along a side shared by two polygons, and add them up."""
-    holder, polygons_1, polygons_2 = work.holder, faces.end[i] - faces.begin[i], faces.end[j] - faces.begin[j]
+    root, polygons_1, polygons_2 = work.root, faces.end[i] - faces.begin[i], faces.end[j] - faces.begin[j]
+    end = begin + polygons_1 * polygons_2
+    for n in range(begin, end):
+        root[n] = n
     for m in range(faces.seam_begin[i], faces.seam_end[i]):
         one, two = begin + faces.seam_polygon[m, 0] * polygons_2, begin + faces.seam_polygon[m, 1] * polygons_2
         for q in range(polygons_2):
-            if holder[one + q] >= 0 and holder[two + q] >= 0:
-                first, end = find_corners(faces, j, q)
-                if _passes_through(faces.seam, m, x1, y1, ca, sa, work.pair.corners_2[first:end]):
-                    _join(holder, one + q, two + q)
+            first, last = find_corners(faces, j, q)
+            if _passes_through(faces.seam, m, x1, y1, ca, sa, work.pair.corners_2[first:last]):
+                _join(root, one + q, two + q)
     for m in range(faces.seam_begin[j], faces.seam_end[j]):
         for p in range(polygons_1):
-            n = begin + p * polygons_2
-            one, two = n + faces.seam_polygon[m, 0], n + faces.seam_polygon[m, 1]
-            if holder[one] >= 0 and holder[two] >= 0:
-                first, end = find_corners(faces, i, p)
-                if _passes_through(faces.seam, m, x2, y2, cb, sb, work.pair.corners_1[first:end]):
-                    _join(holder, one, two)
-    for n in range(begin, begin + polygons_1 * polygons_2):
-        if holder[n] >= 0 and holder[n] != n:
-            holder[n] = holder[holder[n]]  # that of a lower number, which has been led to its first one already
-            for c in range(5):
-                work.overlap[holder[n], c] += work.overlap[n, c]
-                work.overlap[n, c] = 0.0
+            one = begin + p * polygons_2 + faces.seam_polygon[m, 0]
+            two = begin + p * polygons_2 + faces.seam_polygon[m, 1]
+            first, last = find_corners(faces, i, p)
+            if _passes_through(faces.seam, m, x2, y2, cb, sb, work.pair.corners_1[first:last]):
+                _join(root, one, two)
+    for n in range(begin, end):
+        root[n] = root[root[n]]  # that of a lower number, which has been led to its first one already
+        work.first[n] = -1
+    for n in range(begin, end):
+        if work.holder[n] >= 0:
+            if work.first[root[n]] < 0:
+                work.first[root[n]] = n
+            else:
+                work.holder[n] = work.first[root[n]]
+                for c in range(5):
+                    work.overlap[work.holder[n], c] += work.overlap[n, c]
+                    work.overlap[n, c] = 0.0
 
 
 @kernel
@@ -177,7 +187,9 @@ def _passes_through(seam: Floats, m: int, x: float, y: float, c: float, s: float
     for k in range(ring.shape[0]):
         n = k + 1 if k + 1 < ring.shape[0] else 0
         ex, ey = ring[n, 0] - ring[k, 0], ring[n, 1] - ring[k, 1]
-        here, there = ex * (py - ring[k, 1]) - ey * (px - ring[k, 0]), ex * (qy - ring[k, 1]) - ey * (qx - ring[k, 0])
+        slack = NEAR * np.sqrt(ex * ex + ey * ey)
+        here = ex * (py - ring[k, 1]) - ey * (px - ring[k, 0]) + slack
+        there = ex * (qy - ring[k, 1]) - ey * (qx - ring[k, 0]) + slack
         if here < 0.0 and there < 0.0:
             return False
         if here < 0.0:

@@ -79,6 +79,8 @@ class CrushingWorkspace(NamedTuple):
     polygon_area: Floats  # Of the overlap of both polygons after which a face has its number, m2; shape (faces,)
     holder: Ints  # Face that holds it, -1 where there is none; shape (faces,)
     last_holder: Ints  # and the one that held it last
+    root: Ints  # shape (faces,)
+    first: Ints  # shape (faces,)
     last_state: Floats  # shape (faces, columns)
     share: Floats  # shape (faces,)
     active: Ints  # Faces that overlap in the middle; shape (faces,)
