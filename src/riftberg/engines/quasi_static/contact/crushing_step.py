@@ -41,6 +41,7 @@ from riftberg.engines.quasi_static.contact.face_overlaps import find_overlaps
 from riftberg.engines.quasi_static.contact.face_pairs import (
     CrushingWorkspace,
     Faces,
+    Seams,
     allocate_pair,
     find_pair_gap,
     locate_pair,
@@ -125,12 +126,13 @@ def integrate_faces(
     shortest, dissipated, pair = dt, 0.0, allocate_pair(faces)
     for k in range(lists.start.size - 1):
         e, pairs = slice(lists.row_start[k], lists.row_start[k + 1]), (lists.pair_start[k], lists.pair_start[k + 1])
-        first, end = faces.face[pairs[0]], faces.face[pairs[1]]
+        first, end = faces.start[pairs[0]], faces.start[pairs[1]]
         island, result = select_island(lists, k, all_islands), select_result(lists, k, results)
         work = allocate_crushing(island, end - first, pair)
+        seams = Seams(faces.seams.begin[e], faces.seams.end[e], faces.seams.polygon, faces.seams.point)
         island_faces = Faces(
-            faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e], faces.seam_begin[e],
-            faces.seam_end[e], faces.seam_polygon, faces.seam, faces.face[pairs[0] : pairs[1] + 1] - first,
+            faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e], seams,
+            faces.start[pairs[0] : pairs[1] + 1] - first,
         )  # fmt: skip
         for i in range(island.body_of.size):
             m, a = island.levers[i], island.body_of[i]
@@ -228,15 +230,19 @@ def _align(
     is cut there would lose a part of its force for a moment.
     """
     for k in range(island.first.size):
-        if not _are_in_contact(faces, face_state, k):
+        if not _is_in_contact(faces, face_state, k):
             continue
-        for n in range(faces.face[k], faces.face[k + 1]):
+        for n in range(faces.start[k], faces.start[k + 1]):
             if face_state[n, PHASE] != APART:
-                work.skin[k, 0], work.skin[k, 1], work.holder[n] = face_state[n, SKIN_X], face_state[n, SKIN_Y], n
+                work.skin[k, 0], work.skin[k, 1], work.face_of[n] = (
+                    face_state[n, SKIN_X],
+                    face_state[n, SKIN_Y],
+                    n - faces.start[k],
+                )
         find_overlaps(island, faces, face_state, result.path, k, work)
         thickness = min(faces.thickness[island.first[k]], faces.thickness[island.second[k]])
-        for n in range(faces.face[k], faces.face[k + 1]):
-            state, area = face_state[n], work.overlap[n, 0]
+        for n in range(faces.start[k], faces.start[k + 1]):
+            state, area = face_state[n], work.pair.overlap[n - faces.start[k], 0]
             if state[PHASE] != APART:
                 shift = area - state[AREA_AT_END]
                 state[TOUCHED] += shift
@@ -251,20 +257,20 @@ def _remember_depths(
 ) -> None:
     """Note how deep the faces are at the end of a step, and the skin with which they overlap."""
     for k in range(island.first.size):
-        if _are_in_contact(faces, face_state, k):
+        if _is_in_contact(faces, face_state, k):
             find_overlaps(island, faces, face_state, result.path, k, work)
-            for n in range(faces.face[k], faces.face[k + 1]):
-                face_state[n, AREA_AT_END] = work.overlap[n, 0]
+            for n in range(faces.start[k], faces.start[k + 1]):
+                face_state[n, AREA_AT_END] = work.pair.overlap[n - faces.start[k], 0]
                 face_state[n, SKIN_X], face_state[n, SKIN_Y] = work.skin[k, 0], work.skin[k, 1]
 
 
 @kernel
-def _are_in_contact(faces: Faces, face_state: Floats, k: int) -> bool:
+def _is_in_contact(faces: Faces, face_state: Floats, k: int) -> bool:
     """Whether any face of a pair is in contact."""
-    for n in range(faces.face[k], faces.face[k + 1]):
-        if face_state[n, PHASE] != APART:
-            return True
-    return False
+    in_contact = False
+    for n in range(faces.start[k], faces.start[k + 1]):
+        in_contact = in_contact or face_state[n, PHASE] != APART
+    return in_contact
 
 
 @kernel
@@ -313,7 +319,7 @@ def _longest_substep(
     fastest, quickest = approach_bound(twist, work.arm), approach_bound(work.acceleration, work.arm)
     for k in range(island.first.size):
         rests = strikes = False
-        for n in range(faces.face[k], faces.face[k + 1]):
+        for n in range(faces.start[k], faces.start[k + 1]):
             rests = rests or face_state[n, PHASE] == REST
             strikes = strikes or face_state[n, PHASE] == IMPACT
         if not (rests or strikes):
@@ -325,14 +331,14 @@ def _longest_substep(
         if rests:
             # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
             work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * last_step)
-            for n in range(faces.face[k], faces.face[k + 1]):
+            for n in range(faces.start[k], faces.start[k + 1]):
                 if face_state[n, PHASE] == REST and face_state[n, SPEED] * limit > REST_WAY:
                     limit = REST_WAY / face_state[n, SPEED]
     # Impacts share the stiffness of their bodies, so that it is known once all pairs have been seen.
     for k in range(island.first.size):
         i, j = island.first[k], island.second[k]
         frequency = math.sqrt(work.stiffness[island.body_of[i]] + work.stiffness[island.body_of[j]])
-        for n in range(faces.face[k], faces.face[k + 1]):
+        for n in range(faces.start[k], faces.start[k + 1]):
             state = face_state[n]
             if state[PHASE] == IMPACT and state[FORCE] > 0.0 and frequency > 0.0:
                 depth = state[FORCE] / face_stiffness(
@@ -373,7 +379,7 @@ def _limit_substep(
     ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
     rx, ry = x1 - x2, y1 - y2
     if math.hypot(rx, ry) > far:
-        _part(faces, face_state, k)
+        _set_pair_apart(faces, face_state, k)
         return limit
     nearest, nx, ny = find_pair_gap(island, faces, path, k, work)
     work.measured[k, 0], work.measured[k, 1] = nearest, work.travelled[a] + work.travelled[b]
@@ -397,8 +403,8 @@ def _limit_substep(
     # Without contact the length of the face is unknown: take the length of an element.
     entry = ENTRY_PHASE / math.sqrt(face_stiffness(law.strength, thickness, smaller, law.depth) * inverse)
 
-    free, parting = not _are_in_contact(faces, face_state, k), False
-    for f in range(faces.face[k], faces.face[k + 1]):
+    free, parting = not _is_in_contact(faces, face_state, k), False
+    for f in range(faces.start[k], faces.start[k + 1]):
         parting = parting or face_state[f, SPEED] < 0.0
     if nearest <= SKIN and free and (closing <= SLOW or parting):
         # They stand on each other, or part: whatever drives them together, the force of the sub-step answers.
@@ -408,7 +414,7 @@ def _limit_substep(
             limit = min(limit, max(max(UNSEEN, UNSEEN_OF_SIZE * smaller) / closing, entry))
         return min(limit, REST_STEP)
     if nearest > 2.0 * math.hypot(work.skin[k, 0], work.skin[k, 1]):
-        _part(faces, face_state, k)
+        _set_pair_apart(faces, face_state, k)
         work.gap[k], work.bound[k] = nearest, closing + driven * limit
         crossed, meets = _crossing_time(nearest, closing, driven)
         return min(limit, max(crossed, entry if meets > SLOW else REST_STEP))
@@ -421,11 +427,11 @@ def _limit_substep(
         _point_mobility(mobility[b], n, ox, oy, nx, ny),
     )
     unloaded = False
-    for f in range(faces.face[k], faces.face[k + 1]):
+    for f in range(faces.start[k], faces.start[k + 1]):
         unloaded = unloaded or (face_state[f, PHASE] == IMPACT and face_state[f, FORCE] <= 0.0)
     if unloaded:
         find_overlaps(island, faces, face_state, path, k, work)
-    for f in range(faces.face[k], faces.face[k + 1]):
+    for f in range(faces.start[k], faces.start[k + 1]):
         state = face_state[f]
         if state[PHASE] == IMPACT:
             # An impact off the centre turns the body, too: it gives way by up to four times as much.
@@ -434,15 +440,15 @@ def _limit_substep(
             work.stiffness[b] += stiffness * mobility_2
             if state[FORCE] <= 0.0:
                 # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
-                to_go = max(state[CRUSHED] - work.overlap[f, 0], 0.0) / state[CHORD]
+                to_go = max(state[CRUSHED] - work.pair.overlap[f - faces.start[k], 0], 0.0) / state[CHORD]
                 limit = min(limit, max(_crossing_time(to_go, closing, driven)[0], entry))
     return limit
 
 
 @kernel
-def _part(faces: Faces, face_state: Floats, k: int) -> None:
+def _set_pair_apart(faces: Faces, face_state: Floats, k: int) -> None:
     """End the contact of all faces of a pair."""
-    for n in range(faces.face[k], faces.face[k + 1]):
+    for n in range(faces.start[k], faces.start[k + 1]):
         set_apart(face_state[n])
 
 

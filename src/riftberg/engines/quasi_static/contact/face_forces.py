@@ -55,7 +55,6 @@ from riftberg.engines.quasi_static.contact.face_states import (
     APART,
     CHORD,
     CLOSING_SPEED,
-    COLUMNS,
     CRUSHED,
     FORCE,
     FRICTION,
@@ -143,8 +142,8 @@ def allocate_crushing(island: Island, room: int, pair: PairWorkspace) -> Crushin
         np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((bodies, 3)),
         np.empty((bodies, 3)), np.empty((bodies, 3)), np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies),
         np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.zeros((pairs, 2)), np.empty(pairs),
-        np.empty(bodies, np.int64), np.empty((room, 5)), np.empty(room), np.full(room, -1, np.int64), np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room, np.int64),
-        np.empty((room, COLUMNS)), np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64), np.empty((room, 38)),
+        np.empty(bodies, np.int64), np.full(room, -1, np.int64), np.empty(room, np.int64), np.empty(room, np.int64),
+        np.empty((room, 38)),
         np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
         np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
         pair,
@@ -200,9 +199,9 @@ def find_faces(
         a, b = island.body_of[i], island.body_of[j]
         find_overlaps(island, faces, face_state, path, k, work)
         standing, rested = work.skin[k, 0] != 0.0 or work.skin[k, 1] != 0.0, _longest_rest(faces, face_state, k)
-        for n in range(faces.face[k], faces.face[k + 1]):
-            state, area = face_state[n], work.overlap[n, 0]
-            chord = math.hypot(work.overlap[n, 3], work.overlap[n, 4])
+        for n in range(faces.start[k], faces.start[k + 1]):
+            state, overlap = face_state[n], work.pair.overlap[n - faces.start[k]]
+            area, chord = overlap[0], math.hypot(overlap[3], overlap[4])
             if standing and chord < LEAST_FACE and state[PHASE] == APART:  # a corner, until it is in the other face
                 continue
             if not (area > 0.0 and chord * chord > LEAST_CHORD * area):
@@ -213,7 +212,7 @@ def find_faces(
                     state[SPEED] = -np.inf
                 continue
             row = work.face[count]
-            _fill_levers(row, island, path, k, work.overlap[n], chord)
+            _fill_levers(row, island, path, k, overlap, chord)
             closing = _speed(row, ROW_N, twist[a], twist[b])
             if state[PHASE] == APART:
                 # Faces meet where they stand at the start of the sub-step: ice crushed earlier is rubble that fills the gap.
@@ -238,7 +237,7 @@ def find_faces(
 def _longest_rest(faces: Faces, face_state: Floats, k: int) -> float:
     """Time (s) for which faces of a pair have been at rest at most."""
     longest = 0.0
-    for n in range(faces.face[k], faces.face[k + 1]):
+    for n in range(faces.start[k], faces.start[k + 1]):
         if face_state[n, PHASE] == REST:
             longest = max(longest, face_state[n, SINCE])
     return longest
@@ -445,7 +444,7 @@ def _set_law(out: Floats, row: Floats, state: Floats, thickness: float, h: float
 def _find_speeds(island: Island, count: int, work: CrushingWorkspace, out: Floats, closing: int, sliding: int) -> None:
     """Put the closing and the sliding speed of each face into two columns."""
     for f in range(count):
-        n, k, row = work.active[f], work.active_pair[f], work.face[f]
+        k, row = work.active_pair[f], work.face[f]
         v, w = work.new[island.body_of[island.first[k]]], work.new[island.body_of[island.second[k]]]
         out[f, closing], out[f, sliding] = _speed(row, ROW_N, v, w), _speed(row, ROW_T, v, w)
 

@@ -9,10 +9,20 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.quasi_static.contact.face_newton import NewtonWorkspace
+from riftberg.engines.quasi_static.contact.face_states import COLUMNS
 from riftberg.engines.quasi_static.contact.islands import Island, element_path
 from riftberg.physics.elementary import cos, sin
 from riftberg.physics.geometry import gap
 from riftberg.state import Floats, Ints
+
+
+class Seams(NamedTuple):
+    """Sides that two polygons of an element share, which are not there in the ice."""
+
+    begin: Ints  # Where those of each element begin; shape (elements,)
+    end: Ints  # and end
+    polygon: Ints  # Numbers of both polygons in their element; shape (seams, 2)
+    point: Floats  # Both ends, from the centre of the element, m; shape (2 seams, 2)
 
 
 class Faces(NamedTuple):
@@ -24,22 +34,27 @@ class Faces(NamedTuple):
     corner: Floats  # East and north of the element, m; shape (corners, 2)
     reach: Floats  # Farthest corner of each element, m
     thickness: Floats  # m
-    seam_begin: Ints  # Where the sides that two polygons of an element share begin; shape (elements,)
-    seam_end: Ints  # and end
-    seam_polygon: Ints  # Numbers of both in their element; shape (sides, 2)
-    seam: Floats  # Ends of each such side, east and north of the element, m; shape (2 sides, 2)
-    # Where the faces of each candidate pair begin: there is room for one between any two polygons; shape (pairs + 1,)
-    face: Ints
+    seams: Seams
+    start: (
+        Ints  # Where the faces of each candidate pair begin: room for one between any two polygons; shape (pairs + 1,)
+    )
 
 
 class PairWorkspace(NamedTuple):
-    """Polygons of both elements of a pair in their positions, and the overlap of two."""
+    """Polygons of both elements of a pair in their positions, and their overlaps; n goes through all pairs of polygons."""
 
     corners_1: Floats  # Of all polygons of an element, one after the other, m
     corners_2: Floats
     box_1: Floats  # Least and largest coordinates of each polygon: west, south, east, north, m
     box_2: Floats
-    cut: Floats  # Corners of the overlap; see `riftberg.physics.geometry.overlap`
+    cut: Floats  # Corners of an overlap; see `riftberg.physics.geometry.overlap`
+    overlap: Floats  # Area (m2), first moments (m3), chord (m); in the end of the face of which they are the first; shape (n, 5)
+    area: Floats  # Of the overlap of polygons, m2; shape (n,)
+    last_face: Ints  # Face that they were in, -1 for none; shape (n,)
+    root: Ints  # Lower pair of polygons that they hang together with, in the end the lowest; shape (n,)
+    first: Ints  # First of those with this root that overlap; shape (n,)
+    share: Floats  # Of a face that parts; shape (n,)
+    last_state: Floats  # Of the faces; shape (n, columns)
 
 
 @kernel
@@ -49,9 +64,11 @@ def allocate_pair(faces: Faces) -> PairWorkspace:
     for e in range(faces.begin.size):
         corners = max(corners, faces.ring[faces.end[e]] - faces.ring[faces.begin[e]])
         polygons = max(polygons, faces.end[e] - faces.begin[e])
+    most = polygons * polygons
     return PairWorkspace(
         np.empty((corners, 2)), np.empty((corners, 2)), np.empty((polygons, 4)), np.empty((polygons, 4)),
-        np.empty((2, 4 * corners, 3)),
+        np.empty((2, 4 * corners, 3)), np.empty((most, 5)), np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64),
+        np.empty(most, np.int64), np.empty(most), np.empty((most, COLUMNS)),
     )  # fmt: skip
 
 
@@ -72,17 +89,12 @@ class CrushingWorkspace(NamedTuple):
     speed: Floats  # The same of their speed, m s-1, and of their acceleration, m s-2; shape (bodies, 2)
     measured: Floats  # Gap of each pair when last measured, and how far both bodies had travelled, m; shape (pairs, 2)
     gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
-    skin: Floats  # Way (m) of both elements of each pair towards the other with which they overlap; shape (pairs, 2)
+    skin: Floats  # Way (m) of each towards the other with which elements that stood on each other overlap; shape (pairs, 2)
     bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
     changed: Ints  # Sweep in which each body's velocities changed last; shape (bodies,)
-    overlap: Floats  # Area (m2), first moments (m3), and chord (m) of the overlap of each face; shape (faces, 5)
-    polygon_area: Floats  # Of the overlap of both polygons after which a face has its number, m2; shape (faces,)
-    holder: Ints  # Face that holds it, -1 where there is none; shape (faces,)
-    last_holder: Ints  # and the one that held it last
-    root: Ints  # shape (faces,)
-    first: Ints  # shape (faces,)
-    last_state: Floats  # shape (faces, columns)
-    share: Floats  # shape (faces,)
+    face_of: (
+        Ints  # Face in which two polygons overlap, as its place among those of its pair, -1 for none; shape (faces,)
+    )
     active: Ints  # Faces that overlap in the middle; shape (faces,)
     active_pair: Ints  # and their places among the candidate pairs
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),

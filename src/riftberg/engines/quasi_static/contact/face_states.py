@@ -1,11 +1,10 @@
-"""States of the faces of a step, and how they are passed on where faces part and join."""
+"""What is known of a face from sub-step to sub-step, and from step to step."""
 
 from __future__ import annotations
 
 from typing import Final
 
-from riftberg.compiled.kernels import borrower, kernel
-from riftberg.engines.quasi_static.contact.face_pairs import CrushingWorkspace
+from riftberg.compiled.kernels import kernel
 from riftberg.state import Floats
 
 (
@@ -46,66 +45,8 @@ def set_apart(state: Floats) -> None:
     state[PHASE], state[FORCE], state[FRICTION], state[SPEED] = APART, 0.0, 0.0, 0.0
 
 
-@borrower
-def pass_states_on(face_state: Floats, begin: int, end: int, work: CrushingWorkspace) -> None:
-    """Pass the states of the faces of a pair, from ``begin`` to ``end``, on to the overlaps that hold their polygons now.
-
-    A face that goes over to other polygons within a sub-step goes on as the first overlap that comes from none.
-    """
-    if not _have_changed(face_state, begin, end, work):
-        return
-    for n in range(begin, end):
-        for c in range(COLUMNS):
-            work.last_state[n, c], face_state[n, c] = face_state[n, c], 0.0
-    for n in range(begin, end):
-        if work.last_state[n, PHASE] != APART:
-            _share_out(face_state, n, begin, end, work)
-    for n in range(begin, end):
-        if work.last_state[n, PHASE] != APART and not _is_held(n, begin, end, work):
-            for m in range(begin, end):
-                if work.holder[m] == m and face_state[m, PHASE] == APART:
-                    _add_share(face_state[m], work.last_state[n], 1.0)
-                    break
-
-
 @kernel
-def _have_changed(face_state: Floats, begin: int, end: int, work: CrushingWorkspace) -> bool:
-    """Whether faces in contact have parted, joined, or left the polygons after which they have their numbers."""
-    for n in range(begin, end):
-        last = work.last_holder[n]
-        if face_state[n, PHASE] != APART and work.holder[n] != n:
-            return True
-        if last >= 0 and face_state[last, PHASE] != APART and work.holder[n] >= 0 and work.holder[n] != last:
-            return True
-    return False
-
-
-@kernel
-def _is_held(face: int, begin: int, end: int, work: CrushingWorkspace) -> bool:
-    """Whether polygons of a face overlap still."""
-    for n in range(begin, end):
-        if work.last_holder[n] == face and work.polygon_area[n] > 0.0:
-            return True
-    return False
-
-
-@kernel
-def _share_out(face_state: Floats, face: int, begin: int, end: int, work: CrushingWorkspace) -> None:
-    """Share the state of a face out among the overlaps that hold its polygons, by the areas of these."""
-    total = 0.0
-    for n in range(begin, end):
-        work.share[n] = 0.0
-    for n in range(begin, end):
-        if work.last_holder[n] == face and work.polygon_area[n] > 0.0:
-            work.share[work.holder[n]] += work.polygon_area[n]
-            total += work.polygon_area[n]
-    for n in range(begin, end):
-        if work.share[n] > 0.0:
-            _add_share(face_state[n], work.last_state[face], work.share[n] / total)
-
-
-@kernel
-def _add_share(state: Floats, other: Floats, share: float) -> None:
+def add_share(state: Floats, other: Floats, share: float) -> None:
     """Add a share of the state of a face to that of another, which may be new."""
     is_new = state[PHASE] == APART
     for c in (SINCE, SPEED, PHASE, CLOSING_SPEED):

@@ -18,7 +18,7 @@ from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, tange
 from riftberg.engines.quasi_static.contact.crushing_step import integrate_faces
 from riftberg.engines.quasi_static.contact.face_forces import CrushingLaw
 from riftberg.engines.quasi_static.contact.face_overlaps import find_seams
-from riftberg.engines.quasi_static.contact.face_pairs import Faces, face_gaps
+from riftberg.engines.quasi_static.contact.face_pairs import Faces, Seams, face_gaps
 from riftberg.engines.quasi_static.contact.face_states import (
     APART,
     COLUMNS,
@@ -77,9 +77,7 @@ class _Polygons(NamedTuple):
     corner: Floats  # From the centre of the element, m; shape (corners, 2)
     element: Ints  # Of each corner
     reach: Floats  # Farthest corner of each element, m
-    seam_begin: Ints  # Where the sides that two polygons of an element share begin; shape (elements + 1,)
-    seam_polygon: Ints  # As in `Faces`
-    seam: Floats  # From the centre of the element, m; shape (2 sides, 2)
+    seams: Seams
 
 
 class FaceContact:
@@ -166,19 +164,19 @@ class FaceContact:
         ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
         polygon_count, rows = np.diff(polygons.begin), lists.rows
         counts = np.column_stack([polygon_count[first[lists.order]], polygon_count[second[lists.order]]])
-        face = np.concatenate([[0], np.cumsum(counts[:, 0] * counts[:, 1])])
-        states = _recall_states(previous_pairs, ids, counts, face)
+        start = np.concatenate([[0], np.cumsum(counts[:, 0] * counts[:, 1])])
+        states = _recall_states(previous_pairs, ids, counts, start)
         faces = faces._replace(
             begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows],
-            seam_begin=faces.seam_begin[rows], seam_end=faces.seam_end[rows], face=face,
+            seams=faces.seams._replace(begin=faces.seams.begin[rows], end=faces.seams.end[rows]), start=start,
         )  # fmt: skip
         result = allocate_result(island, bodies.twist[lists.members], anchors[rows])
         shortest, dissipated = integrate_faces(lists, island, result, faces, states, h, self._law)
         if not np.isfinite(result.twist).all():
             raise FloatingPointError
         pressed = np.flatnonzero(states[:, PHASE] != APART)
-        pair = np.searchsorted(face, pressed, side="right") - 1
-        polygon = np.column_stack(np.divmod(pressed - face[pair], counts[pair, 1]))
+        pair = np.searchsorted(start, pressed, side="right") - 1
+        polygon = np.column_stack(np.divmod(pressed - start[pair], counts[pair, 1]))
         self.pairs = FacePairs(ids[pair], polygon, states[pressed], previous_pairs.dissipated + dissipated)
         return subcycled_motion(op, lists, first, second, result, shortest, h)
 
@@ -202,13 +200,13 @@ class FaceContact:
     @staticmethod
     def _orient_polygons(polygons: _Polygons, el: Elements, levers: Floats) -> Faces:
         """Turn the footprints to where the axes of the bodies stand."""
-        corner, seam = np.empty_like(polygons.corner), np.empty_like(polygons.seam)
+        corner, seams = np.empty_like(polygons.corner), polygons.seams
         _turn_corners(polygons.corner, polygons.element, levers, corner)
-        seam_element = np.repeat(np.arange(el.size), 2 * np.diff(polygons.seam_begin))
-        _turn_corners(polygons.seam, seam_element, levers, seam)
+        point = np.empty_like(seams.point)
+        _turn_corners(seams.point, np.repeat(np.arange(el.size), 2 * (seams.end - seams.begin)), levers, point)
         return Faces(
             polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness,
-            polygons.seam_begin[:-1], polygons.seam_begin[1:], polygons.seam_polygon, seam, NO_PAIRS[0],
+            seams._replace(point=point), NO_PAIRS[0],
         )  # fmt: skip
 
     def _find_polygons(self, model: RunState, bodies: Bodies) -> _Polygons:
@@ -227,7 +225,7 @@ class FaceContact:
             corner, reach = footprint.corner[index] - xy[element], np.zeros(el.size)
             np.maximum.at(reach, element, np.hypot(corner[:, 0], corner[:, 1]))
             begin = np.searchsorted(owner, np.arange(el.size + 1)).astype(np.int64)
-            self._polygons = _Polygons(begin, ring, corner, element, reach, *find_seams(begin, ring, corner, reach))
+            self._polygons = _Polygons(begin, ring, corner, element, reach, find_seams(begin, ring, corner, reach))
         return self._polygons
 
 
@@ -249,20 +247,20 @@ def _sweep_position(el: Elements, first: Ints, second: Ints) -> Floats:
     return np.asarray(lon[first] + lon[second] + GOLDEN_RATIO * (lat[first] + lat[second]))
 
 
-def _recall_states(pairs: FacePairs, ids: Ints, counts: Ints, face: Ints) -> Floats:
+def _recall_states(pairs: FacePairs, ids: Ints, counts: Ints, start: Ints) -> Floats:
     """Return the states of all faces of pairs of elements; zeros for those that did not press each other.
 
-    ``ids``: identifiers of both elements, in either order; ``counts``: numbers of their polygons; ``face``: as in `Faces`. Where
-    a crack has divided polygons since, faces go on at the first of the pair that is free.
+    ``ids``: identifiers of both elements, in either order; ``counts``: how many polygons they have; ``start``: as in `Faces`.
+    Where a crack has divided these since, faces go on at the first of the pair that is free.
     """
-    states, pair_row = np.zeros((face[-1], COLUMNS)), {}
+    states, pair_row = np.zeros((start[-1], COLUMNS)), {}
     if len(pairs.pair):
         pair_row = {(min(pair), max(pair)): k for k, pair in enumerate(ids.tolist())}
     for pair, polygon, state in zip(pairs.pair.tolist(), pairs.polygon.tolist(), pairs.state, strict=True):
         if (k := pair_row.get((min(pair), max(pair)))) is None:
             continue
         p, q = polygon if pair[0] == ids[k, 0] else polygon[::-1]
-        of_pair = states[face[k] : face[k + 1]]
+        of_pair = states[start[k] : start[k + 1]]
         free = np.flatnonzero(of_pair[:, PHASE] == APART)
         number = p * counts[k, 1] + q
         if p < counts[k, 0] and q < counts[k, 1] and of_pair[number, PHASE] == APART:
