@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -129,6 +130,53 @@ def test_bergs_side_by_side_that_drift_towards_a_pole_do_not_sink_into_each_othe
     model.advance(days=1.0)
     # Free, they would come 70 m nearer (112 m at 70 degrees).
     assert start - distance() < 1.0
+
+
+SLOTTED = shapely.Polygon(
+    [(-500, -400), (500, -400), (500, 800), (105, 800), (105, 0), (-105, 0), (-105, 800), (-500, 800)]
+)
+BAR = shapely.box(-100, 10, 100, 2010)
+
+
+def bar_in_slot(dt: float, swapped: bool = False) -> Model:
+    """A bar in the slot of a berg that is held, five metres from either wall, pushed aside at its middle, which is outside."""
+    shape = {"thickness": 100.0, "latlon": False, "packing": "square"}
+    held = Iceberg.from_points([0.0], [-200.0], radius=500.0, outline=SLOTTED, **shape)
+    bar = Iceberg.from_points([0.0], [1010.0], radius=300.0, outline=BAR, **shape)
+    p = Parameters(earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt}, fracture={"enabled": False})
+    model = Model(Iceberg.join([bar, held] if swapped else [held, bar]), Forcing.uniform(), p)
+    el, pushed = model.elements, 0 if swapped else 1
+    el.body.static[1 - pushed] = 1.0
+    el.load_x[pushed] = PUSH * el.mass[pushed]
+    return model
+
+
+@pytest.mark.quick(2)
+def test_a_bar_in_a_slot_does_not_turn_through_its_walls(tmp_path: Path) -> None:
+    """Bug: two elements had one face, so that the pushes of both walls cancelled: it turned through them within hours.
+
+    So did crumbs of A68a that were hooked around others, by up to 912 m.
+    """
+    model, places = bar_in_slot(1800.0), []
+    for day in range(2):
+        model.advance(days=1.0)
+        places.append([model.elements.lon[1], model.elements.lat[1], np.degrees(model.elements.rotation[1])])
+        if day == 0:
+            path = model.save(tmp_path / "pressed.restart.nc")
+    (x, y, turn), _ = places
+    bar = shapely.affinity.translate(shapely.affinity.rotate(BAR, turn), x, y - 1010.0)
+    assert 0.7 < -turn < 0.9  # ten metres in 790, and what its corners crush
+    assert 1.0 < bar.intersection(SLOTTED).area < 10.0
+    np.testing.assert_allclose(places[1], places[0], atol=1e-3)
+    again = Model.resume(path, Forcing.uniform())
+    again.elements.load_x[1] = model.elements.load_x[1]
+    again.advance(days=1.0)
+    for name in ("lon", "lat", "rotation", "u", "v", "spin"):
+        np.testing.assert_array_equal(getattr(again.elements, name), getattr(model.elements, name))
+    swapped = bar_in_slot(1800.0, swapped=True)
+    swapped.advance(days=2.0)
+    np.testing.assert_allclose(swapped.elements.lon[0], model.elements.lon[1], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(swapped.elements.rotation[0], model.elements.rotation[1], rtol=0.0, atol=1e-9)
 
 
 class Gathering(Forcing.uniform):

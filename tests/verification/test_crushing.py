@@ -16,7 +16,7 @@ import pytest
 
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Options, Parameters, build
 from riftberg.diagnostics.summary import fragment_areas
-from riftberg.engines.quasi_static.contact import face_forces as face
+from riftberg.engines.quasi_static.contact import face_states as face
 from riftberg.engines.quasi_static.contact import faces
 from riftberg.errors import InputError
 from riftberg.parameters import PUBLISHED_DRAG
