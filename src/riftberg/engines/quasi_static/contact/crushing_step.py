@@ -234,11 +234,8 @@ def _align(
             continue
         for n in range(faces.start[k], faces.start[k + 1]):
             if face_state[n, PHASE] != APART:
-                work.skin[k, 0], work.skin[k, 1], work.face_of[n] = (
-                    face_state[n, SKIN_X],
-                    face_state[n, SKIN_Y],
-                    n - faces.start[k],
-                )
+                work.face_of[n] = n - faces.start[k]
+                work.skin[k, 0], work.skin[k, 1] = face_state[n, SKIN_X], face_state[n, SKIN_Y]
         find_overlaps(island, faces, face_state, result.path, k, work)
         thickness = min(faces.thickness[island.first[k]], faces.thickness[island.second[k]])
         for n in range(faces.start[k], faces.start[k + 1]):

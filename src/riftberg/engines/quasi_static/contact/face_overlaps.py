@@ -48,12 +48,8 @@ def find_seams(begin: Ints, ring: Ints, corner: Floats, reach: Floats) -> Seams:
     for e in range(reach.size):
         for p in range(begin[e], begin[e + 1]):
             room += (ring[p + 1] - ring[p]) * (ring[begin[e + 1]] - ring[p + 1])
-    start, polygon, point, count = (
-        np.zeros(reach.size + 1, np.int64),
-        np.empty((room, 2), np.int64),
-        np.empty((2 * room, 2)),
-        0,
-    )
+    start, count = np.zeros(reach.size + 1, np.int64), 0
+    polygon, point = np.empty((room, 2), np.int64), np.empty((2 * room, 2))
     for e in range(reach.size):
         for p in range(begin[e], begin[e + 1]):
             for q in range(p + 1, begin[e + 1]):
@@ -84,7 +80,7 @@ def _find_shared_way(side: tuple[Floats, Floats], other: tuple[Floats, Floats], 
         return False
     slope = (ux * qy - uy * qx - offset) / (end - begin)
     ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1] = x + low * ux, y + low * uy, x + high * ux, y + high * uy
-    return max(abs(offset + slope * (low - begin)), abs(offset + slope * (high - begin))) <= tolerance
+    return bool(max(abs(offset + slope * (low - begin)), abs(offset + slope * (high - begin))) <= tolerance)
 
 
 @borrower
