@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -129,6 +130,110 @@ def test_bergs_side_by_side_that_drift_towards_a_pole_do_not_sink_into_each_othe
     model.advance(days=1.0)
     # Free, they would come 70 m nearer (112 m at 70 degrees).
     assert start - distance() < 1.0
+
+
+SLOTTED = shapely.Polygon(
+    [(-500, -400), (500, -400), (500, 800), (105, 800), (105, 0), (-105, 0), (-105, 800), (-500, 800)]
+)
+BAR = shapely.box(-100, 10, 100, 2010)
+
+
+def bar_in_slot(dt: float, swapped: bool = False) -> Model:
+    """A bar in the slot of a berg that is held, five metres from either wall, pushed aside at its middle, which is outside."""
+    shape = {"thickness": 100.0, "latlon": False, "packing": "square"}
+    held = Iceberg.from_points([0.0], [-200.0], radius=500.0, outline=SLOTTED, **shape)
+    bar = Iceberg.from_points([0.0], [1010.0], radius=300.0, outline=BAR, **shape)
+    p = Parameters(earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt}, fracture={"enabled": False})
+    model = Model(Iceberg.join([bar, held] if swapped else [held, bar]), Forcing.uniform(), p)
+    el, pushed = model.elements, 0 if swapped else 1
+    el.body.static[1 - pushed] = 1.0
+    el.load_x[pushed] = PUSH * el.mass[pushed]
+    return model
+
+
+@pytest.mark.quick(2)
+def test_a_bar_in_a_slot_does_not_turn_through_its_walls(tmp_path: Path) -> None:
+    """Bug: two elements had one face, so that the pushes of both walls cancelled: it turned through them within hours.
+
+    So did crumbs of A68a that were hooked around others, by up to 912 m.
+    """
+    model, places = bar_in_slot(1800.0), []
+    for day in range(2):
+        model.advance(days=1.0)
+        places.append([model.elements.lon[1], model.elements.lat[1], np.degrees(model.elements.rotation[1])])
+        if day == 0:
+            path = model.save(tmp_path / "pressed.restart.nc")
+    (x, y, turn), _ = places
+    bar = shapely.affinity.translate(shapely.affinity.rotate(BAR, turn), x, y - 1010.0)
+    assert 0.7 < -turn < 0.9  # ten metres in 790, and what its corners crush
+    assert 1.0 < bar.intersection(SLOTTED).area < 10.0
+    np.testing.assert_allclose(places[1], places[0], atol=1e-3)
+    again = Model.resume(path, Forcing.uniform())
+    again.elements.load_x[1] = model.elements.load_x[1]
+    again.advance(days=1.0)
+    for name in ("lon", "lat", "rotation", "u", "v", "spin"):
+        np.testing.assert_array_equal(getattr(again.elements, name), getattr(model.elements, name))
+    swapped = bar_in_slot(1800.0, swapped=True)
+    swapped.advance(days=2.0)
+    np.testing.assert_allclose(swapped.elements.lon[0], model.elements.lon[1], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(swapped.elements.rotation[0], model.elements.rotation[1], rtol=0.0, atol=1e-9)
+
+
+def test_ice_that_is_hooked_around_a_corner_stays_where_both_its_legs_touch() -> None:
+    """Bug: the pushes on both sides of the corner were one, between them: it turned by 3 degrees, with 300 m2 in the other."""
+    apex = np.array([563.0, 563.0])
+    legs = [apex + 700.0 * np.array([np.cos(turn), np.sin(turn)]) for turn in np.radians([185.0, 265.0])]
+    hook = shapely.Polygon([legs[1], legs[1] + [200, 0], (1300, 1300), legs[0] + [0, 200], legs[0], apex])
+    corner, middle = shapely.box(-500, -500, 500, 500), hook.centroid
+    bergs = [
+        Iceberg.from_points(
+            [ice.centroid.x], [ice.centroid.y], radius=300.0, thickness=100.0, outline=ice, latlon=False, packing="square"
+        )
+        for ice in (corner, hook)
+    ]  # fmt: skip
+    p = Parameters(earth={"latlon": False, "period": 0.0}, stepping={"time_step": 1800.0}, fracture={"enabled": False})
+    model = Model(Iceberg.join(bergs), Forcing.uniform(), p)
+    el = model.elements
+    el.body.static[0] = 1.0
+    el.load_x[1], el.load_y[1] = -10.0 * PUSH * el.mass[1], -8.0 * PUSH * el.mass[1]
+    model.advance(days=1.0)
+    turned = shapely.affinity.rotate(hook, el.rotation[1], origin=middle, use_radians=True)
+    ice = shapely.affinity.translate(turned, el.lon[1] - middle.x, el.lat[1] - middle.y)
+    assert abs(np.degrees(el.rotation[1])) < 0.1
+    assert 10.0 < ice.intersection(corner).area < 13.0
+    assert abs(el.u[1]) + abs(el.v[1]) < 1e-9
+
+
+def slid_along(front: list[float]) -> list[float]:
+    """Where a block is, and how it has turned, that is pressed on a side with corners at such places, and slides along it."""
+    back = [(4e3, 2e3), (4e3, 200.0), (3e3, 0.0), (4e3, -200.0), (4e3, -2e3)]  # the notch makes several polygons of it
+    held = shapely.Polygon([*back, (0.0, -2e3), *((0.0, y) for y in front), (0.0, 2e3)])
+    shape = {"thickness": 200.0, "radius": 100.0, "latlon": False, "packing": "square"}
+    bergs = [
+        Iceberg.from_points([x], [y], outline=ice, velocity=velocity, **shape)
+        for x, y, ice, velocity in ((1.5e3, 0.0, held, (0.0, 0.0)),
+                                    (-100.1, -1.6e3, shapely.box(-200.1, -1.7e3, -0.1, -1.5e3), (0.0, 0.3)))
+    ]  # fmt: skip
+    stepping = {"time_step": 600.0, "only_interactions": True}
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0},
+        stepping=stepping,
+        fracture={"enabled": False},
+        contact={"friction": 0.0},
+    )
+    model = Model(Iceberg.join(bergs), Forcing.uniform(), p)
+    el = model.elements
+    el.body.static[0], el.load_x[1] = 1.0, 50.0 * PUSH * el.mass[1]
+    model.advance(steps=17)
+    return [float(el.lon[1] + 100.0), float(el.lat[1]), float(el.rotation[1])]
+
+
+def test_a_face_goes_on_as_it_slides_from_polygon_to_polygon() -> None:
+    """One that began anew at each of them would come in by 2 mm each time."""
+    x, y, turn = slid_along([])
+    assert 0.0 < x < 2.0
+    assert y == pytest.approx(-1.6e3 + 0.3 * 17 * 600.0, abs=1.0)
+    np.testing.assert_allclose(slid_along([-1e3, -300.0, 290.0, 1e3]), [x, y, turn], rtol=1e-8, atol=1e-12)
 
 
 class Gathering(Forcing.uniform):

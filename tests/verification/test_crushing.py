@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Options, Parameters, build
 from riftberg.diagnostics.summary import fragment_areas
-from riftberg.engines.quasi_static.contact import face_forces as face
+from riftberg.engines.quasi_static.contact import face_states as face
 from riftberg.engines.quasi_static.contact import faces
 from riftberg.errors import InputError
 from riftberg.parameters import PUBLISHED_DRAG
@@ -82,6 +83,41 @@ def test_two_bergs_that_meet_head_on_rebound_at_a_tenth(speed: float, dt: float)
     assert np.abs(after - before).max() < 1e-12 * before[0]
     # What is missing is the plastic work of the faces.
     assert dissipated(model) == pytest.approx(energy - left, rel=0.01)
+
+
+def struck_by_corner(front: list[float]) -> tuple[float, float, float]:
+    """Speeds (m s-1) and spin (rad s-1) of a berg whose corner has struck a side that has corners at such places.
+
+    A notch in the back makes the footprint behind it several polygons, between which these corners cut the side, too.
+    """
+    back = [(4e3, 2e3), (4e3, 200.0), (3e3, 0.0), (4e3, -200.0), (4e3, -2e3)]
+    held = shapely.Polygon([*back, (0.0, -2e3), *((0.0, y) for y in front), (0.0, 2e3)])
+    striking = shapely.affinity.rotate(shapely.box(-500.0, -500.0, 500.0, 500.0), 30.0)
+    west, y = striking.bounds[2] + 1.0, 300.0 - max(striking.exterior.coords)[1]
+    bergs = [
+        Iceberg.from_points([x], [y], radius=500.0, thickness=250.0, outline=ice, latlon=False, packing="square", velocity=u)
+        for x, y, ice, u in ((1.5e3, 0.0, held, (0.0, 0.0)),
+                             (-west, y, shapely.affinity.translate(striking, -west, y), (0.3, 0.0)))
+    ]  # fmt: skip
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": 60.0, "only_interactions": True},
+        fracture={"enabled": False},
+    )  # fmt: skip
+    model = Model(Iceberg.join(bergs), Forcing.uniform(), parameters)
+    model.elements.body.static[0] = 1.0
+    found = model._stepper.memory.footprints.follow(model)  # type: ignore[attr-defined]
+    east = [
+        ring[:, 0] for ring, k in zip(np.split(found.corner, found.start[1:-1]), found.owner, strict=True) if k == 0
+    ]
+    assert sum(np.isclose(x, np.concatenate(east).min()).sum() == 2 for x in east) == 1 + len(front)
+    model.advance(steps=10)
+    return float(model.elements.u[1]), float(model.elements.v[1]), float(model.elements.spin[1])
+
+
+@pytest.mark.parametrize("front", [[300.0], [295.0], [-1e3, 301.0]])
+def test_a_corner_that_strikes_a_side_between_two_polygons_strikes_one_face(front: list[float]) -> None:
+    """Two faces, one for each polygon, would be tilted by their depth over their width, and push it to either side."""
+    assert struck_by_corner(front) == pytest.approx(struck_by_corner([]), rel=1e-6)
 
 
 def test_a_fast_impact_crushes_the_whole_face() -> None:
@@ -505,7 +541,7 @@ def test_a_face_that_closes_on_what_it_has_crushed_gets_there_in_few_steps(monke
     state[0, [face.TOUCHED, face.CRUSHED, face.CHORD, face.AREA_AT_END]] = 12e3, 12e3, 1e3, 5e3
     state[0, [face.SINCE, face.SPEED, face.PHASE]] = 50.0, 0.012, face.IMPACT
     pair = model.elements.body.id[None, :].astype(np.int64)
-    model._stepper.memory.laws.faces.pairs = faces.FacePairs(pair, state, np.zeros(1))  # type: ignore[attr-defined]
+    model._stepper.memory.laws.faces.pairs = faces.FacePairs(pair, np.zeros_like(pair), state, np.zeros(1))  # type: ignore[attr-defined]
     steps: list[float] = []
     integrate_faces = faces.integrate_faces
 

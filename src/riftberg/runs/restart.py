@@ -371,6 +371,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "footprint_cracked": Bound((None,), 0, "next_bond - 1"),
     # Faces of two elements that press each other.
     "meeting_pair": Bound(("face pairs", 2), 0, "next_element - 1"),
+    "meeting_polygon": Bound(("face pairs", 2), 0, LARGEST_WHOLE),
     "meeting_state": Bound(("face pairs", 16)),
     "meeting_dissipated": Bound((1,)),
     "bed_(plastic|clearance)": Bound((None,)),

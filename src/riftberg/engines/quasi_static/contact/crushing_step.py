@@ -24,6 +24,29 @@ from riftberg.engines.quasi_static.contact.anchors import (
     longest_sliding_step,
 )
 from riftberg.engines.quasi_static.contact.face_forces import (
+    SLOW,
+    CrushingLaw,
+    allocate_crushing,
+    copy_twists,
+    find_faces,
+    find_free_motion,
+    find_mobilities,
+    find_path_twists,
+    record_peak,
+    sweep_faces,
+    unloading_rate,
+    update_faces,
+)
+from riftberg.engines.quasi_static.contact.face_overlaps import find_overlaps
+from riftberg.engines.quasi_static.contact.face_pairs import (
+    CrushingWorkspace,
+    Faces,
+    Seams,
+    allocate_pair,
+    find_pair_gap,
+    locate_pair,
+)
+from riftberg.engines.quasi_static.contact.face_states import (
     APART,
     AREA_AT_END,
     CHORD,
@@ -35,29 +58,9 @@ from riftberg.engines.quasi_static.contact.face_forces import (
     REST,
     SKIN_X,
     SKIN_Y,
-    SLOW,
     SPEED,
     TOUCHED,
-    CrushingLaw,
-    allocate_crushing,
-    copy_twists,
-    find_faces,
-    find_free_motion,
-    find_mobilities,
-    find_path_twists,
-    record_peak,
     set_apart,
-    sweep_faces,
-    unloading_rate,
-    update_faces,
-)
-from riftberg.engines.quasi_static.contact.face_pairs import (
-    CrushingWorkspace,
-    Faces,
-    allocate_pair,
-    find_pair_gap,
-    find_pair_overlap,
-    locate_pair,
 )
 from riftberg.engines.quasi_static.contact.islands import (
     Island,
@@ -112,44 +115,50 @@ def integrate_faces(
     all_islands: Island,
     results: IslandResult,
     faces: Faces,
-    pair_state: Floats,
+    face_state: Floats,
     dt: float,
     law: CrushingLaw,
 ) -> tuple[float, float]:
     """Take all islands through a step of ``dt`` s; returns the shortest sub-step (s) and the energy dissipated (J).
 
-    ``results``, and ``pair_state`` with a row for each pair, are changed in place.
+    ``results``, and ``face_state`` with a row for each face, are changed in place.
     """
     shortest, dissipated, pair = dt, 0.0, allocate_pair(faces)
     for k in range(lists.start.size - 1):
-        e = slice(lists.row_start[k], lists.row_start[k + 1])
+        e, pairs = slice(lists.row_start[k], lists.row_start[k + 1]), (lists.pair_start[k], lists.pair_start[k + 1])
+        first, end = faces.start[pairs[0]], faces.start[pairs[1]]
         island, result = select_island(lists, k, all_islands), select_result(lists, k, results)
-        work = allocate_crushing(island, pair)
-        island_faces = Faces(faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e])
+        work = allocate_crushing(island, end - first, pair)
+        seams = Seams(faces.seams.begin[e], faces.seams.end[e], faces.seams.polygon, faces.seams.point)
+        island_faces = Faces(
+            faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e], seams,
+            faces.start[pairs[0] : pairs[1] + 1] - first,
+        )  # fmt: skip
         for i in range(island.body_of.size):
             m, a = island.levers[i], island.body_of[i]
             work.arm[a] = max(work.arm[a], math.hypot(m[2], m[5]) + island_faces.reach[i])
-        island_pairs = pair_state[lists.pair_start[k] : lists.pair_start[k + 1]]
         media = allocate_linearisation(result.twist)
-        shortest = min(shortest, _integrate_island(island, island_faces, island_pairs, result, media, dt, law, work))
+        shortest = min(
+            shortest, _integrate_island(island, island_faces, face_state[first:end], result, media, dt, law, work)
+        )
         dissipated += work.dissipated[0]
     return shortest, dissipated
 
 
 @borrower
 def _integrate_island(
-    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, media: Linearisation, dt: float, law: CrushingLaw,
+    island: Island, faces: Faces, face_state: Floats, result: IslandResult, media: Linearisation, dt: float, law: CrushingLaw,
     work: CrushingWorkspace,
 ) -> float:  # fmt: skip
     """Take one island through the step; returns its shortest sub-step, s."""
     twist = result.twist
     remaining, shortest, elapsed, h = dt, dt, np.inf, np.inf
-    _align(island, faces, pair_state, result, law, work)
+    _align(island, faces, face_state, result, law, work)
     while True:
         if remaining <= 0.0 or is_stale(media, twist, work.arm, elapsed, dt):
             accumulate_impulse(island, media, elapsed, result.applied)
             if remaining <= 0.0:
-                _remember_depths(island, faces, pair_state, result, work)
+                _remember_depths(island, faces, face_state, result, work)
                 _find_close_pairs(island, faces, result, work)
                 return shortest
             evaluate_media(island, twist, media, work.everyone, work.accelerations, work.drag_rate, work.force)
@@ -160,16 +169,16 @@ def _integrate_island(
             _find_undisturbed_path(island, twist, dt, work)
             guess_stop(result.anchors, island.body_of, island.matrices.mobility, work.net_force, twist, work.stop)
         sliding = longest_sliding_step(result.anchors, island.body_of, twist, work.stop, h)
-        h = _longest_substep(island, faces, pair_state, result, min(remaining, sliding), h, law, work)
+        h = _longest_substep(island, faces, face_state, result, min(remaining, sliding), h, law, work)
         if remaining - h < 1e-9 * dt:
             h = remaining
         shortest = min(shortest, h)
-        overlaps = _find_velocities(island, faces, pair_state, result, media.jacobian, h, law, work)
-        find_path_twists(island, pair_state, overlaps, twist, work)
-        update_faces(island, faces, pair_state, overlaps, h, law, work, result)
+        overlaps = _find_velocities(island, faces, face_state, result, media.jacobian, h, law, work)
+        find_path_twists(island, face_state, overlaps, twist, work)
+        update_faces(island, faces, face_state, overlaps, h, law, work, result)
         drag_anchors(result.anchors, island.body_of, island.levers, h, work.new, work.path_twist, result.rubbed)
         find_stop(work.floor, h, twist, work.new, work.stop)
-        record_peak(island, pair_state, overlaps, dt - remaining + h, result, work)
+        record_peak(island, face_state, overlaps, dt - remaining + h, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
                 media.twist_integral[b, i] += 0.5 * h * (twist[b, i] + work.new[b, i])
@@ -183,7 +192,7 @@ def _integrate_island(
 
 @borrower
 def _find_velocities(
-    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, jacobian: Floats, h: float, law: CrushingLaw,
+    island: Island, faces: Faces, face_state: Floats, result: IslandResult, jacobian: Floats, h: float, law: CrushingLaw,
     work: CrushingWorkspace,
 ) -> int:  # fmt: skip
     """Find the twists at the end of a sub-step and the forces of the faces that overlap; returns how many do.
@@ -202,9 +211,9 @@ def _find_velocities(
         )  # fmt: skip
         find_free_motion(island, jacobian, h, twist, work)
         if turn == 0:
-            count = find_faces(island, faces, pair_state, result, h, law, work)
-        find_mobilities(island, faces, pair_state, count, h, law, work)
-        sweep_faces(island, faces, pair_state, count, h, law, work)
+            count = find_faces(island, faces, face_state, result, h, law, work)
+        find_mobilities(island, faces, face_state, count, h, law, work)
+        sweep_faces(island, faces, face_state, count, h, law, work)
         if not aground or agree(work.guess, work.new, work.arm):
             break
     return count
@@ -212,36 +221,53 @@ def _find_velocities(
 
 @borrower
 def _align(
-    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, law: CrushingLaw, work: CrushingWorkspace
+    island: Island, faces: Faces, face_state: Floats, result: IslandResult, law: CrushingLaw, work: CrushingWorkspace
 ) -> None:
-    """Take the pairs on from where the last step saw them: no force from an overlap that has changed without a motion.
+    """Take the faces on from where the last step saw them: no force from an overlap that has changed without a motion.
 
     A sub-step moves bodies on a plane of its own, a step on the sphere: that shifts faces by millimetres, of which unloading
     would make the force of an impact. The overlap that a sub-step predicts for its end is wrong by less, but an impact that
     is cut there would lose a part of its force for a moment.
     """
     for k in range(island.first.size):
-        if pair_state[k, PHASE] != APART:
-            skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
-            area, _, _, _, _ = find_pair_overlap(island, faces, result.path, k, skin_x, skin_y, work)
-            shift = area - pair_state[k, AREA_AT_END]
-            pair_state[k, TOUCHED] += shift
-            pair_state[k, CRUSHED] += shift
-            if pair_state[k, PHASE] == IMPACT and pair_state[k, FORCE] > 0.0:
-                thickness = min(faces.thickness[island.first[k]], faces.thickness[island.second[k]])
-                pair_state[k, CRUSHED] = area - pair_state[k, FORCE] / unloading_rate(thickness, law)
+        if not _is_in_contact(faces, face_state, k):
+            continue
+        for n in range(faces.start[k], faces.start[k + 1]):
+            if face_state[n, PHASE] != APART:
+                work.face_of[n] = n - faces.start[k]
+                work.skin[k, 0], work.skin[k, 1] = face_state[n, SKIN_X], face_state[n, SKIN_Y]
+        find_overlaps(island, faces, face_state, result.path, k, work)
+        thickness = min(faces.thickness[island.first[k]], faces.thickness[island.second[k]])
+        for n in range(faces.start[k], faces.start[k + 1]):
+            state, area = face_state[n], work.pair.overlap[n - faces.start[k], 0]
+            if state[PHASE] != APART:
+                shift = area - state[AREA_AT_END]
+                state[TOUCHED] += shift
+                state[CRUSHED] += shift
+                if state[PHASE] == IMPACT and state[FORCE] > 0.0:
+                    state[CRUSHED] = area - state[FORCE] / unloading_rate(thickness, law)
 
 
 @borrower
 def _remember_depths(
-    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, work: CrushingWorkspace
+    island: Island, faces: Faces, face_state: Floats, result: IslandResult, work: CrushingWorkspace
 ) -> None:
-    """Note how deep the faces are at the end of a step."""
+    """Note how deep the faces are at the end of a step, and the skin with which they overlap."""
     for k in range(island.first.size):
-        if pair_state[k, PHASE] != APART:
-            skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
-            area, _, _, _, _ = find_pair_overlap(island, faces, result.path, k, skin_x, skin_y, work)
-            pair_state[k, AREA_AT_END] = area
+        if _is_in_contact(faces, face_state, k):
+            find_overlaps(island, faces, face_state, result.path, k, work)
+            for n in range(faces.start[k], faces.start[k + 1]):
+                face_state[n, AREA_AT_END] = work.pair.overlap[n - faces.start[k], 0]
+                face_state[n, SKIN_X], face_state[n, SKIN_Y] = work.skin[k, 0], work.skin[k, 1]
+
+
+@kernel
+def _is_in_contact(faces: Faces, face_state: Floats, k: int) -> bool:
+    """Whether any face of a pair is in contact."""
+    in_contact = False
+    for n in range(faces.start[k], faces.start[k + 1]):
+        in_contact = in_contact or face_state[n, PHASE] != APART
+    return in_contact
 
 
 @kernel
@@ -271,7 +297,7 @@ def _find_close_pairs(island: Island, faces: Faces, result: IslandResult, work: 
 
 @borrower
 def _longest_substep(
-    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, longest: float, last_step: float, law: CrushingLaw,
+    island: Island, faces: Faces, face_state: Floats, result: IslandResult, longest: float, last_step: float, law: CrushingLaw,
     work: CrushingWorkspace,
 ) -> float:  # fmt: skip
     """Find the longest sub-step (s): by the gaps of the bodies that may meet, and by the frequency of those that do.
@@ -289,28 +315,35 @@ def _longest_substep(
         work.speed[b, 1] = _speed_bound(work.acceleration[b], work.arm[b])
     fastest, quickest = approach_bound(twist, work.arm), approach_bound(work.acceleration, work.arm)
     for k in range(island.first.size):
-        if pair_state[k, PHASE] == APART:
-            pair_state[k, SKIN_X] = pair_state[k, SKIN_Y] = 0.0
-        if pair_state[k, PHASE] == REST:
-            # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
-            work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * last_step)
-            if pair_state[k, SPEED] * limit > REST_WAY:
-                limit = REST_WAY / pair_state[k, SPEED]
-        elif not _stays_apart(island, k, limit, work):
+        rests = strikes = False
+        for n in range(faces.start[k], faces.start[k + 1]):
+            rests = rests or face_state[n, PHASE] == REST
+            strikes = strikes or face_state[n, PHASE] == IMPACT
+        if not (rests or strikes):
+            work.skin[k, 0] = work.skin[k, 1] = 0.0
+        if (strikes or not rests) and not _stays_apart(island, k, limit, work):
             far = faces.reach[island.first[k]] + faces.reach[island.second[k]]
             far += limit * (fastest + 0.5 * limit * quickest)
-            limit = _limit_substep(island, faces, pair_state[k], result, k, far, limit, last_step, law, work)
+            limit = _limit_substep(island, faces, face_state, result, k, far, limit, last_step, law, work)
+        if rests:
+            # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
+            work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * last_step)
+            for n in range(faces.start[k], faces.start[k + 1]):
+                if face_state[n, PHASE] == REST and face_state[n, SPEED] * limit > REST_WAY:
+                    limit = REST_WAY / face_state[n, SPEED]
     # Impacts share the stiffness of their bodies, so that it is known once all pairs have been seen.
     for k in range(island.first.size):
-        state, i, j = pair_state[k], island.first[k], island.second[k]
+        i, j = island.first[k], island.second[k]
         frequency = math.sqrt(work.stiffness[island.body_of[i]] + work.stiffness[island.body_of[j]])
-        if state[PHASE] == IMPACT and state[FORCE] > 0.0 and frequency > 0.0:
-            depth = state[FORCE] / face_stiffness(
-                law.strength, min(faces.thickness[i], faces.thickness[j]), state[CHORD], law.depth
-            )
-            limit = min(limit, IMPACT_PHASE / frequency)
-            if state[CLOSING_SPEED] < IMPACT_PHASE * frequency * depth:  # it turns, or opens
-                limit = min(limit, UNLOADING_PHASE / (frequency * math.sqrt(law.ratio)))
+        for n in range(faces.start[k], faces.start[k + 1]):
+            state = face_state[n]
+            if state[PHASE] == IMPACT and state[FORCE] > 0.0 and frequency > 0.0:
+                depth = state[FORCE] / face_stiffness(
+                    law.strength, min(faces.thickness[i], faces.thickness[j]), state[CHORD], law.depth
+                )
+                limit = min(limit, IMPACT_PHASE / frequency)
+                if state[CLOSING_SPEED] < IMPACT_PHASE * frequency * depth:  # it turns, or opens
+                    limit = min(limit, UNLOADING_PHASE / (frequency * math.sqrt(law.ratio)))
     return limit
 
 
@@ -329,10 +362,10 @@ def _stays_apart(island: Island, k: int, limit: float, work: CrushingWorkspace) 
 # Many arguments: the bounds of all pairs, which the caller has found.
 @borrower
 def _limit_substep(
-    island: Island, faces: Faces, state: Floats, result: IslandResult, k: int, far: float, limit: float, last_step: float,
+    island: Island, faces: Faces, face_state: Floats, result: IslandResult, k: int, far: float, limit: float, last_step: float,
     law: CrushingLaw, work: CrushingWorkspace,
 ) -> float:  # fmt: skip
-    """Measure the gap of a pair that is not at rest; returns the longest sub-step (s) that it allows, at most ``limit``.
+    """Measure the gap of a pair that does not rest alone; returns the longest sub-step (s) that it allows, at most ``limit``.
 
     ``far``: distance (m) from which on the elements cannot meet within ``limit``.
     """
@@ -343,7 +376,7 @@ def _limit_substep(
     ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
     rx, ry = x1 - x2, y1 - y2
     if math.hypot(rx, ry) > far:
-        set_apart(state)
+        _set_pair_apart(faces, face_state, k)
         return limit
     nearest, nx, ny = find_pair_gap(island, faces, path, k, work)
     work.measured[k, 0], work.measured[k, 1] = nearest, work.travelled[a] + work.travelled[b]
@@ -367,16 +400,18 @@ def _limit_substep(
     # Without contact the length of the face is unknown: take the length of an element.
     entry = ENTRY_PHASE / math.sqrt(face_stiffness(law.strength, thickness, smaller, law.depth) * inverse)
 
-    free, parting = state[PHASE] == APART, state[SPEED] < 0.0
+    free, parting = not _is_in_contact(faces, face_state, k), False
+    for f in range(faces.start[k], faces.start[k + 1]):
+        parting = parting or face_state[f, SPEED] < 0.0
     if nearest <= SKIN and free and (closing <= SLOW or parting):
         # They stand on each other, or part: whatever drives them together, the force of the sub-step answers.
         work.gap[k], work.bound[k] = 0.0, 0.0
-        state[SKIN_X], state[SKIN_Y] = 0.5 * SKIN * nx, 0.5 * SKIN * ny
+        work.skin[k, 0], work.skin[k, 1] = 0.5 * SKIN * nx, 0.5 * SKIN * ny
         if closing > SLOW:  # they part where they stand on each other, and turn into each other beside it
             limit = min(limit, max(max(UNSEEN, UNSEEN_OF_SIZE * smaller) / closing, entry))
         return min(limit, REST_STEP)
-    if nearest > 2.0 * math.hypot(state[SKIN_X], state[SKIN_Y]):
-        set_apart(state)
+    if nearest > 2.0 * math.hypot(work.skin[k, 0], work.skin[k, 1]):
+        _set_pair_apart(faces, face_state, k)
         work.gap[k], work.bound[k] = nearest, closing + driven * limit
         crossed, meets = _crossing_time(nearest, closing, driven)
         return min(limit, max(crossed, entry if meets > SLOW else REST_STEP))
@@ -384,17 +419,34 @@ def _limit_substep(
     if free:
         return min(limit, entry)
     limit = min(limit, REST_STEP, 2.0 * last_step)  # the forces of the sub-step before are the first guess
-    if state[PHASE] == IMPACT:
-        # An impact off the centre turns the body, too: it gives way by up to four times as much.
-        stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
-        work.stiffness[a] += stiffness * _point_mobility(mobility[a], m, mx, my, nx, ny)
-        work.stiffness[b] += stiffness * _point_mobility(mobility[b], n, ox, oy, nx, ny)
-        if state[FORCE] <= 0.0:
-            # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
-            area, _, _, _, _ = find_pair_overlap(island, faces, path, k, state[SKIN_X], state[SKIN_Y], work)
-            to_go = max(state[CRUSHED] - area, 0.0) / state[CHORD]
-            limit = min(limit, max(_crossing_time(to_go, closing, driven)[0], entry))
+    mobility_1, mobility_2 = (
+        _point_mobility(mobility[a], m, mx, my, nx, ny),
+        _point_mobility(mobility[b], n, ox, oy, nx, ny),
+    )
+    unloaded = False
+    for f in range(faces.start[k], faces.start[k + 1]):
+        unloaded = unloaded or (face_state[f, PHASE] == IMPACT and face_state[f, FORCE] <= 0.0)
+    if unloaded:
+        find_overlaps(island, faces, face_state, path, k, work)
+    for f in range(faces.start[k], faces.start[k + 1]):
+        state = face_state[f]
+        if state[PHASE] == IMPACT:
+            # An impact off the centre turns the body, too: it gives way by up to four times as much.
+            stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
+            work.stiffness[a] += stiffness * mobility_1
+            work.stiffness[b] += stiffness * mobility_2
+            if state[FORCE] <= 0.0:
+                # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
+                to_go = max(state[CRUSHED] - work.pair.overlap[f - faces.start[k], 0], 0.0) / state[CHORD]
+                limit = min(limit, max(_crossing_time(to_go, closing, driven)[0], entry))
     return limit
+
+
+@kernel
+def _set_pair_apart(faces: Faces, face_state: Floats, k: int) -> None:
+    """End the contact of all faces of a pair."""
+    for n in range(faces.start[k], faces.start[k + 1]):
+        set_apart(face_state[n])
 
 
 @kernel

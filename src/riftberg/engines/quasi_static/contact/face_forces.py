@@ -44,45 +44,36 @@ from riftberg.engines.quasi_static.contact.face_newton import (
     find_pieces,
     solve_system,
 )
+from riftberg.engines.quasi_static.contact.face_overlaps import find_overlaps
 from riftberg.engines.quasi_static.contact.face_pairs import (
     CrushingWorkspace,
     Faces,
     PairWorkspace,
-    find_pair_overlap,
     locate_pair,
+)
+from riftberg.engines.quasi_static.contact.face_states import (
+    APART,
+    CHORD,
+    CLOSING_SPEED,
+    CRUSHED,
+    FORCE,
+    FRICTION,
+    IMPACT,
+    PHASE,
+    PUSH_X,
+    PUSH_Y,
+    REST,
+    SINCE,
+    SPEED,
+    TORQUE_1,
+    TORQUE_2,
+    TOUCHED,
+    set_apart,
 )
 from riftberg.engines.quasi_static.contact.islands import Island, IslandResult, record_loads, spin_lever
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.physics.geometry import solve
 from riftberg.state import Floats
-
-(
-    TOUCHED,
-    CRUSHED,
-    CHORD,
-    SINCE,
-    SPEED,
-    FORCE,
-    FRICTION,
-    PHASE,
-    PUSH_X,
-    PUSH_Y,
-    TORQUE_1,
-    TORQUE_2,
-    AREA_AT_END,
-    SKIN_X,
-    SKIN_Y,
-    CLOSING_SPEED,
-) = range(16)
-"""Columns of a pair of faces: overlaps at which they touched and to which they are crushed (m2), chord (m), time since touching
-(s), closing speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques (N m); overlap at
-the end of the last step (m2); way (m) of each towards the other with which faces that stood on each other overlap; closing speed
-now (m s-1). At rest, and of faces that overlap and part, the closing speed on touching is that of now, too."""
-
-COLUMNS: Final = 16
-
-APART, IMPACT, REST = 0.0, 1.0, 2.0
-"""Phases of contact of two faces."""
 
 SLOW: Final = 2e-3
 """Speed (m s-1) up to which faces touch without an impact."""
@@ -144,19 +135,20 @@ LAST_FORCE, LAST_FRICTION, KICK_N, KICK_T = 24, 25, 26, 32
 
 
 @kernel
-def allocate_crushing(island: Island, pair: PairWorkspace) -> CrushingWorkspace:
-    """Return a workspace for an island; ``pair``: of `allocate_pair`."""
+def allocate_crushing(island: Island, room: int, pair: PairWorkspace) -> CrushingWorkspace:
+    """Return a workspace for an island with ``room`` for faces; ``pair``: of `allocate_pair`."""
     bodies, pairs, rows = island.bonded.size, island.first.size, island.body_of.size
     return CrushingWorkspace(
         np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((bodies, 3)),
         np.empty((bodies, 3)), np.empty((bodies, 3)), np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies),
-        np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.empty(pairs),
-        np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 38)),
+        np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.zeros((pairs, 2)), np.empty(pairs),
+        np.empty(bodies, np.int64), np.full(room, -1, np.int64), np.empty(room, np.int64), np.empty(room, np.int64),
+        np.empty((room, 38)),
         np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
         np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
         pair,
         np.empty((4, 3, 3)), np.zeros(1), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.empty((bodies, 3)),
-        np.zeros(bodies, np.int64), np.full(bodies, np.inf), allocate_newton(bodies, pairs),
+        np.zeros(bodies, np.int64), np.full(bodies, np.inf), allocate_newton(bodies, room),
     )  # fmt: skip
 
 
@@ -170,12 +162,6 @@ def unloading_rate(thickness: float, law: CrushingLaw) -> float:
 def shear_stiffness(thickness: float, chord: float, law: CrushingLaw) -> float:
     """Stiffness (N m-1) along a face of a chord (m); ``thickness`` (m): of the thinner element."""
     return SHEAR_OVER_CRUSHING * face_stiffness(law.strength, thickness, chord, law.depth)
-
-
-@kernel
-def set_apart(state: Floats) -> None:
-    """End the contact of a pair."""
-    state[PHASE], state[FORCE], state[FRICTION], state[SPEED] = APART, 0.0, 0.0, 0.0
 
 
 @borrower
@@ -202,7 +188,7 @@ def find_free_motion(island: Island, jacobian: Floats, h: float, twist: Floats, 
 
 @borrower
 def find_faces(
-    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, h: float, law: CrushingLaw, work: CrushingWorkspace
+    island: Island, faces: Faces, face_state: Floats, result: IslandResult, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> int:  # fmt: skip
     """Find the faces that overlap at the predicted middle, and begin or end their contact; returns their number."""
     count, path, twist = 0, work.middle, result.twist
@@ -210,68 +196,88 @@ def find_faces(
         if work.gap[k] > 0.5 * h * work.bound[k]:
             continue
         i, j = island.first[k], island.second[k]
-        m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
-        ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
-        skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
-        area, moment_x, moment_y, chord_x, chord_y = find_pair_overlap(island, faces, path, k, skin_x, skin_y, work)
-        chord = math.hypot(chord_x, chord_y)
-        standing = skin_x != 0.0 or skin_y != 0.0
-        if standing and chord < LEAST_FACE and pair_state[k, PHASE] == APART:  # a corner, until it is in the other face
-            continue
-        if not (area > 0.0 and chord * chord > LEAST_CHORD * area):
-            set_apart(pair_state[k])
-            if area > 0.0:
-                # One lies wholly in the other: its chord closes to nothing but round-off, and nothing says which way is out.
-                # It is no limit to the sub-steps.
-                pair_state[k, SPEED] = -np.inf
-            continue
-        nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
-        row = work.face[count]
-        mx, my = spin_lever(m, ca, sa)
-        qx, qy = spin_lever(n, cb, sb)
-        c, s = island.turn[k, 0], island.turn[k, 1]
-        _fill_row(row, ROW_N, 1.0, m, mx, my, c, s, x - x1, y - y1, nx, ny)
-        _fill_row(row, ROW_N + 3, -1.0, n, qx, qy, c, -s, x - x2, y - y2, nx, ny)
-        _fill_row(row, ROW_T, 1.0, m, mx, my, c, s, x - x1, y - y1, -ny, nx)
-        _fill_row(row, ROW_T + 3, -1.0, n, qx, qy, c, -s, x - x2, y - y2, -ny, nx)
-        closing = _speed(row, ROW_N, twist[a], twist[b])
-        state = pair_state[k]
-        if state[PHASE] == APART:
-            # Faces meet where they stand at the start of the sub-step: ice crushed earlier is rubble that fills the gap.
-            state[PHASE] = IMPACT if closing > (STRUCK_AT_REST if standing else SLOW) else REST
-            state[TOUCHED] = max(area - 0.5 * h * closing * chord, 0.0)
-            state[CRUSHED] = state[TOUCHED]
-            state[SINCE], state[SPEED], state[FORCE], state[FRICTION] = 0.0, closing, 0.0, 0.0
-        state[CHORD] = chord
-        row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
-        row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
-        row[SLIDING], row[CLOSING] = _speed(row, ROW_T, twist[a], twist[b]), closing
-        row[LAST_FORCE], row[LAST_FRICTION] = state[FORCE], state[FRICTION]
-        # The old velocity leads to this middle; at rest the new one takes its place, in an impact the mean of both.
-        row[AREA] = area - (0.5 if state[PHASE] == REST else 0.25) * h * closing * chord
-        if _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b]) > 0.0:  # else both are held
-            work.active[count] = k
-            count += 1
+        a, b = island.body_of[i], island.body_of[j]
+        find_overlaps(island, faces, face_state, path, k, work)
+        standing, rested = work.skin[k, 0] != 0.0 or work.skin[k, 1] != 0.0, _longest_rest(faces, face_state, k)
+        for n in range(faces.start[k], faces.start[k + 1]):
+            state, overlap = face_state[n], work.pair.overlap[n - faces.start[k]]
+            area, chord = overlap[0], math.hypot(overlap[3], overlap[4])
+            if standing and chord < LEAST_FACE and state[PHASE] == APART:  # a corner, until it is in the other face
+                continue
+            if not (area > 0.0 and chord * chord > LEAST_CHORD * area):
+                set_apart(state)
+                if area > 0.0:
+                    # One lies wholly in the other: its chord closes to nothing but round-off, and nothing says which way is
+                    # out. It is no limit to the sub-steps.
+                    state[SPEED] = -np.inf
+                continue
+            row = work.face[count]
+            _fill_levers(row, island, path, k, overlap, chord)
+            closing = _speed(row, ROW_N, twist[a], twist[b])
+            if state[PHASE] == APART:
+                # Faces meet where they stand at the start of the sub-step: ice crushed earlier is rubble that fills the gap.
+                # Where one is at rest, another is no impact, and bears load as long.
+                state[PHASE] = IMPACT if closing > (STRUCK_AT_REST if standing or rested > 0.0 else SLOW) else REST
+                state[TOUCHED] = max(area - 0.5 * h * closing * chord, 0.0)
+                state[CRUSHED] = state[TOUCHED]
+                state[SINCE] = rested if state[PHASE] == REST else 0.0
+                state[SPEED], state[FORCE], state[FRICTION] = closing, 0.0, 0.0
+            state[CHORD] = chord
+            row[SLIDING], row[CLOSING] = _speed(row, ROW_T, twist[a], twist[b]), closing
+            row[LAST_FORCE], row[LAST_FRICTION] = state[FORCE], state[FRICTION]
+            # The old velocity leads to this middle; at rest the new one takes its place, in an impact the mean of both.
+            row[AREA] = area - (0.5 if state[PHASE] == REST else 0.25) * h * closing * chord
+            if _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b]) > 0.0:  # else both are held
+                work.active[count], work.active_pair[count] = n, k
+                count += 1
     return count
+
+
+@kernel
+def _longest_rest(faces: Faces, face_state: Floats, k: int) -> float:
+    """Time (s) for which faces of a pair have been at rest at most."""
+    longest = 0.0
+    for n in range(faces.start[k], faces.start[k + 1]):
+        if face_state[n, PHASE] == REST:
+            longest = max(longest, face_state[n, SINCE])
+    return longest
+
+
+@borrower
+def _fill_levers(row: Floats, island: Island, path: Floats, k: int, overlap: Floats, chord: float) -> None:
+    """Find the normal of a face of a pair, and the levers of both bodies at its middle."""
+    m, n = island.levers[island.first[k]], island.levers[island.second[k]]
+    ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
+    area, moment_x, moment_y, chord_x, chord_y = overlap[0], overlap[1], overlap[2], overlap[3], overlap[4]
+    nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
+    mx, my = spin_lever(m, ca, sa)
+    qx, qy = spin_lever(n, cb, sb)
+    c, s = island.turn[k, 0], island.turn[k, 1]
+    _fill_row(row, ROW_N, 1.0, m, mx, my, c, s, x - x1, y - y1, nx, ny)
+    _fill_row(row, ROW_N + 3, -1.0, n, qx, qy, c, -s, x - x2, y - y2, nx, ny)
+    _fill_row(row, ROW_T, 1.0, m, mx, my, c, s, x - x1, y - y1, -ny, nx)
+    _fill_row(row, ROW_T + 3, -1.0, n, qx, qy, c, -s, x - x2, y - y2, -ny, nx)
+    row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
+    row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
 
 
 @borrower
 def find_mobilities(
-    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
+    island: Island, faces: Faces, face_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> None:  # fmt: skip
     """Find how the bodies give way to the faces that overlap."""
     for f in range(count):
-        k, row = work.active[f], work.face[f]
-        i, j, chord = island.first[k], island.second[k], pair_state[k, CHORD]
+        n, k, row = work.active[f], work.active_pair[f], work.face[f]
+        i, j, chord = island.first[k], island.second[k], face_state[n, CHORD]
         compliance_1, compliance_2 = work.compliance[island.body_of[i]], work.compliance[island.body_of[j]]
         _fill_kick(row, ROW_N, KICK_N, compliance_1, compliance_2)
         _fill_kick(row, ROW_T, KICK_T, compliance_1, compliance_2)
         row[MOBILITY_N] = row[MOBILITY_T] = 0.0
-        for n in range(6):
-            row[MOBILITY_N] += row[ROW_N + n] * row[KICK_N + n]
-            row[MOBILITY_T] += row[ROW_T + n] * row[KICK_T + n]
+        for c in range(6):
+            row[MOBILITY_N] += row[ROW_N + c] * row[KICK_N + c]
+            row[MOBILITY_T] += row[ROW_T + c] * row[KICK_T + c]
         row[AREA_PER_SPEED] = 0.25 * h * chord
-        if pair_state[k, PHASE] == REST:
+        if face_state[n, PHASE] == REST:
             stiffness = face_stiffness(law.strength, min(faces.thickness[i], faces.thickness[j]), chord, law.depth)
             row[AREA_PER_SPEED] = chord * (h + 2.0 / math.sqrt(stiffness * row[MOBILITY_N]))
 
@@ -331,26 +337,26 @@ def _speed(row: Floats, column: int, v: Floats, w: Floats) -> float:
 
 @borrower
 def sweep_faces(
-    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
+    island: Island, faces: Faces, face_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> None:
     """Find the forces of the faces and the velocities that they lead to (projected Gauss-Seidel)."""
     scale = 1e-9
     for f in range(count):
-        k, row = work.active[f], work.face[f]
+        n, k, row = work.active[f], work.active_pair[f], work.face[f]
         a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
         scale = max(scale, abs(_speed(row, ROW_N, work.new[a], work.new[b])), abs(row[SLIDING]))
     copy_twists(work.new, work.newton.free)
-    _push_all(island, pair_state, count, h, work)  # the forces of the sub-step before are a first guess
+    _push_all(island, face_state, count, h, work)  # the forces of the sub-step before are a first guess
     work.changed[:] = 0
     for sweep in range(1, MAX_SWEEPS + 1):
         if sweep == SWEEPS_BY_NEWTON and work.newton.right.shape[0] > 0:
-            _solve_for_forces(island, faces, pair_state, count, h, law, work)
+            _solve_for_forces(island, faces, face_state, count, h, law, work)
             work.changed[:] = sweep
         largest_change = 0.0
         for f in range(count):
-            k, row = work.active[f], work.face[f]
+            n, k, row = work.active[f], work.active_pair[f], work.face[f]
             i, j = island.first[k], island.second[k]
-            a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
+            a, b, state = island.body_of[i], island.body_of[j], face_state[n]
             # Where neither body has changed since its last turn, a face has nothing to add: clusters converge each by itself.
             if max(work.changed[a], work.changed[b]) < sweep - 1:
                 continue
@@ -385,21 +391,21 @@ def sweep_faces(
 
 @borrower
 def _solve_for_forces(
-    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
+    island: Island, faces: Faces, face_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> None:  # fmt: skip
     """Find the forces of all faces at once, by Newton's method from the present velocities."""
     newton, share = work.newton, 0.0
     for f in range(count):
-        k, row = work.active[f], work.face[f]
+        n, k, row = work.active[f], work.active_pair[f], work.face[f]
         _set_law(
             newton.law[f],
             row,
-            pair_state[k],
+            face_state[n],
             min(faces.thickness[island.first[k]], faces.thickness[island.second[k]]),
             h,
             law,
         )
-        newton.course[f, PUSH], newton.course[f, DRAG] = pair_state[k, FORCE], pair_state[k, FRICTION]
+        newton.course[f, PUSH], newton.course[f, DRAG] = face_state[n, FORCE], face_state[n, FRICTION]
         newton.piece[f, 0] = newton.piece[f, 1] = -1
     _find_speeds(island, count, work, newton.course, CLOSING_NOW, SLIDING_NOW)
     for _ in range(MOST_ITERATIONS):
@@ -407,7 +413,7 @@ def _solve_for_forces(
             break
         begin_system(newton)
         for f in range(count):
-            k, row = work.active[f], work.face[f]
+            n, k, row = work.active[f], work.active_pair[f], work.face[f]
             a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
             add_face(newton, f, row[ROW_N : ROW_N + 12], row[KICK_N : KICK_N + 12], a, b, h)
         solve_system(newton, work.new)
@@ -416,12 +422,12 @@ def _solve_for_forces(
         if share == 0.0:
             break
     for f in range(count):
-        state = pair_state[work.active[f]]
+        state = face_state[work.active[f]]
         state[FORCE] = max(newton.course[f, PUSH], 0.0)
         most = law.friction * state[FORCE]
         state[FRICTION] = min(max(newton.course[f, DRAG], -most), most)
     copy_twists(newton.free, work.new)
-    _push_all(island, pair_state, count, h, work)
+    _push_all(island, face_state, count, h, work)
 
 
 @kernel
@@ -438,19 +444,19 @@ def _set_law(out: Floats, row: Floats, state: Floats, thickness: float, h: float
 def _find_speeds(island: Island, count: int, work: CrushingWorkspace, out: Floats, closing: int, sliding: int) -> None:
     """Put the closing and the sliding speed of each face into two columns."""
     for f in range(count):
-        k, row = work.active[f], work.face[f]
+        k, row = work.active_pair[f], work.face[f]
         v, w = work.new[island.body_of[island.first[k]]], work.new[island.body_of[island.second[k]]]
         out[f, closing], out[f, sliding] = _speed(row, ROW_N, v, w), _speed(row, ROW_T, v, w)
 
 
 @borrower
-def _push_all(island: Island, pair_state: Floats, count: int, h: float, work: CrushingWorkspace) -> None:
+def _push_all(island: Island, face_state: Floats, count: int, h: float, work: CrushingWorkspace) -> None:
     """Change the velocities by the forces of all faces."""
     for f in range(count):
-        k, row = work.active[f], work.face[f]
+        n, k, row = work.active[f], work.active_pair[f], work.face[f]
         a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
-        _push(row, KICK_N, h * pair_state[k, FORCE], work.new[a], work.new[b])
-        _push(row, KICK_T, h * pair_state[k, FRICTION], work.new[a], work.new[b])
+        _push(row, KICK_N, h * face_state[n, FORCE], work.new[a], work.new[b])
+        _push(row, KICK_T, h * face_state[n, FRICTION], work.new[a], work.new[b])
 
 
 @kernel
@@ -470,7 +476,7 @@ def _push(row: Floats, column: int, impulse: float, v: Floats, w: Floats) -> Non
 
 
 @borrower
-def find_path_twists(island: Island, pair_state: Floats, count: int, twist: Floats, work: CrushingWorkspace) -> None:
+def find_path_twists(island: Island, face_state: Floats, count: int, twist: Floats, work: CrushingWorkspace) -> None:
     """Find the twists by which bodies go through a sub-step: the mean of old and new; the new one of bodies at rest or held.
 
     At rest (pressed, and in no impact) a body then stands where its overlap says. By the mean, one that rocks would come in a
@@ -481,8 +487,8 @@ def find_path_twists(island: Island, pair_state: Floats, count: int, twist: Floa
             work.path_twist[b, i] = 0.5 * (twist[b, i] + work.new[b, i])
     for phase in (REST, IMPACT):
         for f in range(count):
-            k = work.active[f]
-            if pair_state[k, FORCE] > 0.0 and pair_state[k, PHASE] == phase:
+            n, k = work.active[f], work.active_pair[f]
+            if face_state[n, FORCE] > 0.0 and face_state[n, PHASE] == phase:
                 for b in (island.body_of[island.first[k]], island.body_of[island.second[k]]):
                     for i in range(3):
                         work.path_twist[b, i] = (
@@ -496,14 +502,14 @@ def find_path_twists(island: Island, pair_state: Floats, count: int, twist: Floa
 
 @borrower
 def update_faces(
-    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace,
+    island: Island, faces: Faces, face_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace,
     result: IslandResult,
 ) -> None:  # fmt: skip
     """Crush the faces by their forces, pass on from impact to rest, or apart, and add up their impulses on the bodies."""
     for f in range(count):
-        k, row = work.active[f], work.face[f]
+        n, k, row = work.active[f], work.active_pair[f], work.face[f]
         i, j = island.first[k], island.second[k]
-        a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
+        a, b, state = island.body_of[i], island.body_of[j], face_state[n]
         unloading = unloading_rate(min(faces.thickness[i], faces.thickness[j]), law)
         closing = _speed(row, ROW_N, work.new[a], work.new[b])
         state[CLOSING_SPEED] = closing
@@ -511,9 +517,9 @@ def update_faces(
         area = row[AREA] + (h if state[PHASE] == REST else 0.25 * h) * closing * state[CHORD]
         force, slide = state[FORCE], state[FRICTION]
         result.touched[k] = result.touched[k] or force > 0.0
-        for n in range(3):
-            result.impulse[a, n] -= h * (force * row[ROW_N + n] + slide * row[ROW_T + n])
-            result.impulse[b, n] -= h * (force * row[ROW_N + 3 + n] + slide * row[ROW_T + 3 + n])
+        for c in range(3):
+            result.impulse[a, c] -= h * (force * row[ROW_N + c] + slide * row[ROW_T + c])
+            result.impulse[b, c] -= h * (force * row[ROW_N + 3 + c] + slide * row[ROW_T + 3 + c])
         crushed = area - force / unloading
         if closing <= 0.0:
             # Opening faces bear less than the elastic force, as that is damped, and are not crushed by it.
@@ -563,17 +569,17 @@ def _crushed_by_loading(state: Floats, area: float, unloading: float, law: Crush
 
 @borrower
 def record_peak(
-    island: Island, pair_state: Floats, count: int, time: float, result: IslandResult, work: CrushingWorkspace
+    island: Island, face_state: Floats, count: int, time: float, result: IslandResult, work: CrushingWorkspace
 ) -> None:
     """Record the loads of the bonded bodies that contact presses harder, ``time`` s from the start, than before in the step."""
     if count == 0:
         return
     body_of, harder = island.body_of, False
-    _find_loaded_by_impact(island, pair_state, count, work.impacted, work)
+    _find_loaded_by_impact(island, face_state, count, work.impacted, work)
     work.size[:] = 0.0
     for f in range(count):
-        k = work.active[f]
-        size = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y])
+        n, k = work.active[f], work.active_pair[f]
+        size = math.hypot(face_state[n, PUSH_X], face_state[n, PUSH_Y])
         for b in (body_of[island.first[k]], body_of[island.second[k]]):
             work.size[b] += size if work.impacted[b] else 0.0
             harder = harder or (island.bonded[b] and work.size[b] > work.peak[b])
@@ -581,20 +587,20 @@ def record_peak(
         return
     work.contact_force[:, :] = 0.0
     for f in range(count):
-        k = work.active[f]
-        i, j, x, y = island.first[k], island.second[k], pair_state[k, PUSH_X], pair_state[k, PUSH_Y]
+        n, k = work.active[f], work.active_pair[f]
+        i, j, x, y = island.first[k], island.second[k], face_state[n, PUSH_X], face_state[n, PUSH_Y]
         work.contact_force[i, 0] -= x
         work.contact_force[i, 1] -= y
-        work.contact_force[i, 2] += pair_state[k, TORQUE_1]
+        work.contact_force[i, 2] += face_state[n, TORQUE_1]
         work.contact_force[j, 0] += x
         work.contact_force[j, 1] += y
-        work.contact_force[j, 2] += pair_state[k, TORQUE_2]
+        work.contact_force[j, 2] += face_state[n, TORQUE_2]
     record_loads(island, work.size, work.peak, work.new, work.middle, work.force, work.contact_force, time, result)
 
 
 @borrower
 def _find_loaded_by_impact(
-    island: Island, pair_state: Floats, count: int, impacted: NDArray[np.bool_], work: CrushingWorkspace
+    island: Island, face_state: Floats, count: int, impacted: NDArray[np.bool_], work: CrushingWorkspace
 ) -> None:
     """Find the bodies that bear an impact: on a face of their own, or by way of others that press them at rest.
 
@@ -605,10 +611,10 @@ def _find_loaded_by_impact(
     while has_spread:
         has_spread = False
         for f in range(count):
-            k = work.active[f]
+            n, k = work.active[f], work.active_pair[f]
             a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
-            if pair_state[k, FORCE] <= 0.0 or (impacted[a] and impacted[b]):
+            if face_state[n, FORCE] <= 0.0 or (impacted[a] and impacted[b]):
                 continue
-            strikes = pair_state[k, PHASE] == IMPACT or pair_state[k, SPEED] > STRUCK_AT_REST
+            strikes = face_state[n, PHASE] == IMPACT or face_state[n, SPEED] > STRUCK_AT_REST
             if strikes or impacted[a] or impacted[b]:
                 impacted[a] = impacted[b] = has_spread = True

@@ -1,4 +1,4 @@
-"""Footprints of two elements that may meet: their positions, the gap between them, and their overlap."""
+"""Footprints of two elements that may meet: their positions, and the gap between them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,20 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.quasi_static.contact.face_newton import NewtonWorkspace
+from riftberg.engines.quasi_static.contact.face_states import COLUMNS
 from riftberg.engines.quasi_static.contact.islands import Island, element_path
 from riftberg.physics.elementary import cos, sin
-from riftberg.physics.geometry import gap, overlap
+from riftberg.physics.geometry import gap
 from riftberg.state import Floats, Ints
+
+
+class Seams(NamedTuple):
+    """Sides that two polygons of an element share, which are not there in the ice."""
+
+    begin: Ints  # Where those of each element begin; shape (elements,)
+    end: Ints  # and end
+    polygon: Ints  # Numbers of both polygons in their element; shape (seams, 2)
+    point: Floats  # Both ends, from the centre of the element, m; shape (2 seams, 2)
 
 
 class Faces(NamedTuple):
@@ -24,16 +34,27 @@ class Faces(NamedTuple):
     corner: Floats  # East and north of the element, m; shape (corners, 2)
     reach: Floats  # Farthest corner of each element, m
     thickness: Floats  # m
+    seams: Seams
+    start: (
+        Ints  # Where the faces of each candidate pair begin: room for one between any two polygons; shape (pairs + 1,)
+    )
 
 
 class PairWorkspace(NamedTuple):
-    """Polygons of both elements of a pair in their positions, and the overlap of two."""
+    """Polygons of both elements of a pair in their positions, and their overlaps; n goes through all pairs of polygons."""
 
     corners_1: Floats  # Of all polygons of an element, one after the other, m
     corners_2: Floats
     box_1: Floats  # Least and largest coordinates of each polygon: west, south, east, north, m
     box_2: Floats
-    cut: Floats  # Corners of the overlap; see `riftberg.physics.geometry.overlap`
+    cut: Floats  # Corners of an overlap; see `riftberg.physics.geometry.overlap`
+    overlap: Floats  # Area (m2), first moments (m3), chord (m); in the end of the face of which they are the first; shape (n, 5)
+    area: Floats  # Of the overlap of polygons, m2; shape (n,)
+    last_face: Ints  # Face that they were in, -1 for none; shape (n,)
+    root: Ints  # Lower pair of polygons that they hang together with, in the end the lowest; shape (n,)
+    first: Ints  # First of those with this root that overlap; shape (n,)
+    share: Floats  # Of a face that parts; shape (n,)
+    last_state: Floats  # Of the faces; shape (n, columns)
 
 
 @kernel
@@ -43,9 +64,11 @@ def allocate_pair(faces: Faces) -> PairWorkspace:
     for e in range(faces.begin.size):
         corners = max(corners, faces.ring[faces.end[e]] - faces.ring[faces.begin[e]])
         polygons = max(polygons, faces.end[e] - faces.begin[e])
+    most = polygons * polygons
     return PairWorkspace(
         np.empty((corners, 2)), np.empty((corners, 2)), np.empty((polygons, 4)), np.empty((polygons, 4)),
-        np.empty((2, 4 * corners, 3)),
+        np.empty((2, 4 * corners, 3)), np.empty((most, 5)), np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64),
+        np.empty(most, np.int64), np.empty(most), np.empty((most, COLUMNS)),
     )  # fmt: skip
 
 
@@ -66,14 +89,19 @@ class CrushingWorkspace(NamedTuple):
     speed: Floats  # The same of their speed, m s-1, and of their acceleration, m s-2; shape (bodies, 2)
     measured: Floats  # Gap of each pair when last measured, and how far both bodies had travelled, m; shape (pairs, 2)
     gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
+    skin: Floats  # Way (m) of each towards the other with which elements that stood on each other overlap; shape (pairs, 2)
     bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
     changed: Ints  # Sweep in which each body's velocities changed last; shape (bodies,)
-    active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
+    face_of: (
+        Ints  # Face in which two polygons overlap, as its place among those of its pair, -1 for none; shape (faces,)
+    )
+    active: Ints  # Faces that overlap in the middle; shape (faces,)
+    active_pair: Ints  # and their places among the candidate pairs
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
     # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
     # closing speed (m s-1), force across and along (N) in the last sub-step, changes of the velocities of both bodies by a unit
     # impulse along each of the two rows (12)
-    face: Floats  # shape (pairs, 38)
+    face: Floats  # shape (faces, 38)
     accelerations: Floats  # By each force, m s-2; shape (elements, forces, 2)
     drag_rate: Floats  # Of `ForceTerms`; shape (elements, 3)
     force: Floats
@@ -102,8 +130,8 @@ def face_gaps(first: Ints, second: Ints, separation: Floats, turn: Floats, faces
     for k in range(first.size):
         i, j = first[k], second[k]
         c, s = turn[k, 0], turn[k, 1]
-        _place(faces, i, separation[k, 0], separation[k, 1], c, s, pair.corners_1, pair.box_1)
-        _place(faces, j, 0.0, 0.0, c, -s, pair.corners_2, pair.box_2)
+        place_polygons(faces, i, separation[k, 0], separation[k, 1], c, s, pair.corners_1, pair.box_1)
+        place_polygons(faces, j, 0.0, 0.0, c, -s, pair.corners_2, pair.box_2)
         gaps[k, 0], gaps[k, 1], gaps[k, 2] = _find_least_gap(faces, i, j, pair)
     return gaps
 
@@ -115,8 +143,8 @@ def find_pair_gap(
     """Gap (m) between the faces of a pair with the bodies moved by ``path``, below 0 where they overlap, and its normal."""
     i, j, pair = island.first[k], island.second[k], work.pair
     ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
-    _place(faces, i, x1, y1, ca, sa, pair.corners_1, pair.box_1)
-    _place(faces, j, x2, y2, cb, sb, pair.corners_2, pair.box_2)
+    place_polygons(faces, i, x1, y1, ca, sa, pair.corners_1, pair.box_1)
+    place_polygons(faces, j, x2, y2, cb, sb, pair.corners_2, pair.box_2)
     return _find_least_gap(faces, i, j, pair)
 
 
@@ -125,7 +153,7 @@ def _find_least_gap(faces: Faces, i: int, j: int, pair: PairWorkspace) -> tuple[
     """Least gap (m) between the polygons of two elements in their positions, and its normal."""
     nearest, nx, ny = np.inf, 1.0, 0.0
     for p in range(faces.end[i] - faces.begin[i]):
-        begin, end = _find_corners(faces, i, p)
+        begin, end = find_corners(faces, i, p)
         one, box = pair.corners_1[begin:end], pair.box_1[p]
         for q in range(faces.end[j] - faces.begin[j]):
             other = pair.box_2[q]
@@ -133,7 +161,7 @@ def _find_least_gap(faces: Faces, i: int, j: int, pair: PairWorkspace) -> tuple[
             east, north = max(box[0] - other[2], other[0] - box[2]), max(box[1] - other[3], other[1] - box[3])
             if max(east, north) >= max(nearest, 0.0):
                 continue
-            begin, end = _find_corners(faces, j, q)
+            begin, end = find_corners(faces, j, q)
             g, gx, gy = gap(one, pair.corners_2[begin:end])
             if max(east, north) > g:
                 g, gx, gy = max(east, north), 0.0, 0.0
@@ -144,37 +172,6 @@ def _find_least_gap(faces: Faces, i: int, j: int, pair: PairWorkspace) -> tuple[
             if g < nearest:
                 nearest, nx, ny = g, gx, gy
     return nearest, nx, ny
-
-
-@borrower
-def find_pair_overlap(
-    island: Island, faces: Faces, path: Floats, k: int, skin_x: float, skin_y: float, work: CrushingWorkspace
-) -> tuple[float, float, float, float, float]:
-    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path`` and the skin (m).
-
-    The skin brings each towards the other, so that neither is the first one. It takes the whole workspace, as `find_pair_gap`:
-    with few arguments LLVM no longer takes these into their callers, and a sub-step costs a third more.
-    """
-    i, j, pair = island.first[k], island.second[k], work.pair
-    ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
-    _place(faces, i, x1 + skin_x, y1 + skin_y, ca, sa, pair.corners_1, pair.box_1)
-    _place(faces, j, x2 - skin_x, y2 - skin_y, cb, sb, pair.corners_2, pair.box_2)
-    area = moment_x = moment_y = chord_x = chord_y = 0.0
-    for p in range(faces.end[i] - faces.begin[i]):
-        begin, end = _find_corners(faces, i, p)
-        one, box = pair.corners_1[begin:end], pair.box_1[p]
-        for q in range(faces.end[j] - faces.begin[j]):
-            other = pair.box_2[q]
-            if box[0] > other[2] or other[0] > box[2] or box[1] > other[3] or other[1] > box[3]:
-                continue
-            begin, end = _find_corners(faces, j, q)
-            overlap_area, tx, ty, cx, cy = overlap(one, pair.corners_2[begin:end], pair.cut)
-            area += overlap_area
-            moment_x += tx
-            moment_y += ty
-            chord_x += cx
-            chord_y += cy
-    return area, moment_x, moment_y, chord_x, chord_y
 
 
 @borrower
@@ -195,7 +192,7 @@ def locate_pair(island: Island, path: Floats, k: int) -> tuple[float, float, flo
 
 
 @kernel
-def _place(faces: Faces, e: int, x: float, y: float, c: float, s: float, out: Floats, box: Floats) -> None:
+def place_polygons(faces: Faces, e: int, x: float, y: float, c: float, s: float, out: Floats, box: Floats) -> None:
     """Place the polygons of an element that stands at (x, y) and has turned by cosine and sine, and find their boxes."""
     begin = faces.ring[faces.begin[e]]
     for p in range(faces.begin[e], faces.end[e]):
@@ -210,7 +207,7 @@ def _place(faces: Faces, e: int, x: float, y: float, c: float, s: float, out: Fl
 
 
 @kernel
-def _find_corners(faces: Faces, e: int, number: int) -> tuple[int, int]:
+def find_corners(faces: Faces, e: int, number: int) -> tuple[int, int]:
     """Return where the corners of one polygon of an element begin and end among those of all of them."""
     p, begin = faces.begin[e] + number, faces.ring[faces.begin[e]]
     return faces.ring[p] - begin, faces.ring[p + 1] - begin

@@ -16,7 +16,10 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, tangent_coordinates
 from riftberg.engines.quasi_static.contact.crushing_step import integrate_faces
-from riftberg.engines.quasi_static.contact.face_forces import (
+from riftberg.engines.quasi_static.contact.face_forces import CrushingLaw
+from riftberg.engines.quasi_static.contact.face_overlaps import find_seams
+from riftberg.engines.quasi_static.contact.face_pairs import Faces, Seams, face_gaps
+from riftberg.engines.quasi_static.contact.face_states import (
     APART,
     COLUMNS,
     PHASE,
@@ -25,9 +28,7 @@ from riftberg.engines.quasi_static.contact.face_forces import (
     SINCE,
     TORQUE_1,
     TORQUE_2,
-    CrushingLaw,
 )
-from riftberg.engines.quasi_static.contact.face_pairs import Faces, face_gaps
 from riftberg.engines.quasi_static.contact.islands import (
     SubcycledMotion,
     allocate_result,
@@ -54,17 +55,18 @@ whose stress goes as one over the size of the elements, and a step of half an ho
 
 
 class FacePairs(NamedTuple):
-    """The pairs of faces that press each other, as the last sub-step left them."""
+    """The faces that press each other, as the last sub-step left them."""
 
-    pair: Ints  # Identifiers of both elements; shape (pairs, 2)
-    state: Floats  # See `riftberg.engines.quasi_static.contact.face_forces`; shape (pairs, columns)
+    pair: Ints  # Identifiers of both elements; shape (faces, 2)
+    polygon: Ints  # Numbers of the first polygons of both that overlap in it; shape (faces, 2)
+    state: Floats  # See `riftberg.engines.quasi_static.contact.face_states`; shape (faces, columns)
     dissipated: Floats  # Plastic work and friction since the start of the run, J; shape (1,)
 
 
 FACE_PAIR_NAMES = tuple(f"meeting_{name}" for name in FacePairs._fields)
 """Names in a restart file."""
 
-NO_FACE_PAIRS = FacePairs(np.zeros((0, 2), np.int64), np.zeros((0, COLUMNS)), np.zeros(1))
+NO_FACE_PAIRS = FacePairs(np.zeros((0, 2), np.int64), np.zeros((0, 2), np.int64), np.zeros((0, COLUMNS)), np.zeros(1))
 
 
 class _Polygons(NamedTuple):
@@ -75,6 +77,7 @@ class _Polygons(NamedTuple):
     corner: Floats  # From the centre of the element, m; shape (corners, 2)
     element: Ints  # Of each corner
     reach: Floats  # Farthest corner of each element, m
+    seams: Seams
 
 
 class FaceContact:
@@ -95,13 +98,17 @@ class FaceContact:
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore the arrays of `state_dict`."""
-        if all(name in saved for name in FACE_PAIR_NAMES):
-            pair, state, dissipated = (np.array(saved[name]) for name in FACE_PAIR_NAMES)
-            self.pairs = FacePairs(pair.astype(np.int64), state.astype(float), dissipated.astype(float))
+        if "meeting_pair" in saved:
+            # In former files each pair of elements has one face, which goes on whatever its polygons.
+            saved = {"meeting_polygon": np.zeros_like(saved["meeting_pair"]), **saved}
+            pair, polygon, state, dissipated = (np.array(saved[name]) for name in FACE_PAIR_NAMES)
+            self.pairs = FacePairs(
+                pair.astype(np.int64), polygon.astype(np.int64), state.astype(float), dissipated.astype(float)
+            )
 
     def forget_pairs(self) -> None:
         """Forget all pairs: nobody may touch."""
-        self.pairs = self.pairs._replace(pair=NO_FACE_PAIRS.pair, state=NO_FACE_PAIRS.state)
+        self.pairs = NO_FACE_PAIRS._replace(dissipated=self.pairs.dissipated)
 
     def reach(self, model: RunState) -> Floats:
         """Distance (m) of the farthest corner of each element's footprint from its centre."""
@@ -155,16 +162,22 @@ class FaceContact:
         first, second = first[order], second[order]
         lists, island = gather_islands(op, first, second, separation[order], turn[order])
         ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
-        pair_state, rows = _recall_states(previous_pairs, ids), lists.rows
+        polygon_count, rows = np.diff(polygons.begin), lists.rows
+        counts = np.column_stack([polygon_count[first[lists.order]], polygon_count[second[lists.order]]])
+        start = np.concatenate([[0], np.cumsum(counts[:, 0] * counts[:, 1])])
+        states = _recall_states(previous_pairs, ids, counts, start)
         faces = faces._replace(
-            begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
-        )
+            begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows],
+            seams=faces.seams._replace(begin=faces.seams.begin[rows], end=faces.seams.end[rows]), start=start,
+        )  # fmt: skip
         result = allocate_result(island, bodies.twist[lists.members], anchors[rows])
-        shortest, dissipated = integrate_faces(lists, island, result, faces, pair_state, h, self._law)
+        shortest, dissipated = integrate_faces(lists, island, result, faces, states, h, self._law)
         if not np.isfinite(result.twist).all():
             raise FloatingPointError
-        in_contact = pair_state[:, PHASE] != APART
-        self.pairs = FacePairs(ids[in_contact], pair_state[in_contact], previous_pairs.dissipated + dissipated)
+        pressed = np.flatnonzero(states[:, PHASE] != APART)
+        pair = np.searchsorted(start, pressed, side="right") - 1
+        polygon = np.column_stack(np.divmod(pressed - start[pair], counts[pair, 1]))
+        self.pairs = FacePairs(ids[pair], polygon, states[pressed], previous_pairs.dissipated + dissipated)
         return subcycled_motion(op, lists, first, second, result, shortest, h)
 
     def find_near(self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, within: float) -> NearPairs:
@@ -187,10 +200,13 @@ class FaceContact:
     @staticmethod
     def _orient_polygons(polygons: _Polygons, el: Elements, levers: Floats) -> Faces:
         """Turn the footprints to where the axes of the bodies stand."""
-        corner = np.empty_like(polygons.corner)
+        corner, seams = np.empty_like(polygons.corner), polygons.seams
         _turn_corners(polygons.corner, polygons.element, levers, corner)
+        point = np.empty_like(seams.point)
+        _turn_corners(seams.point, np.repeat(np.arange(el.size), 2 * (seams.end - seams.begin)), levers, point)
         return Faces(
-            polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
+            polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness,
+            seams._replace(point=point), NO_PAIRS[0],
         )  # fmt: skip
 
     def _find_polygons(self, model: RunState, bodies: Bodies) -> _Polygons:
@@ -209,7 +225,7 @@ class FaceContact:
             corner, reach = footprint.corner[index] - xy[element], np.zeros(el.size)
             np.maximum.at(reach, element, np.hypot(corner[:, 0], corner[:, 1]))
             begin = np.searchsorted(owner, np.arange(el.size + 1)).astype(np.int64)
-            self._polygons = _Polygons(begin, ring, corner, element, reach)
+            self._polygons = _Polygons(begin, ring, corner, element, reach, find_seams(begin, ring, corner, reach))
         return self._polygons
 
 
@@ -231,12 +247,24 @@ def _sweep_position(el: Elements, first: Ints, second: Ints) -> Floats:
     return np.asarray(lon[first] + lon[second] + GOLDEN_RATIO * (lat[first] + lat[second]))
 
 
-def _recall_states(pairs: FacePairs, ids: Ints) -> Floats:
-    """Return the states of pairs of elements (by identifiers, in either order); zeros for those that did not press each other."""
-    states = np.zeros((len(ids), COLUMNS))
+def _recall_states(pairs: FacePairs, ids: Ints, counts: Ints, start: Ints) -> Floats:
+    """Return the states of all faces of pairs of elements; zeros for those that did not press each other.
+
+    ``ids``: identifiers of both elements, in either order; ``counts``: how many polygons they have; ``start``: as in `Faces`.
+    Where a crack has divided these since, faces go on at the first of the pair that is free.
+    """
+    states, pair_row = np.zeros((start[-1], COLUMNS)), {}
     if len(pairs.pair):
-        pair_row = {(min(pair), max(pair)): k for k, pair in enumerate(pairs.pair.tolist())}
-        for n, pair in enumerate(ids.tolist()):
-            if (k := pair_row.get((min(pair), max(pair)))) is not None:
-                states[n] = pairs.state[k]
+        pair_row = {(min(pair), max(pair)): k for k, pair in enumerate(ids.tolist())}
+    for pair, polygon, state in zip(pairs.pair.tolist(), pairs.polygon.tolist(), pairs.state, strict=True):
+        if (k := pair_row.get((min(pair), max(pair)))) is None:
+            continue
+        p, q = polygon if pair[0] == ids[k, 0] else polygon[::-1]
+        of_pair = states[start[k] : start[k + 1]]
+        free = np.flatnonzero(of_pair[:, PHASE] == APART)
+        number = p * counts[k, 1] + q
+        if p < counts[k, 0] and q < counts[k, 1] and of_pair[number, PHASE] == APART:
+            of_pair[number] = state
+        elif free.size:
+            of_pair[free[0]] = state
     return states
