@@ -204,8 +204,8 @@ def test_ice_that_is_hooked_around_a_corner_stays_where_both_its_legs_touch() ->
     assert abs(el.u[1]) + abs(el.v[1]) < 1e-9
 
 
-def slid_along(front: list[float]) -> list[float]:
-    """Where a block is, and how it has turned, that is pressed on a side with corners at such places, and slides along it."""
+def sliding_block(front: list[float]) -> Model:
+    """A block that is pressed on the side of a held berg with corners at such places, and slides along it."""
     back = [(4e3, 2e3), (4e3, 200.0), (3e3, 0.0), (4e3, -200.0), (4e3, -2e3)]  # the notch makes several polygons of it
     held = shapely.Polygon([*back, (0.0, -2e3), *((0.0, y) for y in front), (0.0, 2e3)])
     shape = {"thickness": 200.0, "radius": 100.0, "latlon": False, "packing": "square"}
@@ -224,16 +224,34 @@ def slid_along(front: list[float]) -> list[float]:
     model = Model(Iceberg.join(bergs), Forcing.uniform(), p)
     el = model.elements
     el.body.static[0], el.load_x[1] = 1.0, 50.0 * PUSH * el.mass[1]
-    model.advance(steps=17)
-    return [float(el.lon[1] + 100.0), float(el.lat[1]), float(el.rotation[1])]
+    return model
+
+
+def slide(model: Model, steps: int) -> list[float]:
+    """Let the block slide; how deep it is then, where along the side, and how it has turned."""
+    model.advance(steps=steps)
+    return [float(model.elements.lon[1] + 100.0), float(model.elements.lat[1]), float(model.elements.rotation[1])]
 
 
 def test_a_face_goes_on_as_it_slides_from_polygon_to_polygon() -> None:
     """One that began anew at each of them would come in by 2 mm each time."""
-    x, y, turn = slid_along([])
+    x, y, turn = slide(sliding_block([]), 17)
     assert 0.0 < x < 2.0
     assert y == pytest.approx(-1.6e3 + 0.3 * 17 * 600.0, abs=1.0)
-    np.testing.assert_allclose(slid_along([-1e3, -300.0, 290.0, 1e3]), [x, y, turn], rtol=1e-8, atol=1e-12)
+    found = slide(sliding_block([-1e3, -300.0, 290.0, 1e3]), 17)
+    np.testing.assert_allclose(found, [x, y, turn], rtol=1e-8, atol=1e-12)
+
+
+def test_a_face_of_a_former_file_goes_on_whatever_its_polygons() -> None:
+    """There two elements had one face, and files held no numbers of its polygons."""
+    runs = [sliding_block([-1e3, -300.0, 290.0, 1e3]) for _ in range(2)]
+    for model in runs:
+        slide(model, 9)
+    law = runs[1]._stepper.memory.laws.faces  # type: ignore[attr-defined]
+    saved = law.state_dict()
+    assert saved.pop("meeting_polygon").any()
+    law.load_state_dict(saved)
+    assert slide(runs[1], 8) == slide(runs[0], 8)
 
 
 class Gathering(Forcing.uniform):

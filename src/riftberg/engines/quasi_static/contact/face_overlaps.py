@@ -91,12 +91,8 @@ def find_overlaps(
 
     The skin brings each towards the other, so that neither is the first one.
     """
-    i, j, pair, face_of = (
-        island.first[k],
-        island.second[k],
-        work.pair,
-        work.face_of[faces.start[k] : faces.start[k + 1]],
-    )
+    i, j, pair, first, last = island.first[k], island.second[k], work.pair, faces.start[k], faces.start[k + 1]
+    face_of = work.face_of[first:last]
     ca, sa, cb, sb, x1, y1, x2, y2 = locate_pair(island, path, k)
     x1, y1, x2, y2 = x1 + work.skin[k, 0], y1 + work.skin[k, 1], x2 - work.skin[k, 0], y2 - work.skin[k, 1]
     place_polygons(faces, i, x1, y1, ca, sa, pair.corners_1, pair.box_1)
@@ -121,7 +117,7 @@ def find_overlaps(
         _find_roots(faces, i, j, x1, y1, ca, sa, x2, y2, cb, sb, pair)
         _join_overlaps(face_of, pair)
     if n > 1:
-        _hand_on_states(face_state[faces.start[k] : faces.start[k + 1]], face_of, pair)
+        _hand_on_states(face_state[first:last], face_of, pair)
 
 
 # Many arguments: where both elements stand; a tuple of them would be made for each pair.
@@ -138,12 +134,12 @@ def _find_roots(
     for m in range(seams.begin[i], seams.end[i]):
         for q in range(polygons_2):
             begin, end = find_corners(faces, j, q)
-            if _is_near(seams, m, x1, y1, ca, sa, pair.corners_2[begin:end]):
+            if _seam_is_near(seams, m, x1, y1, ca, sa, pair.corners_2[begin:end]):
                 _join_roots(root, seams.polygon[m, 0] * polygons_2 + q, seams.polygon[m, 1] * polygons_2 + q)
     for m in range(seams.begin[j], seams.end[j]):
         for p in range(polygons_1):
             begin, end = find_corners(faces, i, p)
-            if _is_near(seams, m, x2, y2, cb, sb, pair.corners_1[begin:end]):
+            if _seam_is_near(seams, m, x2, y2, cb, sb, pair.corners_1[begin:end]):
                 _join_roots(root, p * polygons_2 + seams.polygon[m, 0], p * polygons_2 + seams.polygon[m, 1])
     for n in range(polygons_1 * polygons_2):
         root[n] = root[root[n]]  # the lower one has been led to the lowest before
@@ -160,7 +156,7 @@ def _join_roots(root: Ints, n: int, m: int) -> None:
 
 
 @kernel
-def _is_near(seams: Seams, m: int, x: float, y: float, c: float, s: float, ring: Floats) -> bool:
+def _seam_is_near(seams: Seams, m: int, x: float, y: float, c: float, s: float, ring: Floats) -> bool:
     """Whether a seam of an element that stands at (x, y), turned by cosine and sine, comes within `OPEN` of a convex polygon."""
     px, py, qx, qy = seams.point[2 * m, 0], seams.point[2 * m, 1], seams.point[2 * m + 1, 0], seams.point[2 * m + 1, 1]
     px, py, qx, qy = x + c * px - s * py, y + s * px + c * py, x + c * qx - s * qy, y + s * qx + c * qy
@@ -206,10 +202,8 @@ def _hand_on_states(state: Floats, face_of: Ints, pair: PairWorkspace) -> None:
     has_changed = False
     for n in range(face_of.size):
         last = pair.last_face[n]
-        has_changed = has_changed or (state[n, PHASE] != APART and face_of[n] != n)
-        has_changed = has_changed or (
-            last >= 0 and state[last, PHASE] != APART and face_of[n] >= 0 and face_of[n] != last
-        )
+        has_left = last >= 0 and state[last, PHASE] != APART and face_of[n] >= 0 and face_of[n] != last
+        has_changed = has_changed or has_left or (state[n, PHASE] != APART and face_of[n] != n)
     if not has_changed:
         return
     for n in range(face_of.size):
