@@ -88,13 +88,16 @@ class Berg:
         x, y = np.asarray(x) - self.shift[0], np.asarray(y) - self.shift[1]
         return c * x + s * y, c * y - s * x
 
-    def press(self, depth: Any, how: dict[str, Any], *, level: Any = lambda time: 0.0) -> Any:
-        """Return what the elements bear, and where, along the axes of the berg."""
-        berg = Iceberg.rectangle(
+    def iceberg(self) -> Iceberg:
+        """Return it as it is given to a model."""
+        return Iceberg.rectangle(
             *self.size, radius=0.5 * self.cell, thickness=THICKNESS, latlon=False, rotation=math.degrees(self.turn),
             placement=self.shift,
         )  # fmt: skip
-        model = aground(berg, Floor(lambda x, y: depth(*self.along(x, y)), level), how)
+
+    def press(self, depth: Any, how: dict[str, Any], *, level: Any = lambda time: 0.0) -> Any:
+        """Return what the elements bear, and where, along the axes of the berg."""
+        model = aground(self.iceberg(), Floor(lambda x, y: depth(*self.along(x, y)), level), how)
         el, keel = model.elements, model.elements.keel
         return SimpleNamespace(
             model=model, total=keel.floor_load.sum(), centre=np.stack(self.along(el.lon, el.lat)), loads=keel.floor_load,
@@ -582,6 +585,33 @@ def test_the_floor_of_a_plane_that_repeats_is_asked_for_within_its_period() -> N
         loads.append(model.elements.keel.floor_load.copy())
         assert np.abs(np.concatenate(sea.asked, axis=1)[0] - 20e3).max() < 0.51 * 40.3e3
     np.testing.assert_allclose(loads[1], loads[0], rtol=1e-9)
+
+
+def level_floor(depth: float) -> Floor:
+    """Return a level floor, which the middles of elements know too."""
+    sea = Floor(lambda x, y: depth + 0.0 * x)
+    object.__setattr__(sea, "water", depth)
+    return sea
+
+
+def test_the_floor_is_asked_for_once_where_pads_of_an_element_meet() -> None:
+    """It was asked for at each corner of each pad, twice as often in all."""
+    sea = level_floor(DRAFT - 0.5)
+    model = aground(Berg(1, 1, 3e3).iceberg(), sea, bed())
+    sea.asked.clear()
+    model.step()
+    under_pads = max(sea.asked, key=lambda points: points.shape[1])
+    assert 100 < under_pads.shape[1] < 1.05 * np.unique(under_pads, axis=1).shape[1]
+
+
+def test_a_lone_berg_high_above_the_floor_asks_for_it_no_more() -> None:
+    """A crumb of A68a asked at two hundred pads in each step, as a floor with a slope of one half could come under it."""
+    sea = level_floor(DRAFT + 100.0)
+    model = aground(Berg(1, 1, 3e3).iceberg(), sea, bed())
+    sea.asked.clear()
+    model.step()
+    assert all(points.shape[1] == 1 for points in sea.asked)
+    assert model._stepper.clearance == pytest.approx(100.0)
 
 
 def test_land_of_no_known_depth_is_dry_for_the_bed() -> None:

@@ -121,7 +121,7 @@ class Landing(NamedTuple):
     polygon_start: Ints  # Where those of each fragment begin; shape (fragments + 1,)
     asked: Ints  # Their corners, each once; the depth is asked there, and in the middles of the polygons
     asked_start: Ints  # Where those of each fragment begin; shape (fragments + 1,)
-    place: Ints  # Of each asked corner among those of its fragment; shape (corners,)
+    sounding: Ints  # Number of that at each corner that is asked, in its fragment; shape (corners,)
 
     # The fragments at the start
     pose: Floats  # shape (fragments, 3, 3)
@@ -198,7 +198,7 @@ def allocate_landing(bodies: Ints, pads: Pads, plates: Plates) -> Landing:
 
     return Landing(
         pads, plates, bodies, polygons=np.empty(polygons, np.int64), polygon_start=np.zeros(count + 1, np.int64),
-        asked=np.empty(corners, np.int64), asked_start=np.zeros(count + 1, np.int64), place=np.zeros(corners, np.int64),
+        asked=np.empty(corners, np.int64), asked_start=np.zeros(count + 1, np.int64), sounding=np.zeros(corners, np.int64),
         pose=each(3, 3), reference=np.empty((elements, 3)), draft=np.empty(elements), deepest=each(), thickness=each(),
         length=each(), hull=each(3, 3), mobility=each(3, 3), arm=each(), radius=each(), reach=each(), level=each(3),
         lowest=each(), first_speed=each(), status=whole(), time=each(), substep=each(), path=each(3), velocity=each(3),
@@ -259,11 +259,11 @@ def list_corners(f: Landing) -> None:
         first = f.asked_start[a] = count
         for p in range(f.polygon_start[a], f.polygon_start[a + 1]):
             k = f.polygons[p]
-            f.place[pads.start[k] : pads.start[k + 1]] = -1
+            f.sounding[pads.start[k] : pads.start[k + 1]] = -1
             _share_corners(f, p, f.polygon_start[a])
             for n in range(pads.start[k], pads.start[k + 1]):
-                if f.place[n] < 0:
-                    f.place[n], f.asked[count] = count - first, n
+                if f.sounding[n] < 0:
+                    f.sounding[n], f.asked[count] = count - first, n
                     count += 1
         if f.polygon_start[a] == f.polygon_start[a + 1]:
             f.status[a] = AFLOAT
@@ -272,7 +272,7 @@ def list_corners(f: Landing) -> None:
 
 @borrower
 def _share_corners(f: Landing, p: int, first: int) -> None:
-    """Take the places of corners that a polygon shares with its element's in the squares beside and below, from ``first`` on."""
+    """Take the soundings of corners that a polygon shares with those of its element beside and below, from ``first`` on."""
     pads, k = f.pads, f.polygons[p]
     for q in range(p - 1, first - 1, -1):  # those of an element follow row by row
         m = f.polygons[q]
@@ -284,7 +284,7 @@ def _share_corners(f: Landing, p: int, first: int) -> None:
         for n in range(pads.start[k], pads.start[k + 1]):
             for i in range(pads.start[m], pads.start[m + 1]):
                 if pads.corner[n, 0] == pads.corner[i, 0] and pads.corner[n, 1] == pads.corner[i, 1]:
-                    f.place[n] = f.place[i]
+                    f.sounding[n] = f.sounding[i]
 
 
 @borrower
@@ -352,7 +352,7 @@ def _press(f: Landing, a: int, bed: Bed, fraction: float, depth: Floats) -> bool
     """Press a fragment onto the floor after a part of the step; returns whether it touches it."""
     own_polygons = slice(f.polygon_start[a], f.polygon_start[a + 1])
     iterations, largest = press(
-        f.pads, f.plates, a, f.polygons[own_polygons], depth, f.place, f.draft, _interpolate_level(f.level[a], fraction), bed,
+        f.pads, f.plates, a, f.polygons[own_polygons], depth, f.sounding, f.draft, _interpolate_level(f.level[a], fraction), bed,
         f.hull[a], f.length[a], f.thickness[a], f.rise[a], f.loads, f.bent[own_polygons],
     )  # fmt: skip
     f.clearance[a] = min(f.clearance[a], -largest)

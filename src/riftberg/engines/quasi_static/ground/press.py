@@ -99,10 +99,10 @@ second order leads it."""
 
 
 @borrower
-def _lay_planes(pads: Pads, footing: Footing, depth: Floats, place: Ints, draft: Floats, level: float) -> float:
+def _lay_planes(pads: Pads, footing: Footing, depth: Floats, sounding: Ints, draft: Floats, level: float) -> float:
     """Lay a plane through the overlap of each polygon without rise; returns the largest overlap, or minus the clearance (m).
 
-    Its mean is Simpson's, exact for floors of second order, its gradient the mean one. ``depth``, ``place``: as in
+    Its mean is Simpson's, exact for floors of second order, its gradient the mean one. ``depth``, ``sounding``: as in
     `press`.
     """
     largest, asked = -math.inf, depth.size - footing.polygons.size
@@ -113,7 +113,7 @@ def _lay_planes(pads: Pads, footing: Footing, depth: Floats, place: Ints, draft:
         shallow = deep = depth[asked + m]
         for n in range(size):
             c = pads.start[k] + n
-            corner[n, 0], corner[n, 1], corner[n, 2] = pads.corner[c, 0], pads.corner[c, 1], depth[place[c]]
+            corner[n, 0], corner[n, 1], corner[n, 2] = pads.corner[c, 0], pads.corner[c, 1], depth[sounding[c]]
             mx += corner[n, 0] / size
             my += corner[n, 1] / size
             shallow, deep = min(shallow, corner[n, 2]), max(deep, corner[n, 2])
@@ -512,12 +512,12 @@ def _stay_clear(footing: Footing, margin: float, q: Floats) -> bool:
 # Many arguments: what the press finds goes into arrays of the caller, which makes them once for all sub-steps.
 @kernel
 def press(
-    pads: Pads, plates: Plates, b: int, polygons: Ints, depth: Floats, place: Ints, draft: Floats, level: float, bed: Bed,
+    pads: Pads, plates: Plates, b: int, polygons: Ints, depth: Floats, sounding: Ints, draft: Floats, level: float, bed: Bed,
     hull: Floats, length: float, thickness: float, q: Floats, loads: Floats, bent: Floats,
 ) -> tuple[int, float]:  # fmt: skip
     """Press the keel of fragment ``b`` onto the floor; returns Newton's iterations, -1 for no end, and the largest overlap (m).
 
-    ``polygons``: its polygons that may touch the floor; ``depth``: at their corners, each at its ``place``, then at their middles
+    ``polygons``: its polygons that may touch the floor; ``depth``: at their corners, by ``sounding``, then at their middles
     (m); ``draft``: of the elements ``pads.rows`` (m); ``length``: of bending, 0 for ice that does not, and ``thickness`` (m).
     ``q`` takes heave and tilts, ``loads`` the columns `LOAD` to `YIELD` of the elements, ``bent`` load (N), bending (m), share of
     ice and place (m) of each polygon.
@@ -533,7 +533,7 @@ def press(
         bed.strength / bed.stiffness, pads.side[b], np.empty((most, 3)), np.empty((most, 3)),
         np.empty(13 if pads.row_start[b + 1] - pads.row_start[b] == 1 else 10),
     )  # fmt: skip
-    largest, iterations, bends = _lay_planes(pads, footing, depth, place, draft, level), 0, length > 0.0
+    largest, iterations, bends = _lay_planes(pads, footing, depth, sounding, draft, level), 0, length > 0.0
     q[:] = 0.0
     if largest <= 0.0:
         return 0, largest

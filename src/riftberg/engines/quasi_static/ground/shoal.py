@@ -166,17 +166,17 @@ def _list_watched(square: Ints, slope: Floats) -> tuple[Ints, Ints, Ints]:
 
     ``square``: of each polygon; ``slope``: of each square, NaN where it is deep.
     """
-    place, polygons = np.full(slope.size, -1), 0
+    number, polygons = np.full(slope.size, -1), 0
     for s in square:
         if not math.isnan(slope[s]):
-            place[s] = 0
+            number[s] = 0
             polygons += 1
-    squares = np.flatnonzero(place == 0)
-    place[squares] = np.arange(squares.size)
+    squares = np.flatnonzero(number == 0)
+    number[squares] = np.arange(squares.size)
     polygon, within, count = np.empty(polygons, np.int64), np.empty(polygons, np.int64), 0
     for k in range(square.size):
         if not math.isnan(slope[square[k]]):
-            polygon[count], within[count] = k, place[square[k]]
+            polygon[count], within[count] = k, number[square[k]]
             count += 1
     return squares, polygon, within
 

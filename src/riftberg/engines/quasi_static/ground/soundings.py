@@ -161,14 +161,14 @@ def _fill_tiles(depth: Floats, spacing: float, least: Floats, slope: Floats) -> 
 
 
 @kernel
-def _look_up(known: Ints, floor: Floats, key: Ints, found: Floats, unknown: Ints) -> int:
-    """Take least depths and slopes of tiles from those that are known; lists the others, and returns how many there are."""
+def _look_up(sorted_keys: Ints, floor: Floats, key: Ints, values: Floats, unknown: Ints) -> int:
+    """Take least depths and slopes of tiles from those that were sounded; lists the others, and returns how many there are."""
     count, at = 0, 0
     for n in range(key.size):
-        if at == known.size or known[at] != key[n]:  # else it follows the last one in both lists
-            at = np.searchsorted(known, key[n])
-        if at < known.size and known[at] == key[n]:
-            found[0, n], found[1, n] = floor[0, at], floor[1, at]
+        if at == sorted_keys.size or sorted_keys[at] != key[n]:  # else it follows the last one in both lists
+            at = np.searchsorted(sorted_keys, key[n])
+        if at < sorted_keys.size and sorted_keys[at] == key[n]:
+            values[0, n], values[1, n] = floor[0, at], floor[1, at]
             at += 1
         else:
             unknown[count] = key[n]
@@ -194,11 +194,11 @@ class Soundings:
         key, x, y = key[:tiles], x[:tiles], y[:tiles]
         if self._key.size > MOST_KNOWN:
             self._key, self._floor = self._key[:0], self._floor[:, :0]
-        found, unknown = np.empty((2, tiles)), np.empty_like(key)
-        if count_unknown := _look_up(self._key, self._floor, key, found, unknown):
-            self._sound(unknown[:count_unknown], tile)
-            _look_up(self._key, self._floor, key, found, unknown)
-        return Floor(x, y, 0.71 * tile, *found)
+        least_and_slope, unknown = np.empty((2, tiles)), np.empty_like(key)
+        if missing := _look_up(self._key, self._floor, key, least_and_slope, unknown):
+            self._sound(unknown[:missing], tile)
+            _look_up(self._key, self._floor, key, least_and_slope, unknown)
+        return Floor(x, y, 0.71 * tile, *least_and_slope)
 
     def _sound(self, key: Ints, tile: float) -> None:
         """Sound tiles that are not known yet."""
