@@ -42,8 +42,8 @@ and with 0.7 to 5 m ice that is hooked around other ice stays as shallow.
 
 
 @kernel
-def find_seams(begin: Ints, ring: Ints, corner: Floats, reach: Floats) -> Seams:
-    """Find the seams of all elements; ``begin``: where the polygons of each begin, and the last end; others as in `Faces`."""
+def find_seams(begin: Ints, ring: Ints, corner: Floats, reach: Floats) -> tuple[Ints, Ints, Ints, Floats]:
+    """Return the fields of `Seams` of all elements; ``begin``: where the polygons of each begin, and the last end; others as in `Faces`."""
     room = 0
     for e in range(reach.size):
         for p in range(begin[e], begin[e + 1]):
@@ -61,7 +61,7 @@ def find_seams(begin: Ints, ring: Ints, corner: Floats, reach: Floats) -> Seams:
                             polygon[count, 0], polygon[count, 1] = p - begin[e], q - begin[e]
                             count += 1
         start[e + 1] = count
-    return Seams(start[:-1], start[1:], polygon[:count], point[: 2 * count])
+    return start[:-1], start[1:], polygon[:count], point[: 2 * count]
 
 
 @kernel

@@ -225,7 +225,8 @@ class FaceContact:
             corner, reach = footprint.corner[index] - xy[element], np.zeros(el.size)
             np.maximum.at(reach, element, np.hypot(corner[:, 0], corner[:, 1]))
             begin = np.searchsorted(owner, np.arange(el.size + 1)).astype(np.int64)
-            self._polygons = _Polygons(begin, ring, corner, element, reach, find_seams(begin, ring, corner, reach))
+            seams = Seams(*find_seams(begin, ring, corner, reach))
+            self._polygons = _Polygons(begin, ring, corner, element, reach, seams)
         return self._polygons
 
 
