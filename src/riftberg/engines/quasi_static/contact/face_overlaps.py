@@ -43,7 +43,10 @@ and with 0.7 to 5 m ice that is hooked around other ice stays as shallow.
 
 @kernel
 def find_seams(begin: Ints, ring: Ints, corner: Floats, reach: Floats) -> tuple[Ints, Ints, Ints, Floats]:
-    """Return the fields of `Seams` of all elements; ``begin``: where the polygons of each begin, and the last end; others as in `Faces`."""
+    """Return the fields of `Seams` of all elements.
+
+    ``begin``: where the polygons of each begin, and the last end; others as in `Faces`.
+    """
     room = 0
     for e in range(reach.size):
         for p in range(begin[e], begin[e + 1]):
