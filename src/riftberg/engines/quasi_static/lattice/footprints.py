@@ -70,6 +70,9 @@ SHORTEST_EDGE: Final = 1e-5
 SEAM: Final = 1e-4
 """Gap between polygons that counts as none, over the side of an element: ten edges of the shortest kind."""
 
+SHORTEST_SHARED: Final = 20.0
+"""Shortest side, over such a gap, along which two polygons adjoin: corners that meet share none."""
+
 NO_AREA: Final = 1e-9
 """Area of a polygon, over the square of the radius, that is none."""
 
@@ -209,7 +212,7 @@ def _join_footprints(sets: list[Footprints]) -> Footprints:
 def divide_by_cracks(footprints: Footprints, el: Elements, bonds: Bonds) -> Footprints:
     """Return the footprints, divided along the lines of cracks that have parted fragments since the last time.
 
-    The ice beyond a line goes to the element there with which it shares the longest side.
+    The ice beyond a line goes to the nearest element there that it adjoins.
     """
     crossed = np.flatnonzero(bonds.crack > 0)
     parted = crossed[el.berg[bonds.first[crossed]] != el.berg[bonds.second[crossed]]]
@@ -260,16 +263,16 @@ def _divide(
         polygons = rings[e]
         if not any(touches_line(polygon, line) for polygon in polygons):
             continue
-        rings[e] = []
-        for piece in (piece for polygon in polygons for piece in divide_polygon(polygon, line)):
-            ring, (area, x, y) = _without_short_edges(piece, side), area_and_centroid(piece, 0, len(piece))
-            if len(ring) < 3:
+        pieces = _cut(polygons, centre[e], line, side)
+        largest = max((piece.area for piece in pieces if piece.crossings == 0), default=0.0)
+        rings[e] = [piece.ring for piece in pieces if piece.crossings == 0 and piece.area == largest]
+        for piece in pieces:
+            if piece.crossings == 0 and piece.area == largest:
                 continue
-            crossings = count_crossings(np.array([x, y]), centre[e], line)
-            if crossings == 0:
-                rings[e].append(ring)
-            else:  # it lies beyond the crack, or behind a bend of it
-                scraps.append((area, e, ring, neighbours[(berg[neighbours] == berg[e]) == (crossings % 2 == 0)]))
+            # Beyond the crack, or else beside it: a bend may part it from the largest piece, which has it where they adjoin.
+            others = neighbours[(berg[neighbours] == berg[e]) == (piece.crossings % 2 == 0)]
+            others = others[np.argsort(np.hypot(*(centre[others] - piece.middle).T))]
+            scraps.append((piece.area, e, piece.ring, np.append(e, others) if piece.crossings == 0 else others))
     # The largest first: needles lie beside what an element has got.
     scraps.sort(key=lambda scrap: -scrap[0])
     while scraps:
@@ -287,14 +290,32 @@ def _divide(
         scraps = lonely
 
 
+class _Piece(NamedTuple):
+    """What a crack leaves of a polygon of an element."""
+
+    ring: Floats
+    area: float  # m2
+    middle: Floats  # m
+    crossings: int  # How often the crack lies between it and the centre of its element
+
+
+def _cut(polygons: list[Floats], centre: Floats, line: Floats, side: float) -> list[_Piece]:
+    """Cut the polygons of an element along the line of a crack, without what is left of edges by round-off."""
+    pieces = []
+    for piece in (piece for polygon in polygons for piece in divide_polygon(polygon, line)):
+        ring, (area, x, y) = _without_short_edges(piece, side), area_and_centroid(piece, 0, len(piece))
+        if len(ring) >= 3:
+            middle = np.array([x, y])
+            pieces.append(_Piece(ring, area, middle, count_crossings(middle, centre, line)))
+    return pieces
+
+
 def _find_neighbour(ring: Floats, rings: list[list[Floats]], others: Ints, gap: float) -> int:
-    """Return which of other elements shares the longest side with a polygon, -1 where none does."""
-    longest, neighbour = gap, -1  # corners that meet share none
+    """Return the first of other elements that shares a side with a polygon, -1 where none does."""
     for e in others.tolist():
-        shared = sum(shared_side(ring, polygon, gap) for polygon in rings[e])
-        if shared > longest:
-            longest, neighbour = shared, e
-    return neighbour
+        if sum(shared_side(ring, polygon, gap) for polygon in rings[e]) > SHORTEST_SHARED * gap:
+            return e
+    return -1
 
 
 class BodyFootprint(NamedTuple):
