@@ -314,7 +314,7 @@ def _find_neighbour(ring: Floats, rings: list[list[Floats]], others: Ints, gap: 
     """Return the first of other elements that shares a side with a polygon, -1 where none does."""
     for e in others.tolist():
         if sum(shared_side(ring, polygon, gap) for polygon in rings[e]) > SHORTEST_SHARED * gap:
-            return e
+            return int(e)
     return -1
 
 
