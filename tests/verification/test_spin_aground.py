@@ -174,3 +174,14 @@ def test_a_restart_goes_on_bit_for_bit(when: int, tmp_path: Path) -> None:
     for name, values in model.elements.arrays().items():
         assert np.array_equal(values, again.elements.arrays()[name], equal_nan=True), name
     assert abs(model.elements.keel.anchor_torque[0]) > 0.0
+
+
+def test_a_fast_spin_ends_on_the_floor() -> None:
+    """Bug: what had stopped it in a tenth of a second was taken to go on for half an hour, which threw the berg 100 km away."""
+    field = Iceberg.field(12, (-42.0, -40.0, -60.5, -59.8), seed=1)
+    field.elements.spin[:] = 1e-3
+    model = Model(field, Forcing.uniform((0.4, 0.1), depth=150.0))
+    model.advance(steps=2)
+    aground = model.elements.keel.floor_load > 0.0
+    assert aground.any()
+    assert np.abs(model.elements.spin[aground]).max() < 1e-8

@@ -564,6 +564,13 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
     return True
 
 
+@borrower
+def _is_watched(f: Landing, a: int) -> bool:
+    """Whether a fragment stays where its pads are watched on the way in ``way``."""
+    gone = math.hypot(f.way[a, 0], f.way[a, 1]) + f.radius[a] * abs(f.way[a, 2])
+    return bool(gone <= f.reach[a])
+
+
 @kernel
 def _request_depth(f: Landing, a: int, step: Step, t: float, status: int) -> None:
     """Ask for the depth after the way in ``way`` and ``t`` s, as far as the pads are watched."""
@@ -571,8 +578,7 @@ def _request_depth(f: Landing, a: int, step: Step, t: float, status: int) -> Non
     for k in range(3):
         twist[0, k] = f.way[a, k] / t
     move_poses(f.pose[a : a + 1], twist, t, step.latlon, step.earth, f.sounded_pose[a : a + 1], np.empty((3, 3)))
-    gone = math.hypot(f.way[a, 0], f.way[a, 1]) + f.radius[a] * abs(f.way[a, 2])
-    f.status[a] = status if gone <= f.reach[a] else BEYOND
+    f.status[a] = status if _is_watched(f, a) else BEYOND
 
 
 @borrower
@@ -588,6 +594,9 @@ def _begin_substep(f: Landing, a: int, step: Step) -> None:
     dt = _substep_length(f, a, step.h)
     for k in range(3):
         f.way[a, k] = f.path[a, k] + 0.5 * dt * f.velocity[a, k] + 0.125 * dt * dt * f.acceleration[a, k]
+    if not _is_watched(f, a):  # what has just stopped a fragment would throw it back in a longer sub-step
+        for k in range(3):
+            f.way[a, k] = f.path[a, k] + 0.5 * dt * f.velocity[a, k]
     _request_depth(f, a, step, f.time[a] + 0.5 * dt, MIDDLE)
 
 
