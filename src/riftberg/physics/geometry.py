@@ -379,6 +379,30 @@ def gap(one: Floats, two: Floats) -> tuple[float, float, float]:
 
 
 @kernel
+def find_shared_way(side: tuple[Floats, Floats], other: tuple[Floats, Floats], tolerance: float, ends: Floats) -> float:
+    """Length (m) along which two sides of opposite senses lie on each other within ``tolerance`` (m), 0 for none; fill its ends.
+
+    ``side``, ``other``: where each begins and ends, m.
+    """
+    x, y = side[0][0], side[0][1]
+    ux, uy = side[1][0] - x, side[1][1] - y
+    length = math.sqrt(ux * ux + uy * uy)
+    if length <= tolerance:
+        return 0.0
+    ux, uy = ux / length, uy / length
+    px, py, qx, qy = other[1][0] - x, other[1][1] - y, other[0][0] - x, other[0][1] - y
+    begin, end, offset = ux * px + uy * py, ux * qx + uy * qy, ux * py - uy * px
+    low, high = max(begin, 0.0), min(end, length)
+    if high - low <= tolerance:
+        return 0.0
+    slope = (ux * qy - uy * qx - offset) / (end - begin)
+    if max(abs(offset + slope * (low - begin)), abs(offset + slope * (high - begin))) > tolerance:
+        return 0.0
+    ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1] = x + low * ux, y + low * uy, x + high * ux, y + high * uy
+    return float(high - low)
+
+
+@kernel
 def coriolis_parameter(latitude: float, latlon: bool, f_plane: bool, reference_latitude: float) -> float:
     """Return f = 2 Omega sin(latitude), s-1 (equations 2.6); of the reference latitude on an f-plane or a Cartesian grid.
 

@@ -377,12 +377,19 @@ def record_applied(
 
 
 @kernel
-def aground(thickness: Floats, depth: Floats, p: KernelParameters) -> NDArray[np.bool_]:
-    """Whether the sea floor acts on elements, by their thickness and the depth of water (m), of any one shape."""
-    flat, water = thickness.ravel(), depth.ravel()
+def touches_floor(thickness: float, depth: float, floor_load: float, p: KernelParameters) -> bool:
+    """Whether the sea floor acts on an element, by either law; see `on_the_floor`."""
+    # In a lattice without its surroundings, such as a beam, the drag of the floor only brings it to rest.
+    return not p.only_interactions and (floor_load > 0.0 or grounded_part(thickness, depth, p) > 0.0)
+
+
+@kernel
+def _find_touching(thickness: Floats, depth: Floats, floor_load: Floats, p: KernelParameters) -> NDArray[np.bool_]:
+    """Return `touches_floor` of elements, in arrays of any one shape."""
+    flat, water, load = thickness.ravel(), depth.ravel(), floor_load.ravel()
     touching = np.empty(flat.size, np.bool_)
     for e in range(flat.size):
-        touching[e] = grounded_part(flat[e], water[e], p) > 0.0
+        touching[e] = touches_floor(flat[e], water[e], load[e], p)
     return touching.reshape(thickness.shape)
 
 
@@ -393,7 +400,5 @@ def on_the_floor(
 
     ``floor_load``: the load that a bed of sediment carries, N; 0 where there is none.
     """
-    if p.only_interactions:
-        # A lattice without its surroundings, such as a beam: the drag of the floor only brings it to rest.
-        return np.zeros(np.shape(thickness), bool)
-    return np.asarray(aground(thickness, depth, p) | (np.asarray(floor_load) > 0.0))
+    load = np.ascontiguousarray(np.broadcast_to(np.asarray(floor_load, np.float64), np.shape(thickness)))
+    return np.asarray(_find_touching(thickness, depth, load, p))

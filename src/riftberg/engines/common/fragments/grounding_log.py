@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import GRAVITY
-from riftberg.engines.common.forces.media import SEA_FLOOR, grounded_part, on_the_floor
+from riftberg.engines.common.forces.media import SEA_FLOOR, on_the_floor, touches_floor
 from riftberg.engines.common.fragments.tree import FragmentTree
 from riftberg.parameters import KernelParameters
 from riftberg.physics.floating import draft_of
@@ -226,8 +226,8 @@ def _survey_floor(thickness: Floats, depth: Floats, floor_load: Floats, p: Kerne
         water = depth[e] - draft_of(thickness[e], p.rho_ice)
         if water < least:  # where the depth is unknown it is no number
             least = water
-        touches = touches or floor_load[e] > 0.0 or grounded_part(thickness[e], depth[e], p) > 0.0
-    return least, touches and not p.only_interactions
+        touches = touches or touches_floor(thickness[e], depth[e], floor_load[e], p)
+    return least, touches
 
 
 @kernel

@@ -342,7 +342,7 @@ def sweep_faces(
     """Find the forces of the faces and the velocities that they lead to (projected Gauss-Seidel)."""
     scale = 1e-9
     for f in range(count):
-        n, k, row = work.active[f], work.active_pair[f], work.face[f]
+        k, row = work.active_pair[f], work.face[f]
         a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
         scale = max(scale, abs(_speed(row, ROW_N, work.new[a], work.new[b])), abs(row[SLIDING]))
     copy_twists(work.new, work.newton.free)
@@ -413,7 +413,7 @@ def _solve_for_forces(
             break
         begin_system(newton)
         for f in range(count):
-            n, k, row = work.active[f], work.active_pair[f], work.face[f]
+            k, row = work.active_pair[f], work.face[f]
             a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
             add_face(newton, f, row[ROW_N : ROW_N + 12], row[KICK_N : KICK_N + 12], a, b, h)
         solve_system(newton, work.new)

@@ -26,7 +26,7 @@ from riftberg.engines.quasi_static.contact.face_pairs import (
 )
 from riftberg.engines.quasi_static.contact.face_states import APART, COLUMNS, PHASE, add_share
 from riftberg.engines.quasi_static.contact.islands import Island
-from riftberg.physics.geometry import overlap
+from riftberg.physics.geometry import find_shared_way, overlap
 from riftberg.state import Floats, Ints
 
 FLUSH: Final = 1e-4
@@ -60,30 +60,11 @@ def find_seams(begin: Ints, ring: Ints, corner: Floats, reach: Floats) -> tuple[
                     side = corner[k], corner[k + 1 if k + 1 < ring[p + 1] else ring[p]]
                     for n in range(ring[q], ring[q + 1]):
                         other = corner[n], corner[n + 1 if n + 1 < ring[q + 1] else ring[q]]
-                        if _find_shared_way(side, other, FLUSH * reach[e], point[2 * count : 2 * count + 2]):
+                        if find_shared_way(side, other, FLUSH * reach[e], point[2 * count : 2 * count + 2]) > 0.0:
                             polygon[count, 0], polygon[count, 1] = p - begin[e], q - begin[e]
                             count += 1
         start[e + 1] = count
     return start[:-1], start[1:], polygon[:count], point[: 2 * count]
-
-
-@kernel
-def _find_shared_way(side: tuple[Floats, Floats], other: tuple[Floats, Floats], tolerance: float, ends: Floats) -> bool:
-    """Find the way along which two sides of opposite senses lie on each other within ``tolerance`` (m), if they do."""
-    x, y = side[0][0], side[0][1]
-    ux, uy = side[1][0] - x, side[1][1] - y
-    length = math.sqrt(ux * ux + uy * uy)
-    if length <= tolerance:
-        return False
-    ux, uy = ux / length, uy / length
-    px, py, qx, qy = other[1][0] - x, other[1][1] - y, other[0][0] - x, other[0][1] - y
-    begin, end, offset = ux * px + uy * py, ux * qx + uy * qy, ux * py - uy * px
-    low, high = max(begin, 0.0), min(end, length)
-    if high - low <= tolerance:
-        return False
-    slope = (ux * qy - uy * qx - offset) / (end - begin)
-    ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1] = x + low * ux, y + low * uy, x + high * ux, y + high * uy
-    return bool(max(abs(offset + slope * (low - begin)), abs(offset + slope * (high - begin))) <= tolerance)
 
 
 @borrower

@@ -306,6 +306,12 @@ def set_masses(f: Landing, matrices: BodyMatrices) -> None:
         f.first_speed[a] = math.hypot(v[0], v[1]) + f.arm[a] * abs(v[2])
 
 
+@borrower
+def _is_watched(f: Landing, a: int, way: Floats) -> bool:
+    """Whether a fragment stays where its pads are watched, on a way from where it was at the start."""
+    return bool(math.hypot(way[0], way[1]) + f.radius[a] * abs(way[2]) <= f.reach[a])
+
+
 @kernel
 def carry(f: Landing, contact: SubcycledMotion, by_the_floor: Ints, body: Ints, h: float) -> bool:
     """Let contact take fragments through the step, and push those ``by_the_floor``; returns whether one leaves its watched pads.
@@ -333,7 +339,7 @@ def carry(f: Landing, contact: SubcycledMotion, by_the_floor: Ints, body: Ints, 
                 f.anchors[e, ANCHOR_TORQUE] = 0.0  # others turn it
                 f.applied[e] = contact.applied[n]
                 e += 1
-        if math.hypot(f.path[a, 0], f.path[a, 1]) + f.radius[a] * abs(f.path[a, 2]) > f.reach[a]:
+        if not _is_watched(f, a, f.path[a]):
             f.status[a], leaves = BEYOND, True
     return leaves
 
@@ -564,13 +570,6 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
     return True
 
 
-@borrower
-def _is_watched(f: Landing, a: int) -> bool:
-    """Whether a fragment stays where its pads are watched on the way in ``way``."""
-    gone = math.hypot(f.way[a, 0], f.way[a, 1]) + f.radius[a] * abs(f.way[a, 2])
-    return bool(gone <= f.reach[a])
-
-
 @kernel
 def _request_depth(f: Landing, a: int, step: Step, t: float, status: int) -> None:
     """Ask for the depth after the way in ``way`` and ``t`` s, as far as the pads are watched."""
@@ -578,7 +577,7 @@ def _request_depth(f: Landing, a: int, step: Step, t: float, status: int) -> Non
     for k in range(3):
         twist[0, k] = f.way[a, k] / t
     move_poses(f.pose[a : a + 1], twist, t, step.latlon, step.earth, f.sounded_pose[a : a + 1], np.empty((3, 3)))
-    f.status[a] = status if _is_watched(f, a) else BEYOND
+    f.status[a] = status if _is_watched(f, a, f.way[a]) else BEYOND
 
 
 @borrower
@@ -594,7 +593,7 @@ def _begin_substep(f: Landing, a: int, step: Step) -> None:
     dt = _substep_length(f, a, step.h)
     for k in range(3):
         f.way[a, k] = f.path[a, k] + 0.5 * dt * f.velocity[a, k] + 0.125 * dt * dt * f.acceleration[a, k]
-    if not _is_watched(f, a):  # what has just stopped a fragment would throw it back in a longer sub-step
+    if not _is_watched(f, a, f.way[a]):  # what has just stopped a fragment would throw it back in a longer sub-step
         for k in range(3):
             f.way[a, k] = f.path[a, k] + 0.5 * dt * f.velocity[a, k]
     _request_depth(f, a, step, f.time[a] + 0.5 * dt, MIDDLE)

@@ -118,18 +118,18 @@ def give_way(patches: Floats, force: Floats, friction: Floats, tangent: Floats) 
         turn[0], turn[1], turn[2] = solve(matrix, turn)
         if math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2) < 1e-13:
             break
-        part, previous_slip = 1.0, slip
+        share, previous_slip = 1.0, slip
         while True:
             for k in range(3):
-                trial[k] = n[k] + part * turn[k]
+                trial[k] = n[k] + share * turn[k]
             size = math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2)
             for k in range(3):
                 trial[k] /= size
             slip = force[0] * trial[0] + force[1] * trial[1] + force[2] * trial[2]
             slip -= find_friction(patches, trial, surface, curvature)
-            if slip >= previous_slip - 1e-14 or part < 1e-6:
+            if slip >= previous_slip - 1e-14 or share < 1e-6:
                 break
-            part *= 0.5
+            share *= 0.5
         n[:] = trial
     if slip <= 0.0:
         return False

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
+from riftberg.physics.geometry import find_shared_way
 from riftberg.state import Floats
 
 LEAST: Final = 1e-9
@@ -138,24 +139,10 @@ def distances_to_line(point: Floats, line: Floats) -> Floats:
 @kernel
 def shared_side(one: Floats, two: Floats, gap: float) -> float:
     """Return the length (m) along which two anticlockwise polygons lie side by side, up to a ``gap`` (m) between them."""
-    total = 0.0
+    total, ends = 0.0, np.empty((2, 2))
     for n in range(len(one)):
-        x, y = one[n - 1, 0], one[n - 1, 1]
-        dx, dy = one[n, 0] - x, one[n, 1] - y
-        length = np.hypot(dx, dy)
-        dx, dy = dx / length, dy / length
         for m in range(len(two)):
-            # Where the side of the other begins and ends along this one, and how far from it.
-            begin_along = dx * (two[m - 1, 0] - x) + dy * (two[m - 1, 1] - y)
-            end_along = dx * (two[m, 0] - x) + dy * (two[m, 1] - y)
-            begin_across = dx * (two[m - 1, 1] - y) - dy * (two[m - 1, 0] - x)
-            end_across = dx * (two[m, 1] - y) - dy * (two[m, 0] - x)
-            first, last = max(end_along, 0.0), min(begin_along, length)
-            if last > first:  # they run against each other
-                slope = (begin_across - end_across) / (begin_along - end_along)
-                across = end_across + slope * (first - end_along), end_across + slope * (last - end_along)
-                if max(abs(across[0]), abs(across[1])) <= gap:
-                    total += last - first
+            total += find_shared_way((one[n - 1], one[n]), (two[m - 1], two[m]), gap, ends)
     return total
 
 
