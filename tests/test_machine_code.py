@@ -263,11 +263,11 @@ GROUNDED = """
 import sys
 import numpy as np
 from riftberg import Parameters
-from riftberg.engines.common.forces.media import aground
+from riftberg.engines.common.forces.media import on_the_floor
 
 constants = Parameters().kernel_values()
 for shape in eval(sys.argv[1]):
-    print(int(aground(np.full(shape, 300.0), np.full(shape, 200.0), constants).sum()), end=" ")
+    print(int(on_the_floor(np.full(shape, 300.0), np.full(shape, 200.0), 1.0, constants).sum()), end=" ")
 """
 
 

@@ -191,7 +191,7 @@ def test_implicit_sub_steps_leave_no_berg_without_a_floor():
 
 def test_aground_under_the_quadratic_law():
     p = parameters(grounding={**PLOUGH, "coefficient": 0.0, "ramp_height": 0.0})
-    got = media.aground(np.array([200.0, 193.0, 180.0]), np.full(3, 160.0), p)
+    got = media.on_the_floor(np.array([200.0, 193.0, 180.0]), np.full(3, 160.0), 0.0, p)
     np.testing.assert_array_equal(got, [True, True, False])
 
 
@@ -202,6 +202,6 @@ def test_aground_is_where_the_floor_acts(thickness, coefficient, ramp, touches):
     """The one answer for breaking bonds, fragments, why, plots and replay: a drag that acts, at 160 m of water."""
     p = parameters(grounding={"coefficient": coefficient, "ramp_height": ramp})
     shape = (2, 3)
-    got = media.aground(np.full(shape, thickness), np.full(shape, 160.0), p)
+    got = media.on_the_floor(np.full(shape, thickness), np.full(shape, 160.0), 0.0, p)
     assert got.shape == shape
     assert (got == touches).all()
