@@ -1,6 +1,6 @@
 """Bergs on the sea floor as events: which, when, where, what the floor carries and what it can hold.
 
-What is aground is decided in `riftberg.engines.common.forces.media.on_the_floor` and nowhere else: what a bed of
+What is aground is decided in `riftberg.engines.common.forces.media.touches_floor` and nowhere else: what a bed of
 sediment carries, or where the drag of an explicit scheme acts.
 """
 
@@ -12,15 +12,16 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import GRAVITY
-from riftberg.engines.common.forces.media import SEA_FLOOR, on_the_floor, touches_floor
+from riftberg.engines.common.forces.media import SEA_FLOOR, touches_floor
 from riftberg.engines.common.fragments.tree import FragmentTree
 from riftberg.parameters import KernelParameters
 from riftberg.physics.floating import draft_of
+from riftberg.physics.geometry import metres_per_unit, nearest_image
 from riftberg.state import Elements, Floats, Ints
+from riftberg.state.variables import Body, Keel, Motion, Place
 
 AFLOAT_TIME: Final = 6.0 * 3600.0
 """Time (s) afloat after which the next touch is an event of its own; a tide that lifts a berg for less belongs to the event."""
@@ -89,9 +90,8 @@ class GroundingLog:
         self.clearance = min(self.clearance, at_middle if math.isnan(clearance) else clearance)
         if not touches:  # nearly always, and quick
             return
-        touching = on_the_floor(el.body.thickness, el.environment.depth, el.keel.floor_load, p)
         fragment = _reunite_small_pieces(previous.body.berg, el, tree)
-        measures = _measured(fragment, touching, previous, el, p, forces())
+        measures = _measure(fragment, previous, el, p, forces())
         for n, number in enumerate(measures.number):
             if measures.area[n] >= _least_area(number, tree):
                 self._add(measures, n, *step, sea_level)
@@ -149,11 +149,19 @@ def mass_on_floor(el: Elements, p: KernelParameters) -> Floats:
     On a bed of sediment its load. The drag of the explicit schemes carries nothing: there it is what lies above the water that
     is as deep as the keel, where the element is aground.
     """
-    body, depth = el.body, el.environment.depth
-    touching = on_the_floor(body.thickness, depth, el.keel.floor_load, p)
-    in_water = np.clip(depth / draft_of(body.thickness, p.rho_ice), 0.0, 1.0)
-    above = np.where(touching & (el.keel.floor_load == 0.0), body.mass * (1.0 - in_water), 0.0)
-    return np.asarray(above + el.keel.floor_load / GRAVITY)
+    carried = np.empty(el.size)
+    _fill_mass_on_floor(el.body, el.environment.depth, el.keel.floor_load, p, carried)
+    return carried
+
+
+@kernel
+def _fill_mass_on_floor(body: Body, depth: Floats, floor_load: Floats, p: KernelParameters, carried: Floats) -> None:
+    """Find the mass (kg) of each element that the sea floor carries."""
+    for e in range(carried.size):
+        carried[e] = floor_load[e] / GRAVITY
+        if floor_load[e] == 0.0 and touches_floor(body.thickness[e], depth[e], 0.0, p):
+            in_water = min(max(depth[e] / draft_of(body.thickness[e], p.rho_ice), 0.0), 1.0)
+            carried[e] = body.mass[e] * (1.0 - in_water)
 
 
 class _Measures(NamedTuple):
@@ -175,52 +183,75 @@ class _Measures(NamedTuple):
     speed: list[float]  # At its end, m s-1
 
 
-def _measured(
-    number: Ints, touching: NDArray[np.bool_], previous: Elements, el: Elements, p: KernelParameters, forces: Floats
-) -> _Measures:
+def _measure(number: Ints, previous: Elements, el: Elements, p: KernelParameters, forces: Floats) -> _Measures:
     """Return the measures of one step for each fragment on the floor; ``number``: of the fragment of each element."""
-    numbers = np.unique(number[touching])
-    at = np.minimum(np.searchsorted(numbers, number), numbers.size - 1)
-    rows = np.flatnonzero(numbers[at] == number)
-    fragment, first = at[rows], np.empty(numbers.size, np.int64)
-    first[fragment[::-1]] = rows[::-1]
-    mass, place, motion, keel = el.body.mass, el.place, el.motion, el.keel
-    east, north = _metres_per_unit(place.lat, p)
-    # From the first element of each fragment: across the seam too.
-    start = np.zeros(el.size, np.int64)
-    start[rows] = first[fragment]
-    x, y = _nearest(place.lon - place.lon[start], p), place.lat - place.lat[start]
-    gone_x, gone_y = _nearest(place.lon - previous.place.lon, p), place.lat - previous.place.lat
     load = GRAVITY * mass_on_floor(el, p)
-    # Drag may act on a keel that has not come to the floor yet: where nothing is carried, all elements aground count alike.
-    weight = np.where(touching, np.maximum(load, 1.0), 0.0)
-    push = np.delete(forces, SEA_FLOOR, axis=1).sum(axis=1)
-    values = np.stack([
-        mass, weight, weight * x, weight * y, mass * x, mass * y, mass * gone_x * east, mass * gone_y * north,
-        mass * motion.u_sync, mass * motion.v_sync, push[:, 0], push[:, 1], touching.astype(np.float64), load, keel.floor_hold,
-        el.body.length * el.body.width,
-    ])  # fmt: skip
-    total, largest = np.zeros((len(values), numbers.size)), np.zeros((3, numbers.size))
-    _sum_up(rows, fragment, values, total)
-    _take_largest(rows, fragment, np.stack([keel.floor_lift, keel.floor_stress, keel.floor_yield]), largest)
-    weights, masses = total[1], total[0]
-    touch_x, touch_y, centre_x, centre_y = total[2] / weights, total[3] / weights, total[4] / masses, total[5] / masses
-    way, speed = np.hypot(*total[6:8]) / masses, np.hypot(*total[8:10]) / masses
-    pressing, (carried, borne, holds, area) = np.hypot(*total[10:12]), total[12:]
-    off_x, off_y = (touch_x - centre_x) * east[first], (touch_y - centre_y) * north
+    fragments, first, total, largest = _sum_up(
+        number, load, previous.place, el.place, el.body, el.motion, el.keel, el.environment.depth, forces, p
+    )
+    mass, weight, touch_x, touch_y, centre_x, centre_y, gone_x, gone_y, u, v, push_x, push_y, *borne, area, mx, my = (
+        total
+    )
+    touch_x, touch_y = touch_x / weight, touch_y / weight
+    off_x, off_y = (touch_x - centre_x / mass) * mx, (touch_y - centre_y / mass) * my
     towards = np.where(
         np.hypot(off_x, off_y) > MIDDLE * np.sqrt(area), np.degrees(np.arctan2(off_x, off_y)) % 360.0, -1.0
     )
     columns = (
-        numbers, area, place.lon[first] + touch_x, place.lat[first] + touch_y, towards, carried, borne, holds, pressing, *largest,
-        way, speed,
+        fragments, area, el.place.lon[first] + touch_x, el.place.lat[first] + touch_y, towards, *borne,
+        np.hypot(push_x, push_y), *largest, np.hypot(gone_x, gone_y) / mass, np.hypot(u, v) / mass,
     )  # fmt: skip
     return _Measures(*(column.tolist() for column in columns))
 
 
+# Many arguments: the state at both ends of the step.
+@kernel
+def _sum_up(
+    number: Ints, load: Floats, previous: Place, place: Place, body: Body, motion: Motion, keel: Keel, depth: Floats,
+    forces: Floats, p: KernelParameters,
+) -> tuple[Ints, Ints, Floats, Floats]:  # fmt: skip
+    """Find the fragments on the floor in rising order, the first element of each, sums over its elements, and largest values.
+
+    Behind the sums stand the metres per unit of longitude and latitude at the first element.
+    """
+    touching = np.empty(number.size, np.bool_)
+    for e in range(number.size):
+        touching[e] = touches_floor(body.thickness[e], depth[e], keel.floor_load[e], p)
+    fragments = np.unique(number[touching])
+    first, total, largest = np.full(fragments.size, -1), np.zeros((18, fragments.size)), np.zeros((3, fragments.size))
+    for e in range(number.size):
+        n = np.searchsorted(fragments, number[e])
+        if n == fragments.size or fragments[n] != number[e]:
+            continue
+        mx, my = metres_per_unit(place.lat[e], p.latlon, p.earth_radius)
+        if first[n] < 0:
+            first[n], total[16, n], total[17, n] = e, mx, my
+        # From the first element of each fragment: across the seam too.
+        x, y = nearest_image(place.lon[e] - place.lon[first[n]], p.period), place.lat[e] - place.lat[first[n]]
+        gone_x, gone_y = nearest_image(place.lon[e] - previous.lon[e], p.period), place.lat[e] - previous.lat[e]
+        push_x = push_y = 0.0
+        for k in range(forces.shape[1]):
+            if k != SEA_FLOOR:
+                push_x += forces[e, k, 0]
+                push_y += forces[e, k, 1]
+        # Drag may act on a keel that has not come to the floor yet: where nothing is carried, all elements aground count alike.
+        mass, weight = body.mass[e], max(load[e], 1.0) if touching[e] else 0.0
+        values = (
+            mass, weight, weight * x, weight * y, mass * x, mass * y, mass * gone_x * mx, mass * gone_y * my,
+            mass * motion.u_sync[e], mass * motion.v_sync[e], push_x, push_y, 1.0 if touching[e] else 0.0,
+            load[e], keel.floor_hold[e], body.length[e] * body.width[e],
+        )  # fmt: skip
+        for k in range(len(values)):
+            total[k, n] += values[k]
+        highest = keel.floor_lift[e], keel.floor_stress[e], keel.floor_yield[e]
+        for k in range(len(highest)):
+            largest[k, n] = max(largest[k, n], highest[k])
+    return fragments, first, total, largest
+
+
 @kernel
 def _survey_floor(thickness: Floats, depth: Floats, floor_load: Floats, p: KernelParameters) -> tuple[float, bool]:
-    """Least water (m) under the keel in the middle of an element, and whether the sea floor acts on any (`on_the_floor`)."""
+    """Least water (m) under the keel in the middle of an element, and whether the sea floor acts on any."""
     least, touches = math.inf, False
     for e in range(thickness.size):
         water = depth[e] - draft_of(thickness[e], p.rho_ice)
@@ -228,32 +259,3 @@ def _survey_floor(thickness: Floats, depth: Floats, floor_load: Floats, p: Kerne
             least = water
         touches = touches or touches_floor(thickness[e], depth[e], floor_load[e], p)
     return least, touches
-
-
-@kernel
-def _sum_up(rows: Ints, fragment: Ints, values: Floats, total: Floats) -> None:
-    """Add up several values of elements by fragment."""
-    for n in range(rows.size):
-        for k in range(len(values)):
-            total[k, fragment[n]] += values[k, rows[n]]
-
-
-@kernel
-def _take_largest(rows: Ints, fragment: Ints, values: Floats, largest: Floats) -> None:
-    """Take the largest of several values of elements by fragment."""
-    for n in range(rows.size):
-        for k in range(len(values)):
-            largest[k, fragment[n]] = max(largest[k, fragment[n]], values[k, rows[n]])
-
-
-def _metres_per_unit(lat: Floats, p: KernelParameters) -> tuple[Floats, float]:
-    """Metres per unit of the coordinates, east at some latitudes, and north."""
-    if not p.latlon:
-        return np.ones_like(lat), 1.0
-    degree = np.radians(1.0) * p.earth_radius
-    return degree * np.cos(np.radians(lat)), degree
-
-
-def _nearest(east: Floats, p: KernelParameters) -> Floats:
-    """Differences of longitude (or x) by the nearest way round."""
-    return np.asarray(east - p.period * np.round(east / p.period)) if p.period > 0.0 else east
