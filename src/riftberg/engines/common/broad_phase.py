@@ -12,17 +12,19 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.bergs.bonding import Metric, separations
 from riftberg.compiled.kernels import kernel
+from riftberg.constants import DEGREE
 from riftberg.engines.common.forces.sizes import Sizes
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.engines.common.run_state import RunState
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import KernelParameters, Parameters
-from riftberg.physics.geometry import separation
+from riftberg.physics.elementary import cos
+from riftberg.physics.geometry import nearest_image, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, near_pairs, no_pairs
 from riftberg.state.population import numbered
+from riftberg.state.variables import Shown
 
 NEWBORN_CHILD = -1.0
 """Foot of a child of footloose calving that takes no part in contact yet."""
@@ -39,6 +41,10 @@ found a step too late, deep inside another berg.
 
 SEARCH_MARGIN = 1.001
 """Factor on the search radius: round-off in the search must not lose a pair."""
+
+
+NO_PAIRS: Final = (np.zeros(0, np.int64), np.zeros(0, np.int64))
+"""Elements of no pairs."""
 
 
 class CellSearch(NamedTuple):
@@ -123,47 +129,58 @@ class NeighbourSearch:
 
 def candidate_pairs(el: Elements, berg: Ints, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
     """Pairs of elements of different bergs (or fragments, ``berg``), each once, that may come into contact within ``dt`` s."""
-    none = np.zeros(0, np.int64)
     if not c.interactions or el.size < 2 or not (berg != berg[0]).any():
-        return none, none
-    u, v, radius = el.shown.u_pair, el.shown.v_pair, sizes.radius
-    touching = np.maximum(radius, 0.5 * c.contact_distance)
-    speed = np.hypot(u - u.mean(), v - v.mean())
-    # Each as far as it can come by itself: one that is large or quick must not widen the search of all others.
-    reach = REACH_FACTOR * touching + (1.0 + SPEED_MARGIN) * np.where(np.isfinite(speed), speed, 0.0) * dt
-    shown = el.shown
-    first, second = near_pairs(
-        shown.lon_pair, shown.lat_pair, berg, SEARCH_MARGIN * reach, c.latlon, c.earth_radius, c.period
-    )
+        return NO_PAIRS
+    shown, reach = el.shown, np.empty(el.size)
+    _fill_reach(shown, sizes.radius, dt, c.contact_distance, reach)
+    first, second = near_pairs(shown.lon_pair, shown.lat_pair, berg, reach, c.latlon, c.earth_radius, c.period)
     if first.size == 0:
-        return none, none
-    # A child of footloose calving lies on the rim of its parent until it has drifted off.
-    newborn = el.life.fl_k == NEWBORN_CHILD
-    if newborn.any():
-        grown = ~(newborn[first] | newborn[second])
-        first, second = first[grown], second[grown]
-    return swept_test(el, first, second, radius, dt, c)
+        return NO_PAIRS
+    may_touch = np.empty(first.size, np.bool_)
+    _test_paths(shown, el.life.fl_k, sizes.radius, first, second, dt, c, may_touch)
+    return first[may_touch], second[may_touch]
 
 
-def swept_test(
-    el: Elements, first: Ints, second: Ints, radius: Floats, dt: float, c: KernelParameters
-) -> tuple[Ints, Ints]:
-    """Return those pairs that may come into contact within ``dt`` s, on straight paths with margins for a change of velocity.
+@kernel
+def _fill_reach(shown: Shown, radius: Floats, dt: float, contact_distance: float, reach: Floats) -> None:
+    """Find how far contact of each element may reach in ``dt`` s, m.
 
-    Each pair is decided by itself, so that the result does not depend on bergs elsewhere.
+    Each as far as it can come by itself: one that is large or quick must not widen the search of all others.
     """
-    shown = el.shown
-    metric = Metric(c.latlon, c.earth_radius, c.period)
-    dx, dy = separations(
-        metric, shown.lon_pair[first], shown.lat_pair[first], shown.lon_pair[second], shown.lat_pair[second]
-    )
-    du, dv = shown.u_pair[first] - shown.u_pair[second], shown.v_pair[first] - shown.v_pair[second]
-    squared = du * du + dv * dv
-    when = np.clip(-(dx * du + dy * dv) / np.where(squared > 0.0, squared, 1.0), 0.0, dt)
-    nearest = np.hypot(dx + when * du, dy + when * dv)
-    touching = np.maximum(radius[first] + radius[second], c.contact_distance)
-    in_reach = nearest < REACH_FACTOR * touching + SPEED_MARGIN * np.sqrt(squared) * dt
-    return first[in_reach], second[in_reach]
+    u, v, count = 0.0, 0.0, radius.size
+    for e in range(count):
+        u += shown.u_pair[e] / count
+        v += shown.v_pair[e] / count
+    for e in range(count):
+        speed = math.hypot(shown.u_pair[e] - u, shown.v_pair[e] - v)
+        path = (1.0 + SPEED_MARGIN) * dt * speed if math.isfinite(speed) else 0.0
+        reach[e] = SEARCH_MARGIN * (REACH_FACTOR * max(radius[e], 0.5 * contact_distance) + path)
+
+
+# Many arguments: what others see, and how far they reach.
+@kernel
+def _test_paths(
+    shown: Shown, foot: Floats, radius: Floats, first: Ints, second: Ints, dt: float, c: KernelParameters,
+    may_touch: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Find which pairs may come into contact within ``dt`` s, on straight paths with margins for a change of velocity.
+
+    Each pair is decided by itself, so that the result does not depend on bergs elsewhere. ``foot``: of footloose calving.
+    """
+    degree = DEGREE * c.earth_radius
+    for k in range(first.size):
+        i, j = first[k], second[k]
+        dx, dy = nearest_image(shown.lon_pair[i] - shown.lon_pair[j], c.period), shown.lat_pair[i] - shown.lat_pair[j]
+        if c.latlon:
+            dx, dy = dx * degree * cos(0.5 * DEGREE * (shown.lat_pair[i] + shown.lat_pair[j])), dy * degree
+        du, dv = shown.u_pair[i] - shown.u_pair[j], shown.v_pair[i] - shown.v_pair[j]
+        squared = du * du + dv * dv
+        when = min(max(-(dx * du + dy * dv) / squared, 0.0), dt) if squared > 0.0 else 0.0
+        nearest = math.hypot(dx + when * du, dy + when * dv)
+        touching = max(radius[i] + radius[j], c.contact_distance)
+        # A child of footloose calving lies on the rim of its parent until it has drifted off.
+        newborn = foot[i] == NEWBORN_CHILD or foot[j] == NEWBORN_CHILD
+        may_touch[k] = not newborn and nearest < REACH_FACTOR * touching + SPEED_MARGIN * math.sqrt(squared) * dt
 
 
 def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
@@ -202,9 +219,6 @@ def _selected(pairs: PairList, chosen: NDArray[np.bool_]) -> PairList:
     number = np.bincount(_owners(pairs)[chosen], minlength=pairs.start.size - 1)
     return PairList(np.concatenate([[0], np.cumsum(number)]), pairs.partner[chosen])
 
-
-NO_PAIRS: Final = (np.zeros(0, np.int64), np.zeros(0, np.int64))
-"""Elements of no pairs."""
 
 CONTACT_STEP: Final = 0.4
 """Longest sub-step times the frequency of a contact: below what damped contact is stable with (0.57)."""
