@@ -33,7 +33,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
     check_converged,
     half_kick_newton,
 )
-from riftberg.engines.quasi_static.bodies.linear_pack import linear_pack, soft_pack
+from riftberg.engines.quasi_static.bodies.linear_pack import soft_pack
 from riftberg.engines.quasi_static.bodies.pose import Bodies, place_elements
 from riftberg.engines.quasi_static.contact.anchors import allocate_anchors
 from riftberg.engines.quasi_static.contact.islands import (
@@ -168,8 +168,7 @@ class FragmentMotion:
         contact = self._resolve_contacts(start, h)
         if self.seabed is None:
             return contact, None, 0.0
-        op = linear_pack(start.operators, start.bodies.twist)
-        ground, hold_change = self.seabed.resolve(self.model, start.bodies, op, start.time, h, contact)
+        ground, hold_change = self.seabed.resolve(self.model, start.bodies, start.operators, start.time, h, contact)
         if contact is not None and ground is not None:
             contact = drop_fragments(contact, ground.bodies, start.bodies.body)
         return contact, ground, hold_change
@@ -258,10 +257,7 @@ class FragmentMotion:
         # What the bed and lasting contact load the lattice with is no part of the forces by which the next step begins.
         pressed = np.zeros((0, 3))
         if self.seabed is not None:
-            keel = el.keel
-            torque = keel.floor_arm_x * keel.floor_y - keel.floor_arm_y * keel.floor_x
-            pressed = np.column_stack([keel.floor_x, keel.floor_y, torque])
-            op.forcing.aground[:] = el.keel.floor_load > 0.0
+            pressed = self.seabed.loads(el.keel, op.forcing.aground)
         if self.faces is not None and self.faces.pairs.pair.size:
             of_faces = self.faces.force(self.model)
             pressed = pressed + of_faces if pressed.size else of_faces

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.constants import DEGREE
 from riftberg.engines.common.bed import Bed
 from riftberg.engines.quasi_static.lattice.crack_cuts import area_and_centroid
@@ -28,6 +28,9 @@ RUNGS: Final = 8.0
 
 CORNERS: Final = 64
 """Room for the corners of a polygon beside those that it has."""
+
+SNAP: Final = 1e-12
+"""Part of a pad by which round-off takes corners from its sides."""
 
 SHORT: Final = 0.25 * math.pi
 """Length of a fragment over ``lambda`` up to which it does not bend (Hetenyi's short beams)."""
@@ -82,7 +85,34 @@ def _reach_strips(points: Floats, size: int, column: int, low: float, side: floa
 @kernel
 def _cut_strip(polygon: Floats, size: int, column: int, low: float, high: float, room: Floats, out: Floats) -> int:
     """Cut a polygon to where a coordinate lies between two values; returns the corners that are left."""
-    return int(cut(room, cut(polygon, size, column, low, 1.0, room), column, high, -1.0, out))
+    count = int(cut(room, cut(polygon, size, column, low, 1.0, room), column, high, -1.0, out))
+    for n in range(count):  # corners on the lines stand there to the last digit, as those of the polygons beside
+        value = out[n, column]
+        out[n, column] = (
+            low if value - low < SNAP * (high - low) else high if high - value < SNAP * (high - low) else value
+        )
+    return count
+
+
+@borrower
+def _find_whole_columns(band: Floats, size: int, bottom: float, top: float, low: float, side: float) -> tuple[int, int]:
+    """The first of the squares between two lines that a polygon cut by these covers as a whole, and the one behind the last.
+
+    All edges that run down lie west of them and all that run up east of them; those along the lines do not count.
+    """
+    west, east = -math.inf, math.inf
+    for n in range(size):
+        o = n + 1 if n + 1 < size else 0
+        rise, level = band[o, 1] - band[n, 1], band[n, 1]
+        if rise == 0.0 and level in (bottom, top):
+            continue
+        if rise <= 0.0:
+            west = max(west, band[n, 0], band[o, 0])
+        if rise >= 0.0:
+            east = min(east, band[n, 0], band[o, 0])
+    if not west < east < math.inf:
+        return 0, 0
+    return math.ceil((west - low) / side), math.floor((east - low) / side)
 
 
 @kernel
@@ -143,9 +173,15 @@ def _cut_by_squares(
                 if band_size < 3:
                     continue
                 leftmost, end_column = _reach_strips(band, band_size, 0, low[b, 0], side[b], shape[b, 1])
+                whole, end_whole = _find_whole_columns(band, band_size, y[0], y[1], low[b, 0], side[b])
                 for i in range(leftmost, end_column):
                     x = low[b, 0] + i * side[b], low[b, 0] + (i + 1) * side[b]
-                    piece_size = _cut_strip(band, band_size, 0, x[0], x[1], room, piece)
+                    if whole <= i < end_whole:
+                        piece_size = 4
+                        piece[0, 0], piece[1, 0], piece[2, 0], piece[3, 0] = x[0], x[1], x[1], x[0]
+                        piece[0, 1], piece[1, 1], piece[2, 1], piece[3, 1] = y[0], y[0], y[1], y[1]
+                    else:
+                        piece_size = _cut_strip(band, band_size, 0, x[0], x[1], room, piece)
                     # Round-off leaves slivers along the lines of the raster.
                     if piece_size < 3 or area_and_centroid(piece, 0, piece_size)[0] < 1e-9 * side[b] * side[b]:
                         continue

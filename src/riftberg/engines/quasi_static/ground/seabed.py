@@ -17,6 +17,7 @@ from riftberg.engines.common.broad_phase import NO_PAIRS
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
+from riftberg.engines.quasi_static.bodies.linear_pack import linear_pack
 from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
 from riftberg.engines.quasi_static.contact import anchors
 from riftberg.engines.quasi_static.contact.islands import PeakContactLoad, SubcycledMotion
@@ -116,12 +117,10 @@ class Seabed:
 
     def find_near_floor(self, model: RunState, bodies: Bodies, h: float) -> NDArray[np.bool_]:
         """Which fragments may come near the floor in ``h`` s."""
-        return self._find_near(model, bodies, h, 1.0)[0]
+        return self._find_near(model, bodies, h, 1.0)[1].near_floor.copy()
 
-    def _find_near(
-        self, model: RunState, bodies: Bodies, h: float, further: float
-    ) -> tuple[NDArray[np.bool_], Floats, Shoal]:
-        """Return which fragments may come near the floor in ``h`` s, their ways (m), and their survey.
+    def _find_near(self, model: RunState, bodies: Bodies, h: float, further: float) -> tuple[bool, Shoal]:
+        """Return whether fragments may come near the floor in ``h`` s, and the survey that says which.
 
         ``further``: factor of the way for which the floor is watched.
         """
@@ -130,18 +129,19 @@ class Seabed:
             self._divided = self._footprints.divided
             self._shoals = []
         shoal = self._shoal(model, bodies)
-        survey, count, scale = shoal.survey, bodies.pose.shape[0], c.earth_radius if c.latlon else 1.0
-        near_floor, left, (reach, draft) = np.zeros(count, np.bool_), np.zeros(count, np.bool_), np.empty((2, count))
-        least = find_near(
-            bodies, el.body, el.environment, el.keel.floor_load, survey, c.rho_ice, h, further, scale, near_floor, left,
-            reach, draft,
+        survey, near_floor, left = shoal.survey, shoal.near_floor, shoal.left
+        least, some_near, some_left = find_near(
+            bodies, el.body, el.environment, el.keel.floor_load, survey, c.rho_ice, h, further,
+            c.earth_radius if c.latlon else 1.0, near_floor, left, shoal.reach, shoal.draft,
         )  # fmt: skip
-        for b in np.flatnonzero(left).tolist():
-            shoal.survey_around(b, bodies.pose[b], float(reach[b]), float(draft[b]), self.soundings)
-            near_floor[b] = survey.shallow[b]
-        if not near_floor.any():  # else it is looked at more closely
+        if some_left:
+            for b in np.flatnonzero(left).tolist():
+                shoal.survey_around(b, bodies.pose[b], float(shoal.reach[b]), float(shoal.draft[b]), self.soundings)
+                near_floor[b] = survey.shallow[b]
+            some_near = near_floor.any()
+        if not some_near:  # else it is looked at more closely
             self.clearance[0] = min(self.clearance[0], least)
-        return near_floor, reach, shoal
+        return bool(some_near), shoal
 
     def _shoal(self, model: RunState, bodies: Bodies) -> Shoal:
         """Return the survey and the pads of these fragments from the last steps, or begin new ones."""
@@ -194,9 +194,10 @@ class Seabed:
         ``further``: factor of the way for which the floor is watched.
         """
         el, c, forcing = model.elements, model.constants, model.forcing
-        near_floor, reach, shoal = self._find_near(model, bodies, h, further)
-        if not near_floor.any():
+        some_near, shoal = self._find_near(model, bodies, h, further)
+        if not some_near:
             return None
+        near_floor, reach = shoal.near_floor, shoal.reach
         keels, body, step = self._keels(model, bodies, near_floor, shoal), el.body, self._step(model, h)
         rows, f, (lon, lat) = keels.pads.rows, keels.landing, np.empty((2, keels.bodies.size))
         pads = melt_pads(keels.pads, np.sqrt(body.length[rows] * body.width[rows] / keels.size))
@@ -229,7 +230,7 @@ class Seabed:
         further, by_the_floor = 1.0, NO_PAIRS[0]
         model.bonds.flexural_stress[:] = 0.0
         while (f := self._landing(model, bodies, time, h, further)) is not None:
-            flexure = self._run(model, op, h, contact, by_the_floor, f)
+            flexure = self._run(model, linear_pack(op, bodies.twist), h, contact, by_the_floor, f)
             beyond, changed = (f.status == landing.BEYOND).any(), f.hold_change > 1.0
             if not beyond and changed.any() and h <= landing.SHORTEST_PUSHED_STEP * (1.0 + 1e-9):
                 # The floor changes faster than others push: those go as it says, pushed by the mean force.
@@ -378,11 +379,28 @@ class Seabed:
                 "sea floor", where="Model", remedy="Place the berg in deeper water, or set grounding.start to aground",
             )  # fmt: skip
 
+    def loads(self, keel: Keel, aground: Floats) -> Floats:
+        """Return force and torque (N, N, N m) of the floor on the elements, none where it carries none; mark which it does."""
+        force = np.empty((keel.floor_x.size, 3))
+        return force if _fill_loads(keel, aground, force) else force[:0]
+
     def anchors(self, keel: Keel) -> Floats:
         """Return the anchors of the elements on the floor, for sub-steps of contact."""
         floor_anchors = anchors.allocate_anchors(keel.floor_x.size)
         _fill_anchors(keel, self.bed.anchor_way, floor_anchors)
         return floor_anchors
+
+
+@kernel
+def _fill_loads(keel: Keel, aground: Floats, force: Floats) -> bool:
+    """Find the forces of the floor on the elements, and which stand on it; returns whether any does."""
+    any_stands = False
+    for e in range(aground.size):
+        x, y = keel.floor_x[e], keel.floor_y[e]
+        force[e, 0], force[e, 1], force[e, 2] = x, y, keel.floor_arm_x[e] * y - keel.floor_arm_y[e] * x
+        stands = keel.floor_load[e] > 0.0
+        aground[e], any_stands = 1.0 if stands else 0.0, any_stands or stands
+    return any_stands
 
 
 @kernel

@@ -88,18 +88,18 @@ def _add_distances(pose: Floats, last: Floats, radius: Floats, scale: float, tra
 def find_near(
     bodies: Bodies, body: Body, environment: Environment, load: Floats, survey: Survey, rho_ice: float, h: float, further: float,
     scale: float, near_floor: NDArray[np.bool_], left: NDArray[np.bool_], reach: Floats, draft: Floats,
-) -> float:  # fmt: skip
+) -> tuple[float, bool, bool]:  # fmt: skip
     """Mark the fragments that may come near the floor in ``h`` s, and the fragments that may have left the surveyed floor.
 
     Lone bergs by the depth in the middle and the speed of the water, which they may take up; where that is near, the floor is
     surveyed. ``further``: factor of the way; ``scale``: radius of the earth, or 1 in a plane; ``reach``
     takes the way of the step and ``draft`` the deepest keel of each fragment, m. Returns the least clearance in the middle of
-    elements, m.
+    elements, m, and whether any fragment comes near the floor or has left.
     """
-    least = math.inf
+    least, some_near, some_left = math.inf, False, False
     for b in range(near_floor.size):
         twist = bodies.twist[b]
-        draft[b] = -math.inf
+        draft[b], near_floor[b], left[b] = -math.inf, False, False
         reach[b] = further * (h * (math.hypot(twist[0], twist[1]) + survey.radius[b] * abs(twist[2])) + ASIDE)
     for e in range(bodies.body.size):
         b, keel = bodies.body[e], draft_of(body.thickness[e], rho_ice)
@@ -113,7 +113,8 @@ def find_near(
             travelled = _measure_distance(bodies.pose[b], survey.pose[b], survey.radius[b], scale)
             left[b] = not travelled + reach[b] <= survey.distance[b] or draft[b] > survey.draft[b]
             near_floor[b] = survey.shallow[b]
-    return least
+        some_near, some_left = some_near or near_floor[b], some_left or left[b]
+    return least, some_near, some_left
 
 
 class Watch(NamedTuple):
@@ -276,6 +277,10 @@ class Shoal:
         self.survey = _begin_survey(bodies, body, latlon, earth)
         self.floors: dict[int, tuple[Floor, NDArray[np.bool_]]] = {}  # Around each, and where it is shallow
         self.keels: Keels | None = None
+        # Of the last step: which may come near the floor, which have left what is surveyed, their ways and deepest keels, m
+        count = self.survey.lone.size
+        self.near_floor, self.left = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+        self.reach, self.draft = np.zeros(count), np.zeros(count)
         self.ice = b""  # Thickness for which these were cut
 
     def survey_around(self, b: int, pose: Floats, reach: float, draft: float, soundings: Soundings) -> None:
