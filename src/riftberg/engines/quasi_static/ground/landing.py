@@ -876,6 +876,32 @@ def find_largest_change(f: Landing, bodies: Ints, twist: Floats) -> float:
 
 
 @kernel
+def list_landed(f: Landing, h: float) -> tuple[Ints, Ints, Ints, Ints]:
+    """List the fragments that touched the floor in a step of ``h`` s, and their elements; then those that it struck, and theirs.
+
+    It struck those of several elements that went through the step in parts: it may have pressed them harder within it than at its
+    end. What contact presses has its loads from there, or from the equilibrium at the end.
+    """
+    elements = np.empty(f.pads.rows.size, np.int64)
+    landed, struck, struck_elements = np.empty_like(f.bodies), np.empty_like(f.bodies), np.empty_like(elements)
+    n = m = n_elements = m_elements = 0
+    for a in range(f.bodies.size):
+        if f.status[a] != DONE:
+            continue
+        first, last = f.pads.row_start[a], f.pads.row_start[a + 1]
+        is_struck = last - first > 1 and not f.carried[a] and f.shortest[a] < h
+        landed[n], struck[m] = a, a
+        n, m = n + 1, m + 1 if is_struck else m
+        for e in range(first, last):
+            elements[n_elements] = e
+            n_elements += 1
+            if is_struck:
+                struck_elements[m_elements] = e
+                m_elements += 1
+    return landed[:n], elements[:n_elements], struck[:m], struck_elements[:m_elements]
+
+
+@kernel
 def lift_off(keel: Keel) -> None:
     """Clear the effect of the floor on all keels; the yield of the bed stays."""
     keel.floor_load[:] = keel.floor_x[:] = keel.floor_y[:] = keel.floor_arm_x[:] = keel.floor_arm_y[:] = 0.0

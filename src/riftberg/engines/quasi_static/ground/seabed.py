@@ -304,23 +304,19 @@ class Seabed:
         """Write the final loads to the keels; return the motion of the fragments that touched it, as contact."""
         landing.lift_off(model.elements.keel)
         self.clearance[0] = min(self.clearance[0], max(f.clearance.min(), 0.0))
-        landed = f.status == landing.DONE
-        if not landed.any():
+        landed, elements, struck, struck_elements = landing.list_landed(f, h)
+        if not landed.size:
             return None
         landing.write_keels(f, model.elements.keel)
-        self.rubbed += f.rubbed[landed].sum()
-        # What contact presses has its loads from there, or from the equilibrium at the end.
-        elements = np.diff(f.pads.row_start)
-        bonded = landed & (elements > 1) & ~f.carried
-        touched, pressed = np.repeat(landed, elements), np.repeat(bonded, elements)
+        rubbed = f.rubbed[landed]
+        self.rubbed += rubbed.sum()
         peak = PeakContactLoad(
-            f.pads.rows[pressed], f.peak_force[pressed], f.peak_axes[pressed], f.bodies[bonded], f.peak_spin[bonded],
-            f.peak_time[bonded],
+            f.pads.rows[struck_elements], f.peak_force[struck_elements], f.peak_axes[struck_elements], f.bodies[struck],
+            f.peak_spin[struck], f.peak_time[struck],
         )  # fmt: skip
         return SubcycledMotion(
-            f.bodies[landed], f.pads.rows[touched], f.path[landed] / h, f.velocity[landed],
-            np.zeros((np.count_nonzero(landed), 3)), anchors.allocate_anchors(int(touched.sum())), f.rubbed[landed],
-            f.applied[touched], *NO_PAIRS,
+            f.bodies[landed], f.pads.rows[elements], f.path[landed] / h, f.velocity[landed], np.zeros((landed.size, 3)),
+            anchors.allocate_anchors(elements.size), rubbed, f.applied[elements], *NO_PAIRS,
             # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
             max(f.shortest[landed].min(), landing.TOUCH_STEP), peak,
         )  # fmt: skip
