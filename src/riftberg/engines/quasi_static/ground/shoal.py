@@ -35,6 +35,10 @@ ASIDE: Final = 20.0
 """How far forces may take a fragment from its way in a step, m, before it is looked at again."""
 
 
+STILL: Final = 1.0
+"""Way (m) on which the floor under the middle of a square counts as it was found: nobody looks again under a held berg."""
+
+
 class Survey(NamedTuple):
     """Survey of the floor around fragments; one row for each fragment."""
 
@@ -127,7 +131,8 @@ class Watch(NamedTuple):
     travelled: Floats  # Distance that its fragment had gone then, m
     polygon: Ints  # By fragment
     within: Ints  # Place of the square of each polygon
-    chosen: Ints  # Places of those that are asked for in a step come here
+    is_near: NDArray[np.bool_]  # Whether the floor may come near it in the step
+    asked: Ints  # Places of those for which the floor is asked anew come here
     lon: Floats  # And where they are
     lat: Floats
 
@@ -184,41 +189,47 @@ def _list_watched(square: Ints, slope: Floats) -> tuple[Ints, Ints, Ints]:
 
 @kernel
 def _choose_squares(f: Landing, watch: Watch, travelled: Floats, latlon: bool, radius: float) -> int:
-    """List the squares that may come near the floor in a step, by the depth that was found last; returns their number.
+    """Mark the squares that may come near the floor in a step, by the depth that was found last.
 
-    ``travelled``: distance that each fragment has gone since it is watched, m.
+    Lists those that have moved since, and returns their number. ``travelled``: distance that each fragment has gone since it is
+    watched, m.
     """
     pads, count = f.pads, 0
     for n in range(watch.square.size):
         b, slope = watch.body[n], watch.slope[n]
-        rise = slope * (travelled[b] - watch.travelled[n] + 0.75 * pads.side[b] + f.reach[b])
-        if f.reach[b] >= 0.0 and watch.depth[n] + f.lowest[b] - f.deepest[b] < rise + CLEAR:
+        moved = travelled[b] - watch.travelled[n]
+        rise = slope * (moved + 0.75 * pads.side[b] + f.reach[b])
+        watch.is_near[n] = f.reach[b] >= 0.0 and watch.depth[n] + f.lowest[b] - f.deepest[b] < rise + CLEAR
+        if watch.is_near[n] and (moved > STILL or watch.depth[n] == -math.inf):
             ice = pads.ice[watch.square[n]]
             x, y = ice[1] + pads.origin[b, 0], ice[2] + pads.origin[b, 1]
             watch.lon[count], watch.lat[count] = place_points(x, y, f.pose[b], latlon, radius)
-            watch.chosen[count], watch.travelled[n] = n, travelled[b]
+            watch.asked[count], watch.travelled[n] = n, travelled[b]
             count += 1
     return count
 
 
 @kernel
 def _list_candidates(f: Landing, watch: Watch, depth: Floats) -> None:
-    """List the polygons that may touch the floor in a step, by the depth in the middle of the chosen squares."""
-    pads, is_chosen, count, b = f.pads, np.zeros(watch.square.size, np.bool_), 0, 0
+    """List the polygons that may touch the floor in a step, by the depth in the middle of their squares.
+
+    ``depth``: of those that were asked for, m.
+    """
+    pads, count, b = f.pads, 0, 0
     for a in range(f.bodies.size):
         f.clearance[a] += f.lowest[a]
     for n in range(depth.size):
-        is_chosen[watch.chosen[n]], watch.depth[watch.chosen[n]] = True, depth[n]
+        watch.depth[watch.asked[n]] = depth[n]
     for n in range(watch.polygon.size):
         s, k = watch.within[n], watch.polygon[n]
         while b <= watch.body[s]:
             f.polygon_start[b] = count
             b += 1
-        if is_chosen[s]:
+        if watch.is_near[s]:
             a = watch.body[s]
             clear = watch.depth[s] + f.lowest[a] - f.draft[pads.owner[k]]
             f.clearance[a] = min(f.clearance[a], clear)
-            if clear < watch.slope[s] * (0.75 * pads.side[a] + f.reach[a]) + CLEAR:
+            if clear < watch.slope[s] * (STILL + 0.75 * pads.side[a] + f.reach[a]) + CLEAR:
                 f.polygons[count] = k
                 count += 1
     f.polygon_start[b:] = count
@@ -263,7 +274,7 @@ class Keels:
             body = np.searchsorted(pads.square_start, square, side="right") - 1
             self._watch = Watch(
                 square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within,
-                np.empty_like(square), *np.empty((2, square.size)),
+                np.zeros(square.size, np.bool_), np.empty_like(square), *np.empty((2, square.size)),
             )  # fmt: skip
         return self._watch
 
