@@ -114,19 +114,6 @@ def multiply_stacks(a: Floats, b: Floats) -> Floats:
     return np.asarray(_multiply_stacks(a, b))
 
 
-@kernel
-def _solve_stacks(matrix: Floats, right: Floats) -> Floats:
-    x = np.empty(right.shape)
-    for t in range(matrix.shape[0]):
-        x[t] = solve_dense(matrix[t], right[t])
-    return x
-
-
-def solve_stacks(matrix: Floats, right: Floats) -> Floats:
-    """Solve a stack of systems of equations, one by one."""
-    return np.asarray(_solve_stacks(np.ascontiguousarray(matrix), np.ascontiguousarray(right)))
-
-
 def multiply(a: Floats, b: Floats) -> Floats:
     """Return the product of a matrix, or a stack of some, and another matrix or a vector."""
     return np.asarray(np.einsum("...ij,jk->...ik" if b.ndim == 2 else "...ij,j->...i", a, b))

@@ -22,13 +22,14 @@ releases is never negative, and the order of breaks does not matter.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.engines.quasi_static.lattice.cells import Booleans, CellMesh
-from riftberg.engines.quasi_static.lattice.dense import multiply_stacks, solve_stacks
+from riftberg.physics.geometry import solve
 from riftberg.state import Floats, Ints
 
 DRILLING = 0.3
@@ -70,12 +71,13 @@ def find_triangles(
     ``vertex``: positions of the vertices, m, shape (triangles, 3, 2); ``freed``: shape (triangles, 3).
     """
     triangles = Triangles(np.empty((len(vertex), 9, 9)), np.empty((len(vertex), 3, 9)))
-    is_whole = ~freed.any(axis=1)  # nearly all, which have nothing to condense
-    for inner, rows in ((0, np.flatnonzero(is_whole)), (3, np.flatnonzero(~is_whole))):
-        if rows.size:
-            matrices = _condense_edges(vertex[rows], freed[rows], youngs, poisson, drilling, inner)[0]
-            triangles.stiffness[rows], triangles.stress[rows] = matrices
+    _fill_triangles(vertex, freed, *_elasticity(youngs, poisson, drilling), triangles.stiffness, triangles.stress)
     return triangles
+
+
+def _elasticity(youngs: float, poisson: float, drilling: float) -> tuple[Floats, float]:
+    """Return plane stress by strain (Pa), and 2 c of the energy without weight, area and thickness (Pa)."""
+    return plane_stress(youngs, poisson), drilling * 0.5 * youngs / (1.0 + poisson) / 6.0
 
 
 class LaidTriangles(NamedTuple):
@@ -107,63 +109,188 @@ class LaidTriangles(NamedTuple):
 
 def find_open_edges(vertex: Floats, freed: Booleans, youngs: float, poisson: float) -> tuple[Triangles, OpenEdges]:
     """Find the matrices of triangles, and how their freed edges close; arguments as of `find_triangles`."""
-    triangles, elongation, stretch, inner_stiffness, stress = _condense_edges(
-        vertex, freed, youngs, poisson, DRILLING, 3
-    )
-    of_freed = freed[:, :, None] & freed[:, None, :]
-    give = solve_stacks(inner_stiffness, np.broadcast_to(np.eye(3), inner_stiffness.shape)) * of_freed
-    return triangles, OpenEdges(elongation - stretch, give, stress)
+    count = len(vertex)
+    triangles = Triangles(np.empty((count, 9, 9)), np.empty((count, 3, 9)))
+    edges = OpenEdges(np.empty((count, 3, 9)), np.empty((count, 3, 3)), np.empty((count, 3, 3)))
+    _fill_open_edges(vertex, freed, *_elasticity(youngs, poisson, DRILLING), *triangles, *edges)
+    return triangles, edges
 
 
-def _condense_edges(
-    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float, inner: int
-) -> tuple[Triangles, Floats, Floats, Floats, Floats]:
-    """Matrices of triangles; their elongations q and z by displacements, stiffness of the inner unknowns, stress by z.
+class _Condensation(NamedTuple):
+    """One triangle while its freed edges are condensed out; x: its nine freedoms, s: the inner unknowns of freed edges."""
 
-    ``inner``: inner unknowns of each triangle, 3, or 0 where no edge is freed.
-    """
-    count, size = len(vertex), 9 + inner
-    edge = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
-    length = np.sqrt((edge**2).sum(axis=2))
-    tx, ty = edge[..., 0] / length, edge[..., 1] / length
+    elongation: Floats  # q by x; shape (3, 9)
+    turn: Floats  # r by x; shape (3, 9)
+    strain: Floats  # xx, yy and twice xy by q; shape (3, 3)
+    pull: Floats  # Stress xx, yy, xy by q; shape (3, 3)
+    natural: Floats  # k by z; shape (3, 3)
+    z: Floats  # By x and s; shape (3, 12)
+    drilled: Floats  # theta - r + m of one end of an edge, by x and s; shape (12,)
+    energy: Floats  # Twice W by x and s; shape (12, 12)
+    least: Floats  # s by x where W is least; shape (3, 9)
+    stretch: Floats  # z by x then; shape (3, 9)
+    give: Floats  # Inverse of the stiffness of s; shape (3, 3)
 
-    # Elongations, turns and rotations of the ends of each edge by the nine freedoms, and by three inner unknowns s, which
-    # only freed edges have.
-    elongation, turn, rotation = np.zeros((count, 3, 9)), np.zeros((count, 3, size)), np.zeros((3, 2, size))
+
+@kernel
+def _allocate_condensation() -> _Condensation:
+    return _Condensation(
+        np.empty((3, 9)), np.empty((3, 9)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 12)), np.empty(12),
+        np.empty((12, 12)), np.empty((3, 9)), np.empty((3, 9)), np.empty((3, 3)),
+    )  # fmt: skip
+
+
+@kernel
+def _invert(a: Floats, out: Floats) -> None:
+    """Invert a matrix of 3 x 3."""
+    unit = np.zeros(3)
+    for n in range(3):
+        unit[n] = 1.0
+        out[0, n], out[1, n], out[2, n] = solve(a, unit)
+        unit[n] = 0.0
+
+
+@kernel
+def _describe_edges(vertex: Floats, elastic: Floats, t: _Condensation) -> None:
+    """Find elongations and turns of the edges of a triangle, and its strain, stress and stiffness by the elongations."""
+    t.elongation[:, :], t.turn[:, :] = 0.0, 0.0
+    along, length = np.empty((3, 3)), np.empty(3)
     for i in range(3):
-        for n, end, sign in ((0, (i + 1) % 3, -1.0), (1, (i + 2) % 3, 1.0)):
-            elongation[:, i, 2 * end], elongation[:, i, 2 * end + 1] = sign * tx[:, i], sign * ty[:, i]
-            turn[:, i, 2 * end], turn[:, i, 2 * end + 1] = (
-                -sign * ty[:, i] / length[:, i],
-                sign * tx[:, i] / length[:, i],
+        j, k = (i + 1) % 3, (i + 2) % 3
+        x, y = vertex[k, 0] - vertex[j, 0], vertex[k, 1] - vertex[j, 1]
+        length[i] = math.sqrt(x * x + y * y)
+        x, y = x / length[i], y / length[i]
+        t.elongation[i, 2 * j], t.elongation[i, 2 * j + 1], t.elongation[i, 2 * k], t.elongation[i, 2 * k + 1] = (
+            -x,
+            -y,
+            x,
+            y,
+        )
+        t.turn[i, 2 * j], t.turn[i, 2 * j + 1] = y / length[i], -x / length[i]
+        t.turn[i, 2 * k], t.turn[i, 2 * k + 1] = -y / length[i], x / length[i]
+        along[i, 0], along[i, 1], along[i, 2] = x * x, y * y, x * y
+    _invert(along, t.strain)
+    for i in range(3):
+        for n in range(3):
+            t.strain[i, n] /= length[n]
+    for i in range(3):
+        for n in range(3):
+            t.pull[i, n] = (
+                elastic[i, 0] * t.strain[0, n] + elastic[i, 1] * t.strain[1, n] + elastic[i, 2] * t.strain[2, n]
             )
-            rotation[i, n, 6 + end] = 1.0
+    for i in range(3):
+        for n in range(3):
+            t.natural[i, n] = (
+                t.strain[0, i] * t.pull[0, n] + t.strain[1, i] * t.pull[1, n] + t.strain[2, i] * t.pull[2, n]
+            )
 
-    # Strain (xx, yy, 2 xy) by elongations, and the shear m of each edge by elongations.
-    along = np.stack([tx**2, ty**2, tx * ty], axis=2)
-    strain = solve_stacks(along, np.broadcast_to(np.eye(3), along.shape)) / length[:, None, :]
-    edge_shear = multiply_stacks(np.stack([-tx * ty, tx * ty, 0.5 * (tx**2 - ty**2)], axis=2), strain)
-    elastic = plane_stress(youngs, poisson)
-    natural = multiply_stacks(strain.transpose(0, 2, 1), multiply_stacks(elastic, strain))
-    shear_modulus = 0.5 * youngs / (1.0 + poisson)
-    drill = drilling * shear_modulus / 6.0  # 2 c
 
-    # W in the freedoms x and the inner unknowns s: z = q for unfreed edges, z = s for freed ones.
-    is_unfreed, z = (~freed).astype(np.float64), np.zeros((count, 3, size))
-    z[..., :9], z[:, range(inner), range(9, size)] = is_unfreed[:, :, None] * elongation, freed[:, :inner]
-    drilled = rotation - (turn - multiply_stacks(edge_shear, z))[:, :, None]
-    weighted = drilled * (drill * is_unfreed)[:, :, None, None]
-    energy = multiply_stacks(z.transpose(0, 2, 1), multiply_stacks(natural, z))
-    energy += multiply_stacks(drilled.reshape(count, 6, size).transpose(0, 2, 1), weighted.reshape(count, 6, size))
-    stiffness, stretch, ss, stress = energy[:, :9, :9], z[..., :9], energy[:, 9:, 9:], multiply_stacks(elastic, strain)
-    if inner:
-        # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
-        ss += np.eye(3) * (is_unfreed * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
-        xs = energy[:, :9, 9:]
-        least = -solve_stacks(ss, xs.transpose(0, 2, 1))
-        stiffness, stretch = stiffness + multiply_stacks(xs, least), stretch + freed[..., None] * least
-    stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
-    return Triangles(stiffness, multiply_stacks(stress, stretch)), elongation, stretch, ss, stress
+@kernel
+def _add_square(v: Floats, size: int, factor: float, energy: Floats) -> None:
+    """Add the square of a linear form to the energy."""
+    for a in range(size):
+        if v[a] != 0.0:
+            for b in range(size):
+                energy[a, b] += factor * v[a] * v[b]
+
+
+@kernel
+def _fill_energy(freed: Booleans, drill: float, t: _Condensation) -> int:
+    """Find the energy of a triangle by its freedoms and those of its freed edges; returns how many there are."""
+    size = 12 if freed[0] or freed[1] or freed[2] else 9
+    t.z[:, :], t.energy[:, :] = 0.0, 0.0
+    for i in range(3):  # z = q for unfreed edges, z = s for freed ones
+        if freed[i]:
+            t.z[i, 9 + i] = 1.0
+        else:
+            for a in range(9):
+                t.z[i, a] = t.elongation[i, a]
+    for i in range(3):
+        for j in range(3):
+            for a in range(size):
+                factor = t.z[i, a] * t.natural[i, j]
+                if factor != 0.0:
+                    for b in range(size):
+                        t.energy[a, b] += factor * t.z[j, b]
+    for i in range(3):
+        if freed[i]:
+            continue
+        x, y = t.elongation[i, 2 * ((i + 2) % 3)], t.elongation[i, 2 * ((i + 2) % 3) + 1]
+        for a in range(size):  # m - r of the edge
+            t.drilled[a] = 0.0 if a >= 9 else -t.turn[i, a]
+        for n in range(3):
+            shear = x * y * (t.strain[1, n] - t.strain[0, n]) + 0.5 * (x * x - y * y) * t.strain[2, n]
+            for a in range(size):
+                t.drilled[a] += shear * t.z[n, a]
+        for end in ((i + 1) % 3, (i + 2) % 3):
+            t.drilled[6 + end] += 1.0
+            _add_square(t.drilled, size, drill, t.energy)
+            t.drilled[6 + end] -= 1.0
+    return size
+
+
+@kernel
+def _condense_edges(
+    vertex: Floats, freed: Booleans, elastic: Floats, drill: float, t: _Condensation, stiffness: Floats, stress: Floats
+) -> None:  # fmt: skip
+    """Find the stiffness and the stress of one triangle with its freed edges condensed out."""
+    _describe_edges(vertex, elastic, t)
+    size = _fill_energy(freed, drill, t)
+    energy, trace = t.energy, t.natural[0, 0] + t.natural[1, 1] + t.natural[2, 2]
+    t.least[:, :] = 0.0
+    if size > 9:
+        # s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
+        for i in range(3):
+            energy[9 + i, 9 + i] += 0.0 if freed[i] else trace
+        _invert(energy[9:, 9:], t.give)
+        for i in range(3):
+            for a in range(9):
+                for j in range(3):
+                    t.least[i, a] -= t.give[i, j] * energy[a, 9 + j]
+    for i in range(3):
+        for a in range(9):
+            t.stretch[i, a] = t.z[i, a] + (t.least[i, a] if freed[i] else 0.0)
+    for a in range(9):
+        for b in range(9):
+            stiffness[a, b] = energy[a, b]
+            for i in range(3 if size > 9 else 0):
+                stiffness[a, b] += energy[a, 9 + i] * t.least[i, b]
+    for a in range(9):
+        for b in range(a):
+            stiffness[a, b] = stiffness[b, a] = 0.5 * (stiffness[a, b] + stiffness[b, a])
+    for c in range(3):
+        for a in range(9):
+            stress[c, a] = 0.0
+            for i in range(3):
+                stress[c, a] += t.pull[c, i] * t.stretch[i, a]
+
+
+@kernel
+def _fill_triangles(
+    vertex: Floats, freed: Booleans, elastic: Floats, drill: float, stiffness: Floats, stress: Floats
+) -> None:  # fmt: skip
+    """Find the matrices of triangles."""
+    t = _allocate_condensation()
+    for k in range(len(vertex)):
+        _condense_edges(vertex[k], freed[k], elastic, drill, t, stiffness[k], stress[k])
+
+
+# Many arguments: the fields of both results.
+@kernel
+def _fill_open_edges(
+    vertex: Floats, freed: Booleans, elastic: Floats, drill: float, stiffness: Floats, stress: Floats, gap: Floats, give: Floats,
+    pull: Floats,
+) -> None:  # fmt: skip
+    """Find the matrices of triangles of which edges are freed, and those to close these again."""
+    t = _allocate_condensation()
+    for k in range(len(vertex)):
+        _condense_edges(vertex[k], freed[k], elastic, drill, t, stiffness[k], stress[k])
+        for i in range(3):
+            for a in range(9):
+                gap[k, i, a] = t.elongation[i, a] - t.stretch[i, a]
+            for j in range(3):
+                give[k, i, j] = t.give[i, j] if freed[k, i] and freed[k, j] else 0.0
+                pull[k, i, j] = t.pull[i, j]
 
 
 class FaceTables(NamedTuple):
@@ -253,7 +380,8 @@ def find_gap_shares(vertex: Floats, freed: Booleans, faces: Booleans, normal: Fl
     mean = np.where(mean.any(axis=1, keepdims=True), mean, (toward * counts).sum(axis=1))
     mean /= np.hypot(*mean.T)[:, None]
     # No share below 0: without a gap on one edge alone there is none on both, so that no break stores energy.
-    both_shares = solve_stacks(toward.transpose(0, 2, 1), mean[..., None])[..., 0]
+    (x0, y0), (x1, y1), (mx, my) = toward[:, 0].T, toward[:, 1].T, mean.T
+    both_shares = np.column_stack([mx * y1 - x1 * my, x0 * my - mx * y0]) / (x0 * y1 - x1 * y0)[:, None]
     shares[rows[:, None], edge] = np.maximum(both_shares, 0.0)
     return shares
 
