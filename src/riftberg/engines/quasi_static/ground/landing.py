@@ -251,7 +251,7 @@ def begin_step(
     fill_hulls(pads, body.thickness, f.draft, step.bed, f.hull, f.thickness, f.length)
 
 
-@kernel
+@borrower
 def list_corners(f: Landing) -> None:
     """List the corners of the polygons that may touch the floor, each once, and let fragments without any go afloat."""
     pads, count = f.pads, 0
@@ -901,7 +901,7 @@ def list_landed(f: Landing, h: float) -> tuple[Ints, Ints, Ints, Ints]:
     return landed[:n], elements[:n_elements], struck[:m], struck_elements[:m_elements]
 
 
-@kernel
+@borrower
 def lift_off(keel: Keel) -> None:
     """Clear the effect of the floor on all keels; the yield of the bed stays."""
     keel.floor_load[:] = keel.floor_x[:] = keel.floor_y[:] = keel.floor_arm_x[:] = keel.floor_arm_y[:] = 0.0
@@ -909,7 +909,7 @@ def lift_off(keel: Keel) -> None:
     keel.floor_lift[:] = keel.floor_stress[:] = keel.floor_substep[:] = 0.0
 
 
-@kernel
+@borrower
 def write_keels(f: Landing, keel: Keel) -> None:
     """Write what the floor does to the keels of the fragments that touched it."""
     for a in range(f.bodies.size):

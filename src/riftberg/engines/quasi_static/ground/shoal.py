@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
 from riftberg.engines.quasi_static.ground.landing import Landing, allocate_landing, list_corners
 from riftberg.engines.quasi_static.ground.pads import CLEAR, Pads, place_points
@@ -67,7 +67,7 @@ def _begin_survey(bodies: Bodies, body: Body, latlon: bool, earth: float) -> Sur
     )  # fmt: skip
 
 
-@kernel
+@borrower
 def _measure_distance(pose: Floats, other: Floats, reach: float, radius: float) -> float:
     """Way (m) of the farthest point of a fragment, at ``reach`` m from its middle, between two poses."""
     moved = turned = 0.0
@@ -77,7 +77,7 @@ def _measure_distance(pose: Floats, other: Floats, reach: float, radius: float) 
     return radius * math.sqrt(moved) + reach * math.sqrt(turned)
 
 
-@kernel
+@borrower
 def _add_distances(pose: Floats, last: Floats, radius: Floats, scale: float, travelled: Floats) -> None:
     """Add the distances that fragments have gone since their last poses, and keep the new poses."""
     for b in range(travelled.size):
@@ -88,7 +88,7 @@ def _add_distances(pose: Floats, last: Floats, radius: Floats, scale: float, tra
 
 
 # Many arguments: the arrays that it fills.
-@kernel
+@borrower
 def find_near(
     bodies: Bodies, body: Body, environment: Environment, load: Floats, survey: Survey, rho_ice: float, h: float, further: float,
     scale: float, near_floor: NDArray[np.bool_], left: NDArray[np.bool_], reach: Floats, draft: Floats,
@@ -131,7 +131,9 @@ class Watch(NamedTuple):
     travelled: Floats  # Distance that its fragment had gone then, m
     polygon: Ints  # By fragment
     within: Ints  # Place of the square of each polygon
-    is_near: NDArray[np.bool_]  # Whether the floor may come near it in the step
+    start: Ints  # Where the polygons of each fragment begin; shape (fragments + 1,)
+    is_near: NDArray[np.bool_]  # Whether the floor may come near a square in the step
+    any_near: NDArray[np.bool_]  # Whether it may come near any of a fragment
     asked: Ints  # Places of those for which the floor is asked anew come here
     lon: Floats  # And where they are
     lat: Floats
@@ -187,7 +189,7 @@ def _list_watched(square: Ints, slope: Floats) -> tuple[Ints, Ints, Ints]:
     return squares, polygon, within
 
 
-@kernel
+@borrower
 def _choose_squares(f: Landing, watch: Watch, travelled: Floats, latlon: bool, radius: float) -> int:
     """Mark the squares that may come near the floor in a step, by the depth that was found last.
 
@@ -195,11 +197,13 @@ def _choose_squares(f: Landing, watch: Watch, travelled: Floats, latlon: bool, r
     watched, m.
     """
     pads, count = f.pads, 0
+    watch.any_near[:] = False
     for n in range(watch.square.size):
         b, slope = watch.body[n], watch.slope[n]
         moved = travelled[b] - watch.travelled[n]
         rise = slope * (moved + 0.75 * pads.side[b] + f.reach[b])
         watch.is_near[n] = f.reach[b] >= 0.0 and watch.depth[n] + f.lowest[b] - f.deepest[b] < rise + CLEAR
+        watch.any_near[b] = watch.any_near[b] or watch.is_near[n]
         if watch.is_near[n] and (moved > STILL or watch.depth[n] == -math.inf):
             ice = pads.ice[watch.square[n]]
             x, y = ice[1] + pads.origin[b, 0], ice[2] + pads.origin[b, 1]
@@ -209,30 +213,29 @@ def _choose_squares(f: Landing, watch: Watch, travelled: Floats, latlon: bool, r
     return count
 
 
-@kernel
+@borrower
 def _list_candidates(f: Landing, watch: Watch, depth: Floats) -> None:
     """List the polygons that may touch the floor in a step, by the depth in the middle of their squares.
 
     ``depth``: of those that were asked for, m.
     """
-    pads, count, b = f.pads, 0, 0
+    pads, count = f.pads, 0
     for a in range(f.bodies.size):
         f.clearance[a] += f.lowest[a]
     for n in range(depth.size):
         watch.depth[watch.asked[n]] = depth[n]
-    for n in range(watch.polygon.size):
-        s, k = watch.within[n], watch.polygon[n]
-        while b <= watch.body[s]:
-            f.polygon_start[b] = count
-            b += 1
-        if watch.is_near[s]:
-            a = watch.body[s]
+    for a in range(f.bodies.size):
+        f.polygon_start[a] = count
+        for n in range(watch.start[a], watch.start[a + 1] if watch.any_near[a] else watch.start[a]):
+            s, k = watch.within[n], watch.polygon[n]
+            if not watch.is_near[s]:
+                continue
             clear = watch.depth[s] + f.lowest[a] - f.draft[pads.owner[k]]
             f.clearance[a] = min(f.clearance[a], clear)
             if clear < watch.slope[s] * (STILL + 0.75 * pads.side[a] + f.reach[a]) + CLEAR:
                 f.polygons[count] = k
                 count += 1
-    f.polygon_start[b:] = count
+    f.polygon_start[f.bodies.size] = count
     list_corners(f)
 
 
@@ -271,10 +274,14 @@ class Keels:
             self._times[a] = survey.times[b]
         if renewed or self._watch is None:
             square, polygon, within = _list_watched(self._square, self._slope)
-            body = np.searchsorted(pads.square_start, square, side="right") - 1
+            body, start = (
+                np.searchsorted(pads.square_start, square, side="right") - 1,
+                np.searchsorted(polygon, pads.polygon_start),
+            )
             self._watch = Watch(
-                square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within,
-                np.zeros(square.size, np.bool_), np.empty_like(square), *np.empty((2, square.size)),
+                square, body, self._slope[square], np.full(square.size, -np.inf), np.zeros(square.size), polygon, within, start,
+                np.zeros(square.size, np.bool_), np.zeros(self.bodies.size, np.bool_), np.empty_like(square),
+                *np.empty((2, square.size)),
             )  # fmt: skip
         return self._watch
 
