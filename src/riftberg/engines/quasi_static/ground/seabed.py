@@ -117,12 +117,12 @@ class Seabed:
 
     def find_near_floor(self, model: RunState, bodies: Bodies, h: float) -> NDArray[np.bool_]:
         """Which fragments may come near the floor in ``h`` s."""
-        return self._find_near(model, bodies, h, 1.0)[1].near_floor.copy()
+        return self._find_near(model, bodies, h, np.ones(len(bodies.pose)))[1].near_floor.copy()
 
-    def _find_near(self, model: RunState, bodies: Bodies, h: float, further: float) -> tuple[bool, Shoal]:
+    def _find_near(self, model: RunState, bodies: Bodies, h: float, further: Floats) -> tuple[bool, Shoal]:
         """Return whether fragments may come near the floor in ``h`` s, and the survey that says which.
 
-        ``further``: factor of the way for which the floor is watched.
+        ``further``: factors of the ways for which the floor is watched.
         """
         el, c = model.elements, model.constants
         if self._divided != self._footprints.divided:  # the same elements have other pads
@@ -187,11 +187,11 @@ class Seabed:
         return shoal.keels
 
     def _landing(
-        self, model: RunState, bodies: Bodies, time: float, h: float, further: float
+        self, model: RunState, bodies: Bodies, time: float, h: float, further: Floats
     ) -> landing.Landing | None:
         """Prepare the fragments that may touch the floor for a step; None where there are none.
 
-        ``further``: factor of the way for which the floor is watched.
+        ``further``: factors of the ways for which the floor is watched.
         """
         el, c, forcing = model.elements, model.constants, model.forcing
         some_near, shoal = self._find_near(model, bodies, h, further)
@@ -227,7 +227,7 @@ class Seabed:
         taken over it, as a multiple of what it may change in a step. Writes its loads to the keels at the end, and the largest
         bending stress that each bond has borne.
         """
-        further, by_the_floor = 1.0, NO_PAIRS[0]
+        further, by_the_floor = np.ones(len(bodies.pose)), NO_PAIRS[0]
         model.bonds.flexural_stress[:] = 0.0
         while (f := self._landing(model, bodies, time, h, further)) is not None:
             flexure = self._run(model, linear_pack(op, bodies.twist), h, contact, by_the_floor, f)
@@ -240,8 +240,8 @@ class Seabed:
                 model.bonds.flexural_stress[:] = flexure
                 largest = 0.0 if contact is None else landing.find_largest_change(f, contact.bodies, contact.twist)
                 return self._finish(model, f, h), largest
-            further *= 8.0  # a light berg may be taken up by the water
-            if further > FARTHEST:
+            further[f.bodies[f.status == landing.BEYOND]] *= 8.0  # a light berg may be taken up by the water
+            if further.max() > FARTHEST:
                 raise RunError(
                     "the sea floor throws a berg over more than a hundred kilometres in a step: its keel stands far inside the "
                     "floor. Compare thickness and depth, or take a shorter stepping.time_step"
@@ -334,7 +334,7 @@ class Seabed:
             if not new.any():
                 return
             model.forcing.sample(el, model.time)  # the depth under them, by which the near ones are found
-        f = self._landing(model, bodies, model.time, 0.0, 1.0)
+        f = self._landing(model, bodies, model.time, 0.0, np.ones(len(bodies.pose)))
         if f is None:
             return
         if new is not None:  # others have been there
@@ -349,7 +349,7 @@ class Seabed:
     def settle_pieces(self, model: RunState, bodies: Bodies, time: float) -> None:
         """Find the loads of the floor after fragments have parted: each piece floats and bends by itself now."""
         self._footprints.follow(model)  # cracks have divided them
-        f = self._landing(model, bodies, time, 0.0, 1.0)
+        f = self._landing(model, bodies, time, 0.0, np.ones(len(bodies.pose)))
         landing.lift_off(model.elements.keel)
         if f is not None:
             self._press(model, f)

@@ -90,13 +90,13 @@ def _add_distances(pose: Floats, last: Floats, radius: Floats, scale: float, tra
 # Many arguments: the arrays that it fills.
 @borrower
 def find_near(
-    bodies: Bodies, body: Body, environment: Environment, load: Floats, survey: Survey, rho_ice: float, h: float, further: float,
+    bodies: Bodies, body: Body, environment: Environment, load: Floats, survey: Survey, rho_ice: float, h: float, further: Floats,
     scale: float, near_floor: NDArray[np.bool_], left: NDArray[np.bool_], reach: Floats, draft: Floats,
 ) -> tuple[float, bool, bool]:  # fmt: skip
     """Mark the fragments that may come near the floor in ``h`` s, and the fragments that may have left the surveyed floor.
 
     Lone bergs by the depth in the middle and the speed of the water, which they may take up; where that is near, the floor is
-    surveyed. ``further``: factor of the way; ``scale``: radius of the earth, or 1 in a plane; ``reach``
+    surveyed. ``further``: factors of their ways; ``scale``: radius of the earth, or 1 in a plane; ``reach``
     takes the way of the step and ``draft`` the deepest keel of each fragment, m. Returns the least clearance in the middle of
     elements, m, and whether any fragment comes near the floor or has left.
     """
@@ -104,12 +104,12 @@ def find_near(
     for b in range(near_floor.size):
         twist = bodies.twist[b]
         draft[b], near_floor[b], left[b] = -math.inf, False, False
-        reach[b] = further * (h * (math.hypot(twist[0], twist[1]) + survey.radius[b] * abs(twist[2])) + ASIDE)
+        reach[b] = further[b] * (h * (math.hypot(twist[0], twist[1]) + survey.radius[b] * abs(twist[2])) + ASIDE)
     for e in range(bodies.body.size):
         b, keel = bodies.body[e], draft_of(body.thickness[e], rho_ice)
         draft[b], least = max(draft[b], keel), min(least, environment.depth[e] - keel)
         if survey.lone[b]:
-            reach[b] = max(reach[b], further * (h * math.hypot(environment.uo[e], environment.vo[e]) + ASIDE))
+            reach[b] = max(reach[b], further[b] * (h * math.hypot(environment.uo[e], environment.vo[e]) + ASIDE))
             within = math.sqrt(body.length[e] * body.width[e]) + reach[b]
             near_floor[b] = load[e] > 0.0 or environment.depth[e] - keel < STEEPEST * within
     for b in range(near_floor.size):
