@@ -761,7 +761,7 @@ def test_a_knoll_some_kilometres_aside_leaves_the_way_open_on_whichever_side_it_
 
 @pytest.mark.parametrize("gradient", [1e-3, 1e-2])
 def test_a_berg_comes_to_rest_in_some_tens_of_looks_at_the_floor(gradient: float) -> None:
-    """From 0.3 m/s by tenths of its speed down to millimetres a second; held, it needs the middle and the end of a step alone."""
+    """From 0.3 m/s by tenths of its speed down to millimetres a second; held, it needs the middle of a step alone."""
     sea = Floor(lambda x, y: DRAFT - gradient * (x - 1e3))
     berg = Iceberg.rectangle(2e3, 1e3, radius=250.0, thickness=THICKNESS, latlon=False, velocity=(0.3, 0.0))
     p = Parameters(
@@ -774,4 +774,4 @@ def test_a_berg_comes_to_rest_in_some_tens_of_looks_at_the_floor(gradient: float
     assert len(sea.asked) < 2.0 * math.log(0.3 / 1e-3) / math.log(1.1)
     looks = len(sea.asked)
     model.step()
-    assert len(sea.asked) - looks == 2
+    assert len(sea.asked) - looks == 1

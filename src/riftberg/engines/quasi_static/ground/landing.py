@@ -876,11 +876,12 @@ def find_largest_change(f: Landing, bodies: Ints, twist: Floats) -> float:
 
 
 @kernel
-def list_landed(f: Landing, h: float) -> tuple[Ints, Ints, Ints, Ints]:
+def list_landed(f: Landing, h: float, bends: bool) -> tuple[Ints, Ints, Ints, Ints]:
     """List the fragments that touched the floor in a step of ``h`` s, and their elements; then those that it struck, and theirs.
 
     It struck those of several elements that went through the step in parts: it may have pressed them harder within it than at its
-    end. What contact presses has its loads from there, or from the equilibrium at the end.
+    end. What contact presses has its loads from there, or from the equilibrium at the end. ``bends``: whether bending breaks the
+    ice, which is looked for within the step too.
     """
     elements = np.empty(f.pads.rows.size, np.int64)
     landed, struck, struck_elements = np.empty_like(f.bodies), np.empty_like(f.bodies), np.empty_like(elements)
@@ -889,7 +890,7 @@ def list_landed(f: Landing, h: float) -> tuple[Ints, Ints, Ints, Ints]:
         if f.status[a] != DONE:
             continue
         first, last = f.pads.row_start[a], f.pads.row_start[a + 1]
-        is_struck = last - first > 1 and not f.carried[a] and f.shortest[a] < h
+        is_struck = last - first > 1 and not f.carried[a] and (bends or f.shortest[a] < h)
         landed[n], struck[m] = a, a
         n, m = n + 1, m + 1 if is_struck else m
         for e in range(first, last):

@@ -257,7 +257,7 @@ class Seabed:
 
         ``by_the_floor``: those in contact that do not go as that says.
         """
-        flexure, bends = np.zeros(model.bonds.first.size), model.parameters.fracture.flexural_strength is not None
+        flexure, bends = np.zeros(model.bonds.first.size), self._breaks_in_bending(model)
         landing.set_masses(f, op.matrices)
         if contact is not None and landing.carry(f, contact, by_the_floor, op.body, h):
             return flexure  # others need not go through the step in vain
@@ -278,6 +278,11 @@ class Seabed:
             )
         self._check_settled(model, f)
         return flexure
+
+    @staticmethod
+    def _breaks_in_bending(model: RunState) -> bool:
+        """Whether bending breaks the ice."""
+        return model.parameters.fracture.flexural_strength is not None
 
     def _check_settled(self, model: RunState, fragments: landing.Landing) -> None:
         """Refuse a rise that was not found."""
@@ -304,7 +309,7 @@ class Seabed:
         """Write the final loads to the keels; return the motion of the fragments that touched it, as contact."""
         landing.lift_off(model.elements.keel)
         self.clearance[0] = min(self.clearance[0], max(f.clearance.min(), 0.0))
-        landed, elements, struck, struck_elements = landing.list_landed(f, h)
+        landed, elements, struck, struck_elements = landing.list_landed(f, h, self._breaks_in_bending(model))
         if not landed.size:
             return None
         landing.write_keels(f, model.elements.keel)
