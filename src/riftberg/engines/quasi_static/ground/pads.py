@@ -87,10 +87,10 @@ def _cut_strip(polygon: Floats, size: int, column: int, low: float, high: float,
     """Cut a polygon to where a coordinate lies between two values; returns the corners that are left."""
     count = int(cut(room, cut(polygon, size, column, low, 1.0, room), column, high, -1.0, out))
     for n in range(count):  # corners on the lines stand there to the last digit, as those of the polygons beside
-        value = out[n, column]
-        out[n, column] = (
-            low if value - low < SNAP * (high - low) else high if high - value < SNAP * (high - low) else value
-        )
+        if out[n, column] - low < SNAP * (high - low):
+            out[n, column] = low
+        elif high - out[n, column] < SNAP * (high - low):
+            out[n, column] = high
     return count
 
 
