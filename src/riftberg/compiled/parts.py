@@ -142,13 +142,28 @@ class TupleKernel(Kernel):
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel by the address of its arguments."""
+        number, call = self._latest
+        try:  # nearly always they are of the classes of those before
+            result = call(arguments) if number == len(arguments) else self._call_like(arguments)
+        except (UnlikeError, IndexError, TypeError):
+            result = self._call_like(arguments)
+        return _owned(result) if self._returns_arrays else result
+
+    def _call_like(self, arguments: tuple[Any, ...]) -> Any:
+        """Call the code for arguments of these classes, which comes first at the next call."""
         kinds = tuple(map(type, arguments))
         call = self._calls.get(kinds) or self._call_with(kinds, arguments)
         try:
             result = call(arguments)
-        except UnlikeError:
-            result = self._call_with(kinds, arguments)(arguments)
-        return _owned(result) if self._returns_arrays else result
+        except UnlikeError:  # of the same classes, but of other types within
+            call = self._call_with(kinds, arguments)
+            result = call(arguments)
+        self._latest = len(arguments), call
+        return result
+
+    @cached_property
+    def _latest(self) -> tuple[int, Callable[..., Any]]:
+        return -1, self._call_like
 
     @cached_property
     def _calls(self) -> dict[tuple[type, ...], Callable[..., Any]]:
