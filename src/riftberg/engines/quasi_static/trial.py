@@ -259,7 +259,7 @@ class FragmentMotion:
         pressed = np.zeros((0, 3))
         if self.seabed is not None:
             keel = el.keel
-            torque = keel.floor_arm_x * keel.floor_y - keel.floor_arm_y * keel.floor_x
+            torque = keel.floor_arm_x * keel.floor_y - keel.floor_arm_y * keel.floor_x + keel.anchor_torque
             pressed = np.column_stack([keel.floor_x, keel.floor_y, torque])
             op.forcing.aground[:] = el.keel.floor_load > 0.0
         if self.faces is not None and self.faces.pairs.pair.size:

@@ -18,7 +18,7 @@ from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
 from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
-from riftberg.engines.quasi_static.contact import anchors
+from riftberg.engines.quasi_static.contact.anchors import allocate_anchors
 from riftberg.engines.quasi_static.contact.islands import PeakContactLoad, SubcycledMotion
 from riftberg.engines.quasi_static.ground import landing
 from riftberg.engines.quasi_static.ground.pads import (
@@ -29,6 +29,7 @@ from riftberg.engines.quasi_static.ground.pads import (
 from riftberg.engines.quasi_static.ground.press import LIFT
 from riftberg.engines.quasi_static.ground.shoal import Keels, Shoal, find_near
 from riftberg.engines.quasi_static.ground.soundings import DepthSampler, Soundings
+from riftberg.engines.quasi_static.keel_friction import read_anchor
 from riftberg.engines.quasi_static.lattice.dense import multiply
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
 from riftberg.errors import InputError, RunError
@@ -318,7 +319,7 @@ class Seabed:
         )  # fmt: skip
         return SubcycledMotion(
             f.bodies[landed], f.pads.rows[touched], f.path[landed] / h, f.velocity[landed],
-            np.zeros((np.count_nonzero(landed), 3)), anchors.allocate_anchors(int(touched.sum())), f.rubbed[landed],
+            np.zeros((np.count_nonzero(landed), 3)), allocate_anchors(int(touched.sum())), f.rubbed[landed],
             f.applied[touched], *NO_PAIRS,
             # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
             max(f.shortest[landed].min(), landing.TOUCH_STEP), peak,
@@ -380,21 +381,16 @@ class Seabed:
 
     def anchors(self, keel: Keel) -> Floats:
         """Return the anchors of the elements on the floor, for sub-steps of contact."""
-        floor_anchors = anchors.allocate_anchors(keel.floor_x.size)
-        _fill_anchors(keel, self.bed.anchor_way, floor_anchors)
-        return floor_anchors
+        anchors = allocate_anchors(keel.floor_x.size)
+        _fill_anchors(keel, self.bed.anchor_way, anchors)
+        return anchors
 
 
 @kernel
-def _fill_anchors(keel: Keel, anchor_way: float, floor_anchors: Floats) -> None:
+def _fill_anchors(keel: Keel, anchor_way: float, anchors: Floats) -> None:
     """Take the anchors of the elements on the floor from their keels."""
     for e in range(keel.floor_x.size):
-        anchor = floor_anchors[e]
-        anchor[anchors.ANCHOR_X], anchor[anchors.ANCHOR_Y] = keel.anchor_x[e], keel.anchor_y[e]
-        anchor[anchors.STIFFNESS], anchor[anchors.HOLD] = keel.anchor_capacity[e] / anchor_way, keel.floor_hold[e]
-        anchor[anchors.SLOPE_X] = keel.floor_x[e] - keel.anchor_x[e]
-        anchor[anchors.SLOPE_Y] = keel.floor_y[e] - keel.anchor_y[e]
-        anchor[anchors.ARM_X], anchor[anchors.ARM_Y] = keel.floor_arm_x[e], keel.floor_arm_y[e]
+        read_anchor(keel, e, anchor_way, anchors[e])
 
 
 def bent_bonds(
