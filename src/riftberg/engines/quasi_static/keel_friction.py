@@ -32,24 +32,12 @@ from riftberg.state import Floats
 from riftberg.state.variables import Keel
 
 ANCHORS: Final = 13
-(
-    ANCHOR_X,
-    ANCHOR_Y,
-    ANCHOR_TORQUE,
-    LARGEST,
-    STIFFNESS,
-    LIMIT,
-    SLOPE_X,
-    SLOPE_Y,
-    ARM_X,
-    ARM_Y,
-    BASE_XX,
-    BASE_XY,
-    BASE_YY,
-) = range(ANCHORS)
-"""Columns of anchors, one for each element: its friction now (N) and the torque of that (N m), the largest that could hold it since
-it touched (N), the stiffness (N m-1; 0 afloat), the largest friction now (N), the push by the slope of the floor (N), where all
-these act, from the centre of the element (m, east and north), and the variances of the area that holds it (m2, as well)."""
+ANCHOR_X, ANCHOR_Y, ANCHOR_TORQUE, LARGEST, STIFFNESS, LIMIT, SLOPE_X, SLOPE_Y, ARM_X, ARM_Y = range(10)
+BASE_XX, BASE_XY, BASE_YY = range(10, ANCHORS)
+"""Columns of anchors, one for each element: its friction now (N) and the torque of that (N m), the largest that could hold it
+since it touched (N), the stiffness (N m-1; 0 afloat), the largest friction now (N), the push by the slope of the floor (N), where
+all these act, from the centre of the element (m, east and north), and the variances of the area that holds it at the start of
+the step (m2, the same axes)."""
 
 AROUND: Final = 8
 """Patches in each of three rings: bergs that slide and spin go within 1 to 5 % as on many small patches."""
@@ -64,8 +52,8 @@ MOST_TURNS: Final = 60
 """Of Newton's method for the direction of the slip; some five are usual."""
 
 TANGENT, SECANT = 1.0, 0.0
-"""Slope of the friction by the pull: its derivative, or what makes the friction of the pull, ``f = G pull``, and more energy of
-all others (`give_way`)."""
+"""Slope G of the friction by the pull: its derivative; or that with ``G pull`` the friction, and no less energy than the law,
+``pull G pull / 2`` and a constant, at any other pull, so that turns that take it from the last pull settle from any start."""
 
 
 def _disc() -> Floats:
@@ -185,11 +173,10 @@ def find_friction(patches: Floats, slip: Floats, kind: float, friction: Floats, 
 def give_way(
     pull: Floats, limit: float, base: Floats, c: float, s: float, kind: float, friction: Floats, slope: Floats, work: Floats
 ) -> bool:  # fmt: skip
-    """Find what an element holds of a pull (N, N, and N of torque over its radius of gyration), and the slope of that by the pull.
+    """Find what an element holds of a pull (N, N, and torque over its radius of gyration, N), and the slope of that by the pull.
 
     ``limit``: largest friction, N; ``base``: variances of the area, turned by cosine ``c`` and sine ``s``; ``work``: of
-    `allocate_patches`. Returns whether it slips. A secant G has no less energy than the law, ``pull G pull / 2`` and a constant,
-    whatever the pull: turns that take it from the last pull settle from any start.
+    `allocate_patches`; ``kind``: `TANGENT` or `SECANT`. Returns whether it slips.
     """
     count = len(DISC)
     patches, force, n, trial, turn = work[:count], work[count], work[count + 1], work[count + 2], work[count + 3]

@@ -45,7 +45,6 @@ from riftberg.engines.quasi_static.ground.press import (
     PUSH_X,
     PUSH_Y,
     SPREAD_XX,
-    SPREAD_XY,
     SPREAD_YY,
     STRESS,
     YIELD,
@@ -58,9 +57,6 @@ from riftberg.engines.quasi_static.keel_friction import (
     ANCHORS,
     ARM_X,
     ARM_Y,
-    BASE_XX,
-    BASE_XY,
-    BASE_YY,
     LARGEST,
     LIMIT,
     SLOPE_X,
@@ -401,17 +397,11 @@ def _set_slope_force(f: Landing, a: int, e: int, anchor: Floats) -> None:
     anchor[ARM_X], anchor[ARM_Y] = _turned(m, x, y)
     anchor[SLOPE_X], anchor[SLOPE_Y] = _turned(m, load[PUSH_X], load[PUSH_Y])
     anchor[LIMIT], anchor[LARGEST] = load[HOLD], max(anchor[LARGEST], load[HOLD])
-    xx, xy, yy, c, s = load[SPREAD_XX], load[SPREAD_XY], load[SPREAD_YY], m[9], m[10]
-    anchor[BASE_XX], anchor[BASE_YY] = (
-        c * c * xx + s * s * yy - 2.0 * c * s * xy,
-        s * s * xx + c * c * yy + 2.0 * c * s * xy,
-    )
-    anchor[BASE_XY] = c * s * (xx - yy) + (c * c - s * s) * xy
 
 
 @borrower
 def _add_force(m: Floats, anchor: Floats, x: float, y: float, torque: float, net: Floats) -> None:
-    """Add a force of the floor on an element (N), with a torque where it acts (N m), to that on its fragment; ``m``: its levers."""
+    """Add a force of the floor on an element (N), and a torque where it acts, to that on its fragment; ``m``: its levers."""
     by_arm = anchor[ARM_X] * y - anchor[ARM_Y] * x
     for k in range(3):
         net[k] += m[k] * x + m[3 + k] * y + m[6 + k] * by_arm
@@ -858,5 +848,8 @@ def write_keels(f: Landing, keel: Keel) -> None:
                 keel.anchor_x[n], keel.anchor_y[n] = anchor[ANCHOR_X], anchor[ANCHOR_Y]
                 keel.anchor_torque[n], keel.anchor_capacity[n] = anchor[ANCHOR_TORQUE], anchor[LARGEST]
                 keel.floor_x[n], keel.floor_y[n], _ = floor_force(anchor)
-                keel.base_xx[n], keel.base_xy[n], keel.base_yy[n] = anchor[BASE_XX], anchor[BASE_XY], anchor[BASE_YY]
+                c, s, (xx, xy, yy) = f.levers[e, 9], f.levers[e, 10], load[SPREAD_XX : SPREAD_YY + 1]
+                keel.base_xx[n] = c * c * xx - 2.0 * c * s * xy + s * s * yy
+                keel.base_xy[n] = c * s * (xx - yy) + (c * c - s * s) * xy
+                keel.base_yy[n] = s * s * xx + 2.0 * c * s * xy + c * c * yy
                 keel.floor_arm_x[n], keel.floor_arm_y[n] = anchor[ARM_X], anchor[ARM_Y]
