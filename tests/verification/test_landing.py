@@ -295,7 +295,7 @@ def test_a_berg_that_the_bed_holds_stands_like_a_wall_when_it_is_struck(dt: floa
 
     In half an hour it was 196 m. The other comes back at a seventh of its speed: a tenth is what ice gives back, the rest comes
     from the elastic anchors. Both bear the largest force, and the floor takes the impulse. Friction along the faces takes a tenth
-    off the tension (12.0 and 9.2 kPa without); where they locked it added 8.6 kPa, and twice as much with twice the coefficient.
+    off the tension (12.0 and 8.9 kPa without); where they locked it added 8.6 kPa, and twice as much with twice the coefficient.
     """
     model = struck(dt, 0.6)
     first, stress, gap = model.bonds.first < 50, np.zeros(2), math.inf

@@ -422,8 +422,6 @@ def _add_friction(
         find_pull(f.anchors[e], gyration[i], w, spring[i], v, pull)
         for r in range(3):
             friction[i, r] = pull[r]
-            for s in range(3):
-                slope[r, s] = 1.0 if r == s else 0.0
         slides[i] = may_slide and give_way(
             pull, f.loads[e, HOLD], base, m[9], m[10], TANGENT, friction[i], slope, patches
         )  # fmt: skip
@@ -431,6 +429,9 @@ def _add_friction(
             for r in range(3):
                 total[k] += w[r, k] * friction[i, r]
                 for j in range(3):
+                    if not slides[i]:
+                        tangent[k, j] += spring[i] * w[r, k] * w[r, j]
+                        continue
                     for s in range(3):
                         tangent[k, j] += spring[i] * w[r, k] * slope[r, s] * w[s, j]
 

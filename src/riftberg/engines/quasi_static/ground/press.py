@@ -185,7 +185,7 @@ def _rise(q: Floats, x: float, y: float) -> float:
 
 
 @borrower
-def _press_polygon(footing: Footing, p: int, q: Floats, bending: float, top: float) -> tuple[int, float]:
+def _press_polygon(footing: Footing, p: int, q: Floats, bending: float, top: float, sums: Floats) -> tuple[int, float]:
     """Find the integrals of the overlap that rise and bending leave of a polygon; returns its corners and the largest (m)."""
     a, piece, highest = footing.start[p], footing.piece, -math.inf
     size = footing.start[p + 1] - a
@@ -193,7 +193,7 @@ def _press_polygon(footing: Footing, p: int, q: Floats, bending: float, top: flo
         x, y = footing.corner[a + n, 0], footing.corner[a + n, 1]
         piece[n, 0], piece[n, 1], piece[n, 2] = x, y, footing.corner[a + n, 2] - _rise(q, x, y) - bending
         highest = max(highest, piece[n, 2])
-    pressed(piece, size, top, footing.room, footing.sums)
+    pressed(piece, size, top, footing.room, sums)
     return size, highest
 
 
@@ -225,7 +225,7 @@ def _place_loads(
     weight, nearest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
     for m in range(sq.polygons.size):
         i, k = sq.square[m], footing.polygons[sq.polygons[m]]
-        size, highest = _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top)
+        size, highest = _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top, sums)
         polygon[i] = k
         if _bears(sums, min(highest, top), footing.side):
             _add_shape(pads, b, k, per, sums[1] / sums[0], sums[2] / sums[0], sums[0], shape[i])
@@ -306,7 +306,7 @@ def _sum_up(footing: Footing, sq: Squares, q: Floats, top: float, gradient: Floa
         sq.load[i] = sq.elastic[i] = sq.mixed[i, 0] = sq.mixed[i, 1] = sq.mixed[i, 2] = 0.0
     for m in range(sq.polygons.size):
         i = sq.square[m]
-        if _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top)[1] <= 0.0:
+        if _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top, sums)[1] <= 0.0:
             continue
         for n in range(10):
             sums[n] *= footing.stiffness
@@ -456,12 +456,12 @@ def _share_out(
     bent: Floats,
 ) -> None:  # fmt: skip
     """Write the loads on the elements (``loads``) and the polygons (``bent``)."""
-    sums, share, (origin_x, origin_y) = footing.sums, np.full(sq.load.size, -1.0), pads.origin[b]
-    first, last, grips = pads.row_start[b], pads.row_start[b + 1], np.empty(13)
+    sums, share, (origin_x, origin_y) = np.empty(13), np.full(sq.load.size, -1.0), pads.origin[b]
+    first, last = pads.row_start[b], pads.row_start[b + 1]
     moments = np.zeros((last - first, 3))  # of the friction of each element
     for m in range(sq.polygons.size):
         i, p = sq.square[m], sq.polygons[m]
-        size, highest = _press_polygon(footing, p, q, sq.bending[i], footing.top)
+        size, highest = _press_polygon(footing, p, q, sq.bending[i], footing.top, sums)
         if not _bears(sums, min(highest, footing.top), footing.side):
             continue
         load, x, y = bed.stiffness * sums[0], sums[1] / sums[0], sums[2] / sums[0]
@@ -480,11 +480,12 @@ def _share_out(
         element[YIELD] = max(element[YIELD], highest - footing.top)
         bent[p, 0], bent[p, 1], bent[p, 2] = load, sq.bending[i], share[i]
         bent[p, 3], bent[p, 4] = x + origin_x, y + origin_y
-        pressed(footing.piece, size, bed.grip, footing.room, grips)
-        element[HOLD] += bed.friction * bed.stiffness * grips[0]
+        if bed.grip < footing.top:
+            pressed(footing.piece, size, bed.grip, footing.room, sums)
+        element[HOLD] += bed.friction * bed.stiffness * sums[0]
         for n in range(3):
-            moments[e - first, n] += grips[n]
-            element[SPREAD_XX + n] += grips[10 + n]
+            moments[e - first, n] += sums[n]
+            element[SPREAD_XX + n] += sums[10 + n]
     for e in range(first, last):
         if loads[e, LOAD] > 0.0:
             loads[e, LOAD_X] /= loads[e, LOAD]
