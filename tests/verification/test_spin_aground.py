@@ -266,7 +266,7 @@ def test_a_bonded_berg_that_one_element_holds_does_not_creep_in_spin() -> None:
     assert abs(held) < 1e-4
 
 
-def pushed(dt: float) -> Model:
+def pushed(dt: float, current: float = 0.0, lift: float = 0.02) -> Model:
     """A lone berg of 2 x 2 km aground, whose western side the corner of a large berg pushes east, 700 m off its middle."""
     small = Iceberg.from_points(
         [0.0], [0.0], length=2000.0, width=2000.0, thickness=THICKNESS, density=DENSITY, latlon=False
@@ -279,7 +279,7 @@ def pushed(dt: float) -> Model:
         grounding={"law": "seabed", "bending": False, "friction": FRICTION}, fracture={"enabled": False},
         stepping={"time_step": dt}, contact={"friction": 0.0},
     )  # fmt: skip
-    sea = Forcing.uniform((0.0, 0.0), depth=DRAFT - 0.02, latlon=False, latitude=0.0)
+    sea = Forcing.uniform((current, 0.0), depth=DRAFT - lift, latlon=False, latitude=0.0)
     return Model(Iceberg.join([small, large]), sea, parameters)
 
 
@@ -312,3 +312,43 @@ def test_a_base_resists_the_turn_that_another_berg_gives_it(dt: float) -> None:
     way, _, turn = goes(model, round(300.0 / dt), 0)
     assert way > 5.0
     assert turn / way == pytest.approx(pushed_slowly(angle + 0.5 * turn, -700.0 - north), rel=0.07)
+
+
+def spread_on(berg: Iceberg, floor: Any) -> Model:
+    """A berg on a floor in still water, on a plane."""
+    parameters = Parameters(
+        ice={"density": DENSITY}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
+        grounding={"law": "seabed", "bending": False, "friction": FRICTION}, fracture={"enabled": False},
+        stepping={"time_step": 60.0},
+    )  # fmt: skip
+    return Model(berg, Forcing.uniform((0.0, 0.0), latlon=False, latitude=0.0) + floor, parameters)
+
+
+@pytest.mark.parametrize("dt", [300.0, 1800.0])
+def test_a_base_that_holds_what_another_leans_on_it_does_not_creep(dt: float) -> None:
+    """Its torque goes through contact and stands in the state."""
+    model = pushed(dt, current=0.2, lift=0.1)
+    goes(model, round(43200.0 / dt))
+    keel, north, small = model.elements.keel, float(model.elements.lat[0]), slice(0, 1)
+    push = -float(keel.anchor_x[0])
+    assert push > 1e7
+    assert keel.anchor_torque[0] == pytest.approx((-700.0 - north) * push, rel=0.1)
+    _, _, turn = goes(model, 48, small)
+    assert abs(turn) < 3e-6  # as the anchor gives way to what the push changes
+
+
+def test_the_base_of_a_turned_berg_stands_in_the_state_east_and_north() -> None:
+    """As that of a berg which begins where it has come to."""
+    shape: dict[str, Any] = {"radius": 500.0, "thickness": THICKNESS, "density": DENSITY, "latlon": False}
+    floor = Forcing.slope((900.0, 0.0), 90.0, -1e-3, DRAFT, (1.0, 500.0), latlon=False)
+    model = spread_on(Iceberg.rectangle(2000.0, 2000.0, spin=5e-4, **shape), floor)
+    _, _, angle = goes(model, 60)
+    assert abs(model.elements.spin).max() < 5e-5
+    el, fresh = model.elements, {"placement": (float(model.elements.lon.mean()), float(model.elements.lat.mean()))}
+    again = spread_on(Iceberg.rectangle(2000.0, 2000.0, rotation=math.degrees(angle), **fresh, **shape), floor)
+    again.step()
+    assert abs(angle) > 0.1
+    for name in ("base_xx", "base_xy", "base_yy"):
+        one, other = getattr(el.keel, name), getattr(again.elements.keel, name)
+        np.testing.assert_allclose(one, other, rtol=0.02, atol=10.0)
+    assert abs(el.keel.base_xy).max() > 1e3
