@@ -12,8 +12,8 @@ from scipy.optimize import minimize, root
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.compiled.kernels import plain
-from riftberg.engines.quasi_static import keel_friction
 from riftberg.engines.quasi_static.contact import anchors
+from riftberg.engines.quasi_static.keel_friction import lay_patches
 from riftberg.state import new_elements
 
 MASS = np.diag([3e12, 3e12, 4e19])
@@ -62,16 +62,15 @@ def held(pull: np.ndarray, limit: float, base: np.ndarray) -> np.ndarray:
 
     It is |pull - z|^2 / 2 + the dissipation of the patches in z.
     """
-    work = keel_friction.allocate_patches()
-    patches = work[: len(keel_friction.DISC)]
-    keel_friction.lay_patches(base, 1.0, 0.0, patches)
+    patches, radius = np.empty((24, 3)), 0.05  # of a patch
+    lay_patches(base, 1.0, 0.0, patches)
     (x, y, weight), round_off = patches.T, 1e-12
 
     def energy(z: np.ndarray) -> tuple[float, np.ndarray]:
-        slip = np.array([z[0] - y * z[2], z[1] + x * z[2], keel_friction.SPREAD * z[2] + 0.0 * x])
+        slip = np.array([z[0] - y * z[2], z[1] + x * z[2], radius * z[2] + 0.0 * x])
         size = np.sqrt((slip**2).sum(axis=0) + round_off**2)
         u, v, w = slip / size * weight
-        slope = np.array([u.sum(), v.sum(), (x * v - y * u + keel_friction.SPREAD * w).sum()])
+        slope = np.array([u.sum(), v.sum(), (x * v - y * u + radius * w).sum()])
         return float(0.5 * ((pull / limit - z) ** 2).sum() + weight @ size), slope - (pull / limit - z)
 
     best = minimize(energy, pull / limit, jac=True, method="BFGS", options={"gtol": 1e-10})
@@ -103,7 +102,7 @@ def by_turns(
     """Velocity after a sub-step, how many turns it took, and the grip of the last of them."""
     body, guess = np.zeros(len(a), np.int64), old[None].copy()
     now, force, drag, arm = np.zeros((1, 3)), np.empty((1, 3)), np.empty((1, 3, 3)), np.full(1, 3.6e3)
-    grip, patches, scratch = np.empty((len(a), 3, 3)), keel_friction.allocate_patches(), np.empty((4, 3, 3))
+    grip, patches, scratch = np.empty((len(a), 3, 3)), np.empty((36, 3)), np.empty((4, 3, 3))
     plain(anchors.add_floor_force)(a, body, m, now)
     for turn in range(anchors.MOST_TURNS):
         assert plain(anchors.find_grip)(

@@ -51,10 +51,6 @@ SURELY_HELD: Final = 0.8
 MOST_TURNS: Final = 60
 """Of Newton's method for the direction of the slip; some five are usual."""
 
-TANGENT, SECANT = 1.0, 0.0
-"""Slope G of the friction by the pull: its derivative; or that with ``G pull`` the friction, and no less energy than the law,
-``pull G pull / 2`` and a constant, at any other pull, so that turns that take it from the last pull settle from any start."""
-
 
 def _disc() -> Floats:
     """Patches of a disc with unit variances: place and weight; their mean of r^-1, r and r^2 is that of the disc."""
@@ -143,9 +139,9 @@ def lay_patches(base: Floats, c: float, s: float, patches: Floats) -> None:
 
 
 @borrower
-def find_friction(patches: Floats, slip: Floats, kind: float, friction: Floats, slope: Floats) -> float:
-    """Find the friction against a slip (east, north, spin) and its slope, `TANGENT` or `SECANT`; returns the dissipation."""
-    total = 0.0
+def find_friction(patches: Floats, slip: Floats, secant: bool, friction: Floats, slope: Floats) -> float:
+    """Find the friction against a slip (east, north, spin) and its derivative, or secant; returns the dissipation."""
+    total, turns = 0.0, 0.0 if secant else 1.0  # whether the direction of the friction turns with the slip
     friction[:], slope[:, :] = 0.0, 0.0
     for i in range(len(patches)):
         x, y, weight = patches[i, 0], patches[i, 1], patches[i, 2]
@@ -157,12 +153,12 @@ def find_friction(patches: Floats, slip: Floats, kind: float, friction: Floats, 
         friction[0] += weight * u
         friction[1] += weight * v
         friction[2] += weight * turn
-        slope[0, 0] += stiffness * (1.0 - kind * u * u)
-        slope[0, 1] -= stiffness * kind * u * v
-        slope[0, 2] -= stiffness * (y + kind * u * turn)
-        slope[1, 1] += stiffness * (1.0 - kind * v * v)
-        slope[1, 2] += stiffness * (x - kind * v * turn)
-        slope[2, 2] += stiffness * (x * x + y * y + SPREAD * SPREAD - kind * turn * turn)
+        slope[0, 0] += stiffness * (1.0 - turns * u * u)
+        slope[0, 1] -= stiffness * turns * u * v
+        slope[0, 2] -= stiffness * (y + turns * u * turn)
+        slope[1, 1] += stiffness * (1.0 - turns * v * v)
+        slope[1, 2] += stiffness * (x - turns * v * turn)
+        slope[2, 2] += stiffness * (x * x + y * y + SPREAD * SPREAD - turns * turn * turn)
     for i in range(3):
         for j in range(i):
             slope[i, j] = slope[j, i]
@@ -171,12 +167,13 @@ def find_friction(patches: Floats, slip: Floats, kind: float, friction: Floats, 
 
 @borrower
 def give_way(
-    pull: Floats, limit: float, base: Floats, c: float, s: float, kind: float, friction: Floats, slope: Floats, work: Floats
+    pull: Floats, limit: float, base: Floats, c: float, s: float, secant: bool, friction: Floats, slope: Floats, work: Floats
 ) -> bool:  # fmt: skip
-    """Find what an element holds of a pull (N, N, and torque over its radius of gyration, N), and the slope of that by the pull.
+    """Find what an element holds of a pull (N, N, and torque over its radius of gyration, N), and its slope by the pull.
 
     ``limit``: largest friction, N; ``base``: variances of the area, turned by cosine ``c`` and sine ``s``; ``work``: of
-    `allocate_patches`; ``kind``: `TANGENT` or `SECANT`. Returns whether it slips.
+    `allocate_patches`. Returns whether it slips. A ``secant`` G gives the friction, ``G pull``, and no less energy than the law,
+    ``pull G pull / 2`` and a constant, at any other pull: turns that take it from the last pull settle from any start.
     """
     count = len(DISC)
     patches, force, n, trial, turn = work[:count], work[count], work[count + 1], work[count + 2], work[count + 3]
@@ -192,7 +189,7 @@ def give_way(
     size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
     for k in range(3):
         n[k] = force[k] / size
-    slip = size - find_friction(patches, n, TANGENT, surface, curvature)
+    slip = size - find_friction(patches, n, False, surface, curvature)
     for _ in range(MOST_TURNS):
         for i in range(3):
             turn[i] = force[i] - surface[i] - slip * n[i]
@@ -209,7 +206,7 @@ def give_way(
             for k in range(3):
                 trial[k] /= size
             slip = force[0] * trial[0] + force[1] * trial[1] + force[2] * trial[2]
-            slip -= find_friction(patches, trial, TANGENT, surface, curvature)
+            slip -= find_friction(patches, trial, False, surface, curvature)
             if slip >= previous_slip - 1e-14 or share < 1e-6:
                 break
             share *= 0.5
@@ -217,17 +214,18 @@ def give_way(
             n[k] = trial[k]
     if slip <= 0.0:
         return False
-    if kind == SECANT:
-        find_friction(patches, n, SECANT, surface, curvature)
-    # With the slope K of the patches by the slip: K / (K + s) = 1 - s / (K + s). A tangent gives way along n without end.
+    if secant:
+        find_friction(patches, n, True, surface, curvature)
+    # With the slope K of the patches by the slip: K / (K + s) = 1 - s / (K + s). The derivative K gives way along n without end.
+    along = 0.0 if secant else 1.0
     for i in range(3):
         friction[i] = (force[i] - slip * n[i]) * limit
         for j in range(3):
-            matrix[i, j] = curvature[i, j] + kind * n[i] * n[j] + (slip if i == j else 0.0)
+            matrix[i, j] = curvature[i, j] + along * n[i] * n[j] + (slip if i == j else 0.0)
     for j in range(3):
         unit[:] = 0.0
         unit[j] = 1.0
         turn[0], turn[1], turn[2] = solve(matrix, unit)
         for i in range(3):
-            slope[i, j] -= slip * turn[i] + kind * n[i] * n[j] / (1.0 + slip)
+            slope[i, j] -= slip * turn[i] + along * n[i] * n[j] / (1.0 + slip)
     return True

@@ -25,7 +25,6 @@ from riftberg.engines.quasi_static.keel_friction import (
     BASE_XX,
     BASE_YY,
     LIMIT,
-    SECANT,
     STIFFNESS,
     fill_keel_levers,
     find_pull,
@@ -99,7 +98,7 @@ def find_grip(
         any_anchor, k, gyration, base = True, h * a[STIFFNESS], _gyration(a), a[BASE_XX : BASE_YY + 1]
         fill_keel_levers(a, gyration, levers[e], lever)
         find_pull(a, gyration, lever, k, new[b], pull)
-        slips = give_way(pull, a[LIMIT], base, 1.0, 0.0, SECANT, friction, grip[e], patches)
+        slips = give_way(pull, a[LIMIT], base, 1.0, 0.0, True, friction, grip[e], patches)
         floor[b] = max(floor[b], SLIDING if slips else HELD)
         find_pull(a, gyration, lever, k, old[b], pull)
         (x, y, turn), (px, py, torque) = times(grip[e], pull), present_friction(a, gyration)
@@ -146,7 +145,7 @@ def guess_stop(
             continue
         pull[0], pull[1], pull[2] = present_friction(a, gyration)
         base = a[BASE_XX : BASE_YY + 1]
-        if give_way(pull, GIVES_WAY * a[LIMIT], base, 1.0, 0.0, SECANT, friction, slope, patches):
+        if give_way(pull, GIVES_WAY * a[LIMIT], base, 1.0, 0.0, True, friction, slope, patches):
             u, v, w = twist[b, 0], twist[b, 1], arm[b] * twist[b, 2]
             x, y, turn = times(mobility[b], force[b])
             power = u * x + v * y + w * arm[b] * turn

@@ -61,7 +61,6 @@ from riftberg.engines.quasi_static.keel_friction import (
     LIMIT,
     SLOPE_X,
     SLOPE_Y,
-    TANGENT,
     allocate_patches,
     fill_keel_levers,
     find_pull,
@@ -423,7 +422,7 @@ def _add_friction(
         for r in range(3):
             friction[i, r] = pull[r]
         slides[i] = may_slide and give_way(
-            pull, f.loads[e, HOLD], base, m[9], m[10], TANGENT, friction[i], slope, patches
+            pull, f.loads[e, HOLD], base, m[9], m[10], False, friction[i], slope, patches
         )  # fmt: skip
         for k in range(3):
             for r in range(3):
@@ -745,7 +744,7 @@ def _find_friction(f: Landing, a: int, step: Step, change: Floats) -> float:
         base, gyration = load[SPREAD_XX : SPREAD_YY + 1], math.sqrt(load[SPREAD_XX] + load[SPREAD_YY])
         pull[0], pull[1], pull[2] = present_friction(anchor, gyration)
         slides_at = min(slides_at, load[HOLD])
-        if give_way(pull, slides_at, base, m[9], m[10], TANGENT, friction, slope, patches):
+        if give_way(pull, slides_at, base, m[9], m[10], False, friction, slope, patches):
             share = load[HOLD] / slides_at if slides_at > 0.0 else 0.0
             x, y, turn = share * friction[0], share * friction[1], share * friction[2]
             _add_force(m, anchor, x - pull[0], y - pull[1], gyration * (turn - pull[2]), change)
