@@ -352,3 +352,21 @@ def test_the_base_of_a_turned_berg_stands_in_the_state_east_and_north() -> None:
         one, other = getattr(el.keel, name), getattr(again.elements.keel, name)
         np.testing.assert_allclose(one, other, rtol=0.02, atol=10.0)
     assert abs(el.keel.base_xy).max() > 100.0
+
+
+def test_what_bergs_lose_that_push_each_other_over_the_floor_is_the_work_of_friction() -> None:
+    """But for the water and the ice that is crushed; a third of that of friction is against the turn."""
+    model = pushed(60.0)
+    model.advance(steps=15)
+    ledger = model.motion.balance(model, model.remembered)
+    lost = ledger.kinetic_start - ledger.kinetic_now + ledger.work["water"] - ledger.crushed
+    assert ledger.rubbed == pytest.approx(lost, rel=0.025)
+    assert ledger.momentum_error < 1e-12
+
+
+def test_the_torque_of_a_base_loads_the_bonds_about_it() -> None:
+    """By more than water and slope do without it: 1 Pa."""
+    model = propped(1, spin=3e-4)
+    model.advance(steps=3)
+    bonds, middle = model.bonds, int(model.elements.keel.floor_load.argmax())
+    assert np.abs(bonds.shear_stress[(bonds.first == middle) | (bonds.second == middle)]).min() > 50.0
