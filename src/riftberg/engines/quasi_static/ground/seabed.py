@@ -390,7 +390,8 @@ class Seabed:
 def _fill_anchors(keel: Keel, anchor_way: float, anchors: Floats) -> None:
     """Take the anchors of the elements on the floor from their keels."""
     for e in range(keel.floor_x.size):
-        read_anchor(keel, e, anchor_way, anchors[e])
+        if keel.anchor_capacity[e] > 0.0:
+            read_anchor(keel, e, anchor_way, anchors[e])
 
 
 def bent_bonds(
