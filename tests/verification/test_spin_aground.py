@@ -312,6 +312,12 @@ def test_a_base_resists_the_turn_that_another_berg_gives_it(dt: float) -> None:
     way, _, turn = goes(model, round(300.0 / dt), 0)
     assert way > 5.0
     assert turn / way == pytest.approx(pushed_slowly(angle + 0.5 * turn, -700.0 - north), rel=0.07)
+    # What brakes it stands in the state: friction of each patch against its velocity.
+    el, (x, y) = model.elements, patches(4e6, 100)
+    u, v = el.u[0] - el.spin[0] * y, el.v[0] + el.spin[0] * x
+    size = np.hypot(u, v)
+    brake = el.keel.floor_hold[0] * np.array([-(u / size).mean(), -((x * v - y * u) / size).mean()])
+    np.testing.assert_allclose([el.keel.anchor_x[0], el.keel.anchor_torque[0]], brake, rtol=0.1)
 
 
 def spread_on(berg: Iceberg, floor: Any) -> Model:
