@@ -109,6 +109,16 @@ def test_way_depends_on_neither_elements_nor_step(radius: float, dt: float) -> N
     assert other == pytest.approx(usual_way(), rel=1e-3 if dt == 600.0 else 3e-3)
 
 
+def test_a_front_that_lands_askew_turns_the_berg_alike_with_any_elements() -> None:
+    """Bug: with elements of 3 km, whose friction acted at points, it turned by 1.35 degrees in place of 1.15."""
+    turns = []
+    for radius in (1500.0, 750.0):
+        model = berg_model(floor=rising(5.0), sediment="rock", radius=radius)
+        assert way(model) == pytest.approx(617.0, rel=0.003)
+        turns.append(math.degrees(model.elements.rotation[0]))
+    assert turns == pytest.approx([1.146, 1.146], rel=0.01)
+
+
 @pytest.mark.parametrize(("modulus", "metres", "load"), [(9e9, 556.0, 4.92e9), (1e9, 873.0, 3.78e9)])
 def test_corner_lands_as_an_elastic_plate(modulus: float, metres: float, load: float) -> None:
     """Bug: soft ice bore 16 % too much on its corner."""
@@ -295,7 +305,7 @@ def test_a_berg_that_the_bed_holds_stands_like_a_wall_when_it_is_struck(dt: floa
 
     In half an hour it was 196 m. The other comes back at a seventh of its speed: a tenth is what ice gives back, the rest comes
     from the elastic anchors. Both bear the largest force, and the floor takes the impulse. Friction along the faces takes a tenth
-    off the tension (12.0 and 9.2 kPa without); where they locked it added 8.6 kPa, and twice as much with twice the coefficient.
+    off the tension (12.0 and 8.9 kPa without); where they locked it added 8.6 kPa, and twice as much with twice the coefficient.
     """
     model = struck(dt, 0.6)
     first, stress, gap = model.bonds.first < 50, np.zeros(2), math.inf
@@ -307,7 +317,7 @@ def test_a_berg_that_the_bed_holds_stands_like_a_wall_when_it_is_struck(dt: floa
     assert 0.1 < -el.u[:50].mean() / 0.2 < 0.2
     assert np.abs(el.u[50:]).max() < 1e-6
     assert gap > -5.0
-    assert stress == pytest.approx([10.85e3, 8.74e3], rel=0.005)  # to which ever shorter sub-steps lead, too
+    assert stress == pytest.approx([10.85e3, 8.43e3], rel=0.005)  # to which ever shorter sub-steps lead, too
     ledger = model.motion.balance(model, model.remembered)
     given = (el.mass[:50] * (el.u[:50] - 0.2)).sum()
     water, floor = (ledger.impulse[name][0] for name in ("water", "sea_floor"))

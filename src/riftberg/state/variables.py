@@ -297,11 +297,14 @@ class Keel(NamedTuple):
     ]
     anchor_x: Annotated[Floats, _is("N", "eastward friction that anchors the keel")]
     anchor_y: Annotated[Floats, _is("N", "northward friction that anchors the keel")]
-    anchor_torque: Annotated[Floats, _is("N m", "torque of the friction that anchors the keel of a lone element")]
+    anchor_torque: Annotated[Floats, _is("N m", "torque of the friction that anchors the keel")]
     anchor_capacity: Annotated[
         Floats, _is("N", "largest friction that could hold the keel since it touched the floor last")
     ]
     floor_hold: Annotated[Floats, _is("N", "largest friction that can hold the keel now")]
+    base_xx: Annotated[Floats, _is("m2", "variance eastward of the area by which the floor holds the keel")]
+    base_xy: Annotated[Floats, _is("m2", "its covariance eastward and northward")]
+    base_yy: Annotated[Floats, _is("m2", "its variance northward")]
     floor_lift: Annotated[Floats, _is("m", "largest rise of the keel above its floating draft")]
     floor_stress: Annotated[Floats, _is("Pa", "largest bending stress of the ice that the floor lifts")]
     floor_yield: Annotated[

@@ -1,12 +1,12 @@
 """Friction of the sea floor on fragments that others press, in the sub-steps of contact.
 
-The anchors are the ones of `riftberg.engines.quasi_static.ground.landing`. The force of an anchor after a sub-step of h s is
+The anchors are those of `riftberg.engines.quasi_static.keel_friction`. The friction of one after a sub-step of h s is
 
-    f = grip (a - k h v),    grip = min(1, H / |a - k h v|)
+    f = grip (a - k h v)
 
-with its force a before, stiffness k, largest friction H, and the new velocity v of the keel. The grip follows from the
-previous iterate of the velocities, until two iterates agree. Each turn solves a linear problem with more energy than the true
-one (Huber's potential), so the turns converge from any start.
+with its friction a before, stiffness k, and the new velocity v of the keel, each with its torque or spin. The grip is the secant
+of the law at the previous iterate of the velocities, until two iterates agree. Each turn solves a linear problem with more energy
+than the true one, so the turns converge from any start.
 """
 
 from __future__ import annotations
@@ -17,13 +17,23 @@ from typing import Final
 import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
+from riftberg.engines.quasi_static.keel_friction import (
+    ANCHOR_TORQUE,
+    ANCHOR_X,
+    ANCHOR_Y,
+    ANCHORS,
+    BASE_XX,
+    BASE_YY,
+    LIMIT,
+    STIFFNESS,
+    fill_keel_levers,
+    find_pull,
+    floor_force,
+    give_way,
+    present_friction,
+)
+from riftberg.physics.geometry import multiply, times
 from riftberg.state import Floats, Ints
-
-ANCHOR_X, ANCHOR_Y, STIFFNESS, HOLD, SLOPE_X, SLOPE_Y, ARM_X, ARM_Y, GRIP = range(9)
-"""Columns of anchors, one for each element: friction now (N), its stiffness (N m-1), the largest (N), push by the slope of the
-floor (N), where they act, from the centre of the element (m), and the grip of the sub-step."""
-
-COLUMNS: Final = 9
 
 AFLOAT, HELD, SLIDING = range(3)
 """Effect of the floor on a body in a sub-step: none, all its anchors hold, or one of them gives way."""
@@ -43,62 +53,62 @@ MOST_TURNS: Final = 30
 
 def allocate_anchors(elements: int) -> Floats:
     """Return the anchors of elements afloat."""
-    return np.zeros((elements, COLUMNS))
+    return np.zeros((elements, ANCHORS))
 
 
 @kernel
-def _keel_velocity(anchor: Floats, m: Floats, q: Floats) -> tuple[float, float]:
-    """Velocity (m s-1) of the keel where the floor carries it."""
-    w = m[6] * q[0] + m[7] * q[1] + m[8] * q[2]
-    u, v = m[0] * q[0] + m[1] * q[1] + m[2] * q[2], m[3] * q[0] + m[4] * q[1] + m[5] * q[2]
-    return u - anchor[ARM_Y] * w, v + anchor[ARM_X] * w
-
-
-@kernel
-def _add_force(anchor: Floats, m: Floats, x: float, y: float, force: Floats) -> None:
-    """Add a force (N) on the keel to that on its body."""
-    torque = anchor[ARM_X] * y - anchor[ARM_Y] * x
-    for i in range(3):
-        force[i] += m[i] * x + m[3 + i] * y + m[6 + i] * torque
+def rim_speed(twist: Floats, arm: float) -> float:
+    """Upper bound of the speed (m s-1) of the points of a body; or of their acceleration (m s-2)."""
+    return float(math.hypot(twist[0], twist[1]) + arm * abs(twist[2]))
 
 
 @borrower
 def add_floor_force(anchors: Floats, body_of: Ints, levers: Floats, force: Floats) -> None:
     """Add the present force of the floor on the bodies, shape (bodies, 3)."""
     for e in range(body_of.size):
-        a = anchors[e]
-        if a[STIFFNESS] > 0.0:
-            _add_force(a, levers[e], a[ANCHOR_X] + a[SLOPE_X], a[ANCHOR_Y] + a[SLOPE_Y], force[body_of[e]])
+        if anchors[e, STIFFNESS] > 0.0:
+            m, (x, y, torque) = levers[e], floor_force(anchors[e])
+            for i in range(3):
+                force[body_of[e], i] += m[i] * x + m[3 + i] * y + m[6 + i] * torque
 
 
+@kernel
+def _gyration(anchor: Floats) -> float:
+    """Radius of gyration (m) of the area that holds an element."""
+    return math.sqrt(anchor[BASE_XX] + anchor[BASE_YY])
+
+
+# Many arguments: both velocities, and what is found of elements and bodies.
 @borrower
 def find_grip(
-    anchors: Floats, body_of: Ints, levers: Floats, h: float, old: Floats, new: Floats, floor: Ints, force: Floats, drag: Floats
+    anchors: Floats, body_of: Ints, levers: Floats, h: float, old: Floats, new: Floats, floor: Ints, force: Floats, drag: Floats,
+    grip: Floats, patches: Floats, scratch: Floats,
 ) -> bool:  # fmt: skip
     """Find the grip of all anchors at the velocities ``new`` of the bodies, and ``floor``; returns whether there are any.
 
     ``force`` (bodies, 3) takes how the force of the floor after the sub-step would differ from that before at the velocities
-    ``old``, and ``drag`` (bodies, 3, 3) minus its derivative by the velocity.
+    ``old``, ``drag`` (bodies, 3, 3) minus its derivative by the velocity, and ``grip`` (elements, 3, 3) that of the anchors.
     """
-    any_anchor = False
+    any_anchor, lever, product, pull, friction = False, scratch[0], scratch[1], scratch[2, 0], scratch[2, 1]
     force[:, :], drag[:, :, :], floor[:] = 0.0, 0.0, AFLOAT
     for e in range(body_of.size):
-        a, m, b = anchors[e], levers[e], body_of[e]
+        a, b = anchors[e], body_of[e]
         if a[STIFFNESS] == 0.0:
             continue
-        any_anchor, k = True, h * a[STIFFNESS]
-        u, v = _keel_velocity(a, m, new[b])
-        pull = math.hypot(a[ANCHOR_X] - k * u, a[ANCHOR_Y] - k * v)
-        a[GRIP] = a[HOLD] / pull if pull > a[HOLD] else 1.0
-        floor[b] = max(floor[b], HELD if a[GRIP] == 1.0 else SLIDING)
-        k *= a[GRIP]
-        u, v = _keel_velocity(a, m, old[b])
-        grip_change = a[GRIP] - 1.0
-        _add_force(a, m, grip_change * a[ANCHOR_X] - k * u, grip_change * a[ANCHOR_Y] - k * v, force[b])
+        any_anchor, k, gyration, base = True, h * a[STIFFNESS], _gyration(a), a[BASE_XX : BASE_YY + 1]
+        fill_keel_levers(a, gyration, levers[e], lever)
+        find_pull(a, gyration, lever, k, new[b], pull)
+        slips = give_way(pull, a[LIMIT], base, 1.0, 0.0, True, friction, grip[e], patches)
+        floor[b] = max(floor[b], SLIDING if slips else HELD)
+        find_pull(a, gyration, lever, k, old[b], pull)
+        (x, y, turn), (px, py, torque) = times(grip[e], pull), present_friction(a, gyration)
+        x, y, turn = x - px, y - py, turn - torque
+        multiply(grip[e], lever, product)
         for i in range(3):
-            x, y = m[i] - a[ARM_Y] * m[6 + i], m[3 + i] + a[ARM_X] * m[6 + i]
+            force[b, i] += lever[0, i] * x + lever[1, i] * y + lever[2, i] * turn
             for j in range(3):
-                drag[b, i, j] += k * (x * (m[j] - a[ARM_Y] * m[6 + j]) + y * (m[3 + j] + a[ARM_X] * m[6 + j]))
+                for r in range(3):
+                    drag[b, i, j] += k * lever[r, i] * product[r, j]
     return any_anchor
 
 
@@ -107,62 +117,73 @@ def agree(old: Floats, new: Floats, arm: Floats) -> bool:
     """Whether a turn has changed the velocities of the bodies by little."""
     for b in range(new.shape[0]):
         change = math.hypot(new[b, 0] - old[b, 0], new[b, 1] - old[b, 1]) + arm[b] * abs(new[b, 2] - old[b, 2])
-        if change > AGREEMENT[0] * (math.hypot(new[b, 0], new[b, 1]) + arm[b] * abs(new[b, 2])) + AGREEMENT[1]:
+        if change > AGREEMENT[0] * rim_speed(new[b], arm[b]) + AGREEMENT[1]:
             return False
     return True
 
 
 @borrower
-def find_stop(floor: Ints, h: float, old: Floats, new: Floats, stop: Floats) -> None:
+def find_stop(floor: Ints, h: float, old: Floats, new: Floats, arm: Floats, stop: Floats) -> None:
     """Find the stopping times (s) of sliding bodies, if they go on losing speed as in a sub-step of ``h`` s; else infinite."""
     for b in range(floor.size):
-        stop[b] = math.inf
-        speed = math.hypot(new[b, 0], new[b, 1])
-        speed_loss = math.hypot(old[b, 0], old[b, 1]) - speed
+        stop[b], speed = math.inf, rim_speed(new[b], arm[b])
+        speed_loss = rim_speed(old[b], arm[b]) - speed
         if floor[b] == SLIDING and speed_loss > 0.0:
             stop[b] = h * speed / speed_loss
 
 
 @borrower
-def guess_stop(anchors: Floats, body_of: Ints, mobility: Floats, force: Floats, twist: Floats, stop: Floats) -> None:
+def guess_stop(
+    anchors: Floats, body_of: Ints, mobility: Floats, force: Floats, twist: Floats, arm: Floats, stop: Floats, patches: Floats,
+    scratch: Floats,
+) -> None:  # fmt: skip
     """Find the same before the first sub-step, by the ``force`` on the bodies without contact."""
+    pull, friction, slope = scratch[0, 0], scratch[0, 1], scratch[1]
     for e in range(body_of.size):
-        a, b, power = anchors[e], body_of[e], 0.0
-        speed = math.hypot(twist[b, 0], twist[b, 1])
-        if a[STIFFNESS] > 0.0 and speed > 0.0 and math.hypot(a[ANCHOR_X], a[ANCHOR_Y]) > GIVES_WAY * a[HOLD]:
-            for i in range(2):
-                for j in range(3):
-                    power += twist[b, i] * mobility[b, i, j] * force[b, j]
-            stop[b] = -speed * speed / power if power < 0.0 else math.inf
+        a, b, gyration = anchors[e], body_of[e], _gyration(anchors[e])
+        if a[STIFFNESS] == 0.0 or rim_speed(twist[b], arm[b]) == 0.0:
+            continue
+        pull[0], pull[1], pull[2] = present_friction(a, gyration)
+        base = a[BASE_XX : BASE_YY + 1]
+        if give_way(pull, GIVES_WAY * a[LIMIT], base, 1.0, 0.0, True, friction, slope, patches):
+            u, v, w = twist[b, 0], twist[b, 1], arm[b] * twist[b, 2]
+            x, y, turn = times(mobility[b], force[b])
+            power = u * x + v * y + w * arm[b] * turn
+            stop[b] = -(u * u + v * v + w * w) / power if power < 0.0 else math.inf
 
 
 @borrower
-def longest_sliding_step(anchors: Floats, body_of: Ints, twist: Floats, stop: Floats, last_step: float) -> float:
+def longest_sliding_step(
+    anchors: Floats, body_of: Ints, twist: Floats, arm: Floats, stop: Floats, last_step: float
+) -> float:  # fmt: skip
     """Longest sub-step (s) of the bodies that slide over the floor; ``last_step``: the previous one, s."""
     limit = math.inf
     for e in range(body_of.size):
         a, b = anchors[e], body_of[e]
         if a[STIFFNESS] > 0.0 and stop[b] < math.inf:
-            stopping_distance = 0.5 * math.hypot(twist[b, 0], twist[b, 1]) * stop[b]
-            if stopping_distance * a[STIFFNESS] > a[HOLD]:
+            stopping_distance = 0.5 * rim_speed(twist[b], arm[b]) * stop[b]
+            if stopping_distance * a[STIFFNESS] > a[LIMIT]:
                 limit = min(limit, SLIDING_STEP * stop[b], 2.0 * last_step)
     return limit
 
 
-# Many arguments: the twists at both ends and on the way, which differ in contact.
 @borrower
 def drag_anchors(
-    anchors: Floats, body_of: Ints, levers: Floats, h: float, new: Floats, path_twist: Floats, rubbed: Floats
+    anchors: Floats, body_of: Ints, levers: Floats, h: float, grip: Floats, new: Floats, path_twist: Floats, rubbed: Floats,
+    scratch: Floats,
 ) -> None:  # fmt: skip
     """Take the anchors through a sub-step; adds to ``rubbed`` the work of friction on each body, J."""
+    lever, pull = scratch[0], scratch[1, 0]
     for e in range(body_of.size):
-        a, m, b = anchors[e], levers[e], body_of[e]
+        a, b = anchors[e], body_of[e]
         if a[STIFFNESS] == 0.0:
             continue
-        k = h * a[STIFFNESS]
-        u, v = _keel_velocity(a, m, path_twist[b])
-        excess = math.hypot(a[ANCHOR_X] - k * u, a[ANCHOR_Y] - k * v) - a[HOLD]
-        if a[GRIP] < 1.0 and excess > 0.0:
-            rubbed[b] += a[HOLD] * excess / a[STIFFNESS]
-        u, v = _keel_velocity(a, m, new[b])
-        a[ANCHOR_X], a[ANCHOR_Y] = a[GRIP] * (a[ANCHOR_X] - k * u), a[GRIP] * (a[ANCHOR_Y] - k * v)
+        k, gyration = h * a[STIFFNESS], _gyration(a)
+        fill_keel_levers(a, gyration, levers[e], lever)
+        find_pull(a, gyration, lever, k, new[b], pull)
+        x, y, turn = times(grip[e], pull)
+        if grip[e, 0, 0] + grip[e, 1, 1] + grip[e, 2, 2] < 3.0:  # it slips
+            find_pull(a, gyration, lever, k, path_twist[b], pull)
+            work = x * (pull[0] - x) + y * (pull[1] - y) + turn * (pull[2] - turn)
+            rubbed[b] += max(work, 0.0) / a[STIFFNESS]
+        a[ANCHOR_X], a[ANCHOR_Y], a[ANCHOR_TORQUE] = x, y, gyration * turn

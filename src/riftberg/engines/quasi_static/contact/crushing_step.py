@@ -22,6 +22,7 @@ from riftberg.engines.quasi_static.contact.anchors import (
     find_stop,
     guess_stop,
     longest_sliding_step,
+    rim_speed,
 )
 from riftberg.engines.quasi_static.contact.face_forces import (
     SLOW,
@@ -167,8 +168,11 @@ def _integrate_island(
         add_floor_force(result.anchors, island.body_of, island.levers, work.net_force)
         if remaining == dt:
             _find_undisturbed_path(island, twist, dt, work)
-            guess_stop(result.anchors, island.body_of, island.matrices.mobility, work.net_force, twist, work.stop)
-        sliding = longest_sliding_step(result.anchors, island.body_of, twist, work.stop, h)
+            guess_stop(
+                result.anchors, island.body_of, island.matrices.mobility, work.net_force, twist, work.arm, work.stop,
+                work.patches, work.scratch,
+            )  # fmt: skip
+        sliding = longest_sliding_step(result.anchors, island.body_of, twist, work.arm, work.stop, h)
         h = _longest_substep(island, faces, face_state, result, min(remaining, sliding), h, law, work)
         if remaining - h < 1e-9 * dt:
             h = remaining
@@ -176,15 +180,17 @@ def _integrate_island(
         overlaps = _find_velocities(island, faces, face_state, result, media.jacobian, h, law, work)
         find_path_twists(island, face_state, overlaps, twist, work)
         update_faces(island, faces, face_state, overlaps, h, law, work, result)
-        drag_anchors(result.anchors, island.body_of, island.levers, h, work.new, work.path_twist, result.rubbed)
-        find_stop(work.floor, h, twist, work.new, work.stop)
+        drag_anchors(
+            result.anchors, island.body_of, island.levers, h, work.grip, work.new, work.path_twist, result.rubbed, work.scratch
+        )  # fmt: skip
+        find_stop(work.floor, h, twist, work.new, work.arm, work.stop)
         record_peak(island, face_state, overlaps, dt - remaining + h, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
                 media.twist_integral[b, i] += 0.5 * h * (twist[b, i] + work.new[b, i])
                 result.path[b, i] += h * work.path_twist[b, i]
                 twist[b, i] = work.new[b, i]
-            work.travelled[b] += h * _speed_bound(work.path_twist[b], work.arm[b])
+            work.travelled[b] += h * rim_speed(work.path_twist[b], work.arm[b])
         accumulate_floor_impulse(island, result.anchors, h, result.applied)
         elapsed += h
         remaining = remaining - h if remaining > h else 0.0
@@ -207,7 +213,8 @@ def _find_velocities(
     for turn in range(MOST_TURNS):
         copy_twists(work.new, work.guess)
         aground = find_grip(
-            result.anchors, island.body_of, island.levers, h, twist, work.guess, work.floor, work.floor_force, work.floor_drag
+            result.anchors, island.body_of, island.levers, h, twist, work.guess, work.floor, work.floor_force, work.floor_drag,
+            work.grip, work.patches, work.scratch,
         )  # fmt: skip
         find_free_motion(island, jacobian, h, twist, work)
         if turn == 0:
@@ -311,8 +318,8 @@ def _longest_substep(
             work.acceleration[b, i] = 0.0
             for j in range(3):
                 work.acceleration[b, i] += mobility[b, i, j] * work.net_force[b, j]
-        work.speed[b, 0] = _speed_bound(twist[b], work.arm[b])
-        work.speed[b, 1] = _speed_bound(work.acceleration[b], work.arm[b])
+        work.speed[b, 0] = rim_speed(twist[b], work.arm[b])
+        work.speed[b, 1] = rim_speed(work.acceleration[b], work.arm[b])
     fastest, quickest = approach_bound(twist, work.arm), approach_bound(work.acceleration, work.arm)
     for k in range(island.first.size):
         rests = strikes = False
@@ -447,12 +454,6 @@ def _set_pair_apart(faces: Faces, face_state: Floats, k: int) -> None:
     """End the contact of all faces of a pair."""
     for n in range(faces.start[k], faces.start[k + 1]):
         set_apart(face_state[n])
-
-
-@kernel
-def _speed_bound(twist: Floats, arm: float) -> float:
-    """Upper bound of the speed (m s-1) of the points of a body; or of their acceleration (m s-2)."""
-    return float(math.hypot(twist[0], twist[1]) + arm * abs(twist[2]))
 
 
 @kernel

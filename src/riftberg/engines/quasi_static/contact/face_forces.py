@@ -71,6 +71,7 @@ from riftberg.engines.quasi_static.contact.face_states import (
     set_apart,
 )
 from riftberg.engines.quasi_static.contact.islands import Island, IslandResult, record_loads, spin_lever
+from riftberg.engines.quasi_static.keel_friction import allocate_patches
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.physics.geometry import solve
 from riftberg.state import Floats
@@ -147,8 +148,9 @@ def allocate_crushing(island: Island, room: int, pair: PairWorkspace) -> Crushin
         np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
         np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
         pair,
-        np.empty((4, 3, 3)), np.zeros(1), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.empty((bodies, 3)),
-        np.zeros(bodies, np.int64), np.full(bodies, np.inf), allocate_newton(bodies, room),
+        np.empty((4, 3, 3)), np.zeros(1), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.empty((rows, 3, 3)),
+        allocate_patches(), np.empty((bodies, 3)), np.zeros(bodies, np.int64), np.full(bodies, np.inf),
+        allocate_newton(bodies, room),
     )  # fmt: skip
 
 

@@ -114,6 +114,8 @@ class CrushingWorkspace(NamedTuple):
     dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
     floor_force: Floats  # Of `riftberg.engines.quasi_static.contact.anchors.find_grip`; shape (bodies, 3)
     floor_drag: Floats  # shape (bodies, 3, 3)
+    grip: Floats  # Of the anchors; shape (elements, 3, 3)
+    patches: Floats  # Of `riftberg.engines.quasi_static.keel_friction.allocate_patches`
     guess: Floats  # Twists of the turn before; shape (bodies, 3)
     floor: Ints  # Whether the floor holds a body or brakes it (`anchors`); shape (bodies,)
     stop: Floats  # Time in which bodies that slide would stop, s; shape (bodies,)

@@ -139,7 +139,7 @@ class FaceContact:
     ) -> SubcycledMotion | None:
         """Take the bodies that may touch through ``h`` s of sub-steps, and keep the pairs of faces; None where none touch.
 
-        ``anchors``: of the elements on the sea floor (`riftberg.engines.quasi_static.contact.anchors`).
+        ``anchors``: of the elements on the sea floor (`riftberg.engines.quasi_static.keel_friction`).
         """
         el, c, previous_pairs = model.elements, model.constants, self.pairs
         self.forget_pairs()

@@ -37,7 +37,7 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
     outline_force,
     take_elements,
 )
-from riftberg.engines.quasi_static.contact.anchors import ANCHOR_X, ANCHOR_Y, ARM_X, ARM_Y, SLOPE_X, SLOPE_Y, STIFFNESS
+from riftberg.engines.quasi_static.keel_friction import STIFFNESS, floor_force
 from riftberg.parameters import KernelParameters
 from riftberg.physics.elementary import cos, sin
 from riftberg.physics.geometry import multiply, nearest_image, solve, times
@@ -96,7 +96,7 @@ class IslandResult(NamedTuple):
     peak_spin: Floats  # Of the bodies then, rad s-1; shape (bodies,)
     peak_time: Floats  # When that was, s since the start of the step; shape (bodies,)
     impulse: Floats  # Given to the bodies by contact, N s, N s, N m s; shape (bodies, 3)
-    anchors: Floats  # See `riftberg.engines.quasi_static.contact.anchors`; shape (elements, columns)
+    anchors: Floats  # See `riftberg.engines.quasi_static.keel_friction`; shape (elements, columns)
     rubbed: Floats  # Work of friction on the sea floor, J; shape (bodies,)
 
 
@@ -487,11 +487,10 @@ def record_loads(
         if not (island.bonded[b] and size[b] > peak[b]):
             continue
         m, q = island.levers[e], twist[b]
-        floor = result.anchors[e]
-        x, y = floor[ANCHOR_X] + floor[SLOPE_X], floor[ANCHOR_Y] + floor[SLOPE_Y]
+        x, y, torque = floor_force(result.anchors[e])
         result.peak_force[e, 0] = force[e, 0] + contact_force[e, 0] + x
         result.peak_force[e, 1] = force[e, 1] + contact_force[e, 1] + y
-        result.peak_force[e, 2] = force[e, 2] + contact_force[e, 2] + floor[ARM_X] * y - floor[ARM_Y] * x
+        result.peak_force[e, 2] = force[e, 2] + contact_force[e, 2] + torque
         c, s = cos(path[b, 2]), sin(path[b, 2])
         result.peak_axes[e, 0], result.peak_axes[e, 1] = m[9] * c - m[10] * s, m[10] * c + m[9] * s
         result.peak_spin[b] = q[2]
@@ -506,5 +505,6 @@ def accumulate_floor_impulse(island: Island, anchors: Floats, h: float, applied:
     for e in range(island.body_of.size):
         a = anchors[e]
         if a[STIFFNESS] > 0.0:
-            applied[e, SEA_FLOOR, 0] += h * (a[ANCHOR_X] + a[SLOPE_X]) / island.forcing.mass[e]
-            applied[e, SEA_FLOOR, 1] += h * (a[ANCHOR_Y] + a[SLOPE_Y]) / island.forcing.mass[e]
+            x, y, _ = floor_force(a)
+            applied[e, SEA_FLOOR, 0] += h * x / island.forcing.mass[e]
+            applied[e, SEA_FLOOR, 1] += h * y / island.forcing.mass[e]

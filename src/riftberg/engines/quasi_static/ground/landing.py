@@ -2,11 +2,8 @@
 
     M (V1 - V0) = h (G(V) + sum B^T f),    V = (V0 + V1) / 2,    position: by V
 
-with the media G and the forces f of the floor in the middle of the sub-step. Friction is an elastic-plastic anchor at the centre
-of the load of each element: what the keel moves on (at V1: backward Euler, so that a held fragment comes to rest in any step)
-loads it with the stiffness C / anchor way, up to the capacity C. The force is stored, not the way: where a load rises, a stored
-way would push the berg back, and make energy. A lone element has no levers: its anchor holds it against spin, too, by the
-friction of all patches of the area on which it stands (`.patches`).
+with the media G and the forces f of the floor in the middle of the sub-step. Friction is an anchor of each element
+(`riftberg.engines.quasi_static.keel_friction`), at V1: backward Euler, so that a held fragment comes to rest in any step.
 
 A sub-step goes so: ask for the depth in its middle, press the keel onto the floor there, find the velocity after it with the
 friction of that press; ask for the depth at its end, press again. It is accepted if by the greater of both forces the floor
@@ -34,11 +31,9 @@ from riftberg.engines.quasi_static.bodies.dynamics import (
     take_elements,
 )
 from riftberg.engines.quasi_static.bodies.pose import Bodies, fill_levers, move_poses
-from riftberg.engines.quasi_static.contact import anchors
 from riftberg.engines.quasi_static.contact.anchors import GIVES_WAY
 from riftberg.engines.quasi_static.contact.islands import SubcycledMotion
 from riftberg.engines.quasi_static.ground.pads import Pads, fill_hulls, place_points
-from riftberg.engines.quasi_static.ground.patches import give_way, lay_patches
 from riftberg.engines.quasi_static.ground.plate import Plates
 from riftberg.engines.quasi_static.ground.press import (
     HOLD,
@@ -54,6 +49,25 @@ from riftberg.engines.quasi_static.ground.press import (
     STRESS,
     YIELD,
     press,
+)
+from riftberg.engines.quasi_static.keel_friction import (
+    ANCHOR_TORQUE,
+    ANCHOR_X,
+    ANCHOR_Y,
+    ANCHORS,
+    ARM_X,
+    ARM_Y,
+    LARGEST,
+    LIMIT,
+    SLOPE_X,
+    SLOPE_Y,
+    allocate_patches,
+    fill_keel_levers,
+    find_pull,
+    floor_force,
+    give_way,
+    present_friction,
+    read_anchor,
 )
 from riftberg.physics.floating import draft_of
 from riftberg.physics.geometry import solve, times
@@ -91,11 +105,6 @@ HELD_STEP: Final = 1e9
 
 PASSES: Final = 50
 """Of Newton's method for the friction, after which the sub-step is halved."""
-
-ANCHORS: Final = 8
-ANCHOR_X, ANCHOR_Y, ANCHOR_TORQUE, LARGEST, FORCE_X, FORCE_Y, ARM_X, ARM_Y = range(ANCHORS)
-"""Columns of `Landing.anchors`: friction that anchors an element (N) and its torque (N m), the largest that could since it
-touched, force of the floor with that of its slope (N), and where it acts, from the centre of the element (m, east and north)."""
 
 BEGINS, MIDDLE, END, DONE, AFLOAT, BEYOND, TOO_SHORT, UNSETTLED = range(8)
 """Status of a fragment: what it needs the depth for, or how it ended: it touched the floor, or nothing; it went beyond the pads
@@ -147,7 +156,7 @@ class Landing(NamedTuple):
     velocity: Floats  # m s-1
     acceleration: Floats  # In the last sub-step
     touches: Booleans  # Whether it touches the floor
-    anchors: Floats  # shape (elements, columns as above)
+    anchors: Floats  # See `riftberg.engines.quasi_static.keel_friction`; shape (elements, columns)
 
     # The sub-step that is tried
     way: Floats  # To where the depth is asked, m
@@ -162,7 +171,7 @@ class Landing(NamedTuple):
     net: Floats  # Force of the floor, N
     rubs: Floats  # Work of friction, J
     next_velocity: Floats  # At its end, m s-1
-    next_anchors: Floats  # shape (elements, columns as above)
+    next_anchors: Floats  # shape (elements, columns)
 
     # What others do
     push: Floats  # Their force, N
@@ -239,9 +248,7 @@ def begin_step(
             f.deepest[a] = max(f.deepest[a], f.draft[e])
             if near:
                 f.clearance[a] = min(f.clearance[a], depth[row] - f.draft[e])
-            f.anchors[e, ANCHOR_X], f.anchors[e, ANCHOR_Y] = keel.anchor_x[row], keel.anchor_y[row]
-            f.anchors[e, ANCHOR_TORQUE] = keel.anchor_torque[row]
-            f.anchors[e, LARGEST], f.loads[e, HOLD] = keel.anchor_capacity[row], keel.floor_hold[row]
+            read_anchor(keel, row, step.bed.anchor_way, f.anchors[e])
             f.yielded[e] = keel.floor_yield[row]
             f.hold[a] += keel.floor_hold[row]
             stands = stands or keel.floor_load[row] > 0.0 or keel.anchor_x[row] != 0.0 or keel.anchor_y[row] != 0.0
@@ -334,9 +341,8 @@ def carry(f: Landing, contact: SubcycledMotion, by_the_floor: Ints, body: Ints, 
         e = f.pads.row_start[a]
         for n in range(contact.rows.size):  # the elements of a fragment stand in the order of the state in both
             if body[contact.rows[n]] == b:
-                f.anchors[e, ANCHOR_X] = contact.anchors[n, anchors.ANCHOR_X]
-                f.anchors[e, ANCHOR_Y] = contact.anchors[n, anchors.ANCHOR_Y]
-                f.anchors[e, ANCHOR_TORQUE] = 0.0  # others turn it
+                for k in range(ANCHOR_TORQUE + 1):
+                    f.anchors[e, k] = contact.anchors[n, k]
                 f.applied[e] = contact.applied[n]
                 e += 1
         if not _is_watched(f, a, f.path[a]):
@@ -383,85 +389,50 @@ def _turned(m: Floats, x: float, y: float) -> tuple[float, float]:
 
 @borrower
 def _set_slope_force(f: Landing, a: int, e: int, anchor: Floats) -> None:
-    """Find where the floor acts on an element, and how its slope pushes it."""
+    """Find where the floor acts on an element, how much it can hold, and how its slope pushes it."""
     m, load = f.levers[e], f.loads[e]
     x = load[LOAD_X] - f.pads.element[e, 0] - f.pads.origin[a, 0]
     y = load[LOAD_Y] - f.pads.element[e, 1] - f.pads.origin[a, 1]
     anchor[ARM_X], anchor[ARM_Y] = _turned(m, x, y)
-    anchor[FORCE_X], anchor[FORCE_Y] = _turned(m, load[PUSH_X], load[PUSH_Y])
+    anchor[SLOPE_X], anchor[SLOPE_Y] = _turned(m, load[PUSH_X], load[PUSH_Y])
+    anchor[LIMIT], anchor[LARGEST] = load[HOLD], max(anchor[LARGEST], load[HOLD])
 
 
 @borrower
-def _add_force(m: Floats, anchor: Floats, x: float, y: float, net: Floats) -> None:
-    """Add a force of the floor on an element (N) to that on its fragment; ``m``: its levers."""
-    torque = anchor[ARM_X] * y - anchor[ARM_Y] * x
+def _add_force(m: Floats, anchor: Floats, x: float, y: float, torque: float, net: Floats) -> None:
+    """Add a force of the floor on an element (N), and a torque where it acts, to that on its fragment; ``m``: its levers."""
+    by_arm = anchor[ARM_X] * y - anchor[ARM_Y] * x
     for k in range(3):
-        net[k] += m[k] * x + m[3 + k] * y + m[6 + k] * torque
-
-
-@borrower
-def _pull(anchor: Floats, lever: Floats, radius: float, spring: float, v: Floats) -> tuple[float, float, float]:
-    """Force (N) of an anchor that holds while its fragment moves, and its torque over the radius of gyration of its area.
-
-    ``lever``: velocity of the keel, and its spin times the radius, by the velocity of the fragment.
-    """
-    x = anchor[ANCHOR_X] - spring * (lever[0] * v[0] + lever[1] * v[1] + lever[2] * v[2])
-    y = anchor[ANCHOR_Y] - spring * (lever[3] * v[0] + lever[4] * v[1] + lever[5] * v[2])
-    if radius == 0.0:
-        return x, y, 0.0
-    return x, y, anchor[ANCHOR_TORQUE] / radius - spring * (lever[6] * v[0] + lever[7] * v[1] + lever[8] * v[2])
+        net[k] += m[k] * x + m[3 + k] * y + m[6 + k] * by_arm
+        net[k] += m[6 + k] * torque
 
 
 # Many arguments: the sums of Newton's method.
 @borrower
 def _add_friction(
-    f: Landing, loaded: Ints, lever: Floats, spring: Floats, v: Floats, may_slide: bool, friction: Floats, slides: Booleans,
-    total: Floats, tangent: Floats,
+    f: Landing, loaded: Ints, lever: Floats, gyration: Floats, spring: Floats, v: Floats, may_slide: bool, friction: Floats,
+    slides: Booleans, total: Floats, tangent: Floats, room: Floats, patches: Floats,
 ) -> None:  # fmt: skip
     """Find the friction of all anchors at a velocity, and whether they slide; add it up, and minus its slope by the velocity."""
+    pull, slope = room[0], room[1:]
     for i in range(loaded.size):
-        w, limit, fraction, cx, cy = lever[i], f.loads[loaded[i], HOLD], 1.0, 0.0, 0.0
-        x, y, _ = _pull(f.anchors[loaded[i]], w, 0.0, spring[i], v)
-        size = math.hypot(x, y)
-        slides[i] = size > limit and may_slide
-        if slides[i]:
-            fraction, cx, cy = limit / size, x / size, y / size
-        friction[i, 0], friction[i, 1] = fraction * x, fraction * y
-        # Of a sliding anchor the slope of its direction alone.
-        stiffness = spring[i] * fraction
-        xx, xy, yy = stiffness * (1.0 - cx * cx), -stiffness * cx * cy, stiffness * (1.0 - cy * cy)
+        e, w = loaded[i], lever[i]
+        m, base = f.levers[e], f.loads[e, SPREAD_XX : SPREAD_YY + 1]
+        find_pull(f.anchors[e], gyration[i], w, spring[i], v, pull)
+        for r in range(3):
+            friction[i, r] = pull[r]
+        slides[i] = may_slide and give_way(
+            pull, f.loads[e, HOLD], base, m[9], m[10], False, friction[i], slope, patches
+        )  # fmt: skip
         for k in range(3):
-            total[k] += w[k] * friction[i, 0] + w[3 + k] * friction[i, 1]
-            p, q = xx * w[k] + xy * w[3 + k], xy * w[k] + yy * w[3 + k]
-            for j in range(3):
-                tangent[k, j] += p * w[j] + q * w[3 + j]
-
-
-# Many arguments: as above, of one element.
-@kernel
-def _add_patch_friction(
-    anchor: Floats, limit: float, patches: Floats, radius: float, lever: Floats, spring: float, v: Floats, may_slide: bool,
-    friction: Floats, total: Floats, tangent: Floats,
-) -> bool:  # fmt: skip
-    """Do the same for a lone element, whose patches slip each by its own velocity; returns whether they do."""
-    force, slope, slides = np.empty(3), np.zeros((3, 3)), False
-    force[0], force[1], force[2] = _pull(anchor, lever, radius, spring, v)
-    if may_slide:
-        for r in range(3):
-            force[r] /= limit
-        slides = give_way(patches, force, friction, slope)
-        for r in range(3):
-            friction[r] *= limit
-    else:
-        for r in range(3):
-            friction[r], slope[r, r] = force[r], 1.0
-    for k in range(3):
-        for r in range(3):
-            total[k] += lever[3 * r + k] * friction[r]
-            for j in range(3):
-                for s in range(3):
-                    tangent[k, j] += spring * lever[3 * r + k] * slope[r, s] * lever[3 * s + j]
-    return slides
+            for r in range(3):
+                total[k] += w[r, k] * friction[i, r]
+                for j in range(3):
+                    if not slides[i]:
+                        tangent[k, j] += spring[i] * w[r, k] * w[r, j]
+                        continue
+                    for s in range(3):
+                        tangent[k, j] += spring[i] * w[r, k] * slope[r, s] * w[s, j]
 
 
 @stage
@@ -474,24 +445,19 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
     mass, levers = take_elements(forcing, f.pads.rows[first:last]), f.levers[first:last]
     always, body = np.ones(1, np.bool_), np.zeros(last - first, np.int64)
     loaded = first + np.flatnonzero(f.loads[first:last, LOAD] > 0.0)
-    lever, spring, constant = np.empty((loaded.size, 9)), np.empty(loaded.size), f.push[a].copy()
-    friction, slides = np.zeros((loaded.size, 3)), np.zeros(loaded.size, np.bool_)
-    radius, patches = 0.0, np.empty((0, 3))  # of a lone element
+    lever, gyration, spring = np.empty((loaded.size, 3, 3)), np.empty(loaded.size), np.empty(loaded.size)
+    friction, slides, constant = np.zeros((loaded.size, 3)), np.zeros(loaded.size, np.bool_), f.push[a].copy()
+    room, patches = np.empty((4, 3)), allocate_patches()
     f.next_anchors[first:last] = 0.0
     for i in range(loaded.size):
         e = loaded[i]
         m, anchor = f.levers[e], f.next_anchors[e]
+        anchor[LARGEST] = f.anchors[e, LARGEST]
         _set_slope_force(f, a, e, anchor)
-        _add_force(m, anchor, anchor[FORCE_X], anchor[FORCE_Y], constant)
-        for k in range(3):
-            lever[i, k], lever[i, 3 + k] = m[k] - anchor[ARM_Y] * m[6 + k], m[3 + k] + anchor[ARM_X] * m[6 + k]
-        anchor[LARGEST] = max(f.anchors[e, LARGEST], f.loads[e, HOLD])
-        spring[i], spread = dt * anchor[LARGEST] / bed.anchor_way, f.loads[e, SPREAD_XX] + f.loads[e, SPREAD_YY]
-        if spread > 0.0 and f.loads[e, HOLD] > 0.0:
-            radius, (xx, xy, yy) = math.sqrt(spread), f.loads[e, SPREAD_XX : SPREAD_YY + 1]
-            patches = lay_patches(xx, xy, yy, m[9], m[10])
-            for k in range(3):
-                lever[i, 6 + k] = radius * m[6 + k]
+        _add_force(m, anchor, anchor[SLOPE_X], anchor[SLOPE_Y], 0.0, constant)
+        gyration[i] = math.sqrt(f.loads[e, SPREAD_XX] + f.loads[e, SPREAD_YY])
+        fill_keel_levers(anchor, gyration[i], m, lever[i])
+        spring[i] = dt * anchor[LARGEST] / bed.anchor_way
 
     v0, v, new, step = f.velocity[a], f.next_velocity[a], f.velocity[a].copy(), np.zeros(3)
     net, jacobian, twist = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty((1, 3))
@@ -509,13 +475,9 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
             for j in range(3):
                 tangent[k, j] = 0.5 * jacobian[0, k, j]
         # As if all anchors held at first: a fragment that turns about one of them seems to slide by its last velocity.
-        if radius > 0.0:
-            slides[0] = _add_patch_friction(
-                f.anchors[first], f.loads[first, HOLD], patches, radius, lever[0], spring[0], new, passes > 0, friction[0],
-                total, tangent,
-            )  # fmt: skip
-        else:
-            _add_friction(f, loaded, lever, spring, new, passes > 0, friction, slides, total, tangent)
+        _add_friction(
+            f, loaded, lever, gyration, spring, new, passes > 0, friction, slides, total, tangent, room, patches
+        )  # fmt: skip
         acceleration = times(mobility, total)
         for k in range(3):
             r[k] = new[k] - v0[k] - dt * acceleration[k]
@@ -546,26 +508,16 @@ def _solve_friction(f: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: f
         f.net[a, k], twist[0, k] = 0.0, v0[k] + v[k]
     f.slides[a], f.hold[a], f.rubs[a] = False, 0.0, 0.0
     for i in range(loaded.size):
-        anchor, limit = f.next_anchors[loaded[i]], f.loads[loaded[i], HOLD]
-        anchor[ANCHOR_X], anchor[ANCHOR_Y], anchor[ANCHOR_TORQUE] = (
-            friction[i, 0],
-            friction[i, 1],
-            radius * friction[i, 2],
-        )
-        anchor[FORCE_X] += friction[i, 0]
-        anchor[FORCE_Y] += friction[i, 1]
-        _add_force(f.levers[loaded[i]], anchor, anchor[FORCE_X], anchor[FORCE_Y], f.net[a])
-        f.hold[a] += limit
-        for k in range(3):
-            f.net[a, k] += f.levers[loaded[i], 6 + k] * anchor[ANCHOR_TORQUE]
+        anchor, (x, y, turn), pull = f.next_anchors[loaded[i]], friction[i], room[0]
+        anchor[ANCHOR_X], anchor[ANCHOR_Y], anchor[ANCHOR_TORQUE] = x, y, gyration[i] * turn
+        push_x, push_y, _ = floor_force(anchor)
+        _add_force(f.levers[loaded[i]], anchor, push_x, push_y, anchor[ANCHOR_TORQUE], f.net[a])
+        f.hold[a] += anchor[LIMIT]
         if slides[i]:
             # The anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
             f.slides[a] = True
-            x, y, z = _pull(f.anchors[loaded[i]], lever[i], radius, 0.5 * spring[i], twist[0])
-            work = limit * (math.hypot(x, y) - limit)
-            if radius > 0.0:
-                px, py, pz = friction[i]
-                work = px * (x - px) + py * (y - py) + pz * (z - pz)
+            find_pull(f.anchors[loaded[i]], gyration[i], lever[i], 0.5 * spring[i], twist[0], pull)
+            work = x * (pull[0] - x) + y * (pull[1] - y) + turn * (pull[2] - turn)
             f.rubs[a] += max(work, 0.0) * bed.anchor_way / max(anchor[LARGEST], 1e-30)
     return True
 
@@ -737,29 +689,28 @@ def _accept(f: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
     size = 0.0
     for n in range(count):
         anchor, e = f.next_anchors[first + n], first + n
-        accelerations[n, SEA_FLOOR, 0] += anchor[FORCE_X] / mass.mass[n]
-        accelerations[n, SEA_FLOOR, 1] += anchor[FORCE_Y] / mass.mass[n]
+        x, y, _ = floor_force(anchor)
+        accelerations[n, SEA_FLOOR, 0] += x / mass.mass[n]
+        accelerations[n, SEA_FLOOR, 1] += y / mass.mass[n]
         for k in range(len(FORCES)):
             f.applied[e, k, 0] += dt * accelerations[n, k, 0]
             f.applied[e, k, 1] += dt * accelerations[n, k, 1]
         for k in range(ANCHORS):
             f.anchors[e, k] = anchor[k]
         f.yielded[e] = max(f.yielded[e], f.loads[e, YIELD])
-        size += math.hypot(anchor[FORCE_X], anchor[FORCE_Y])
+        size += math.hypot(x, y)
     if size > f.peak[a]:
         f.peak[a], f.peak_spin[a], f.peak_time[a] = size, f.velocity[a, 2], f.time[a]
         for n in range(count):
-            anchor, e = f.next_anchors[first + n], first + n
-            torque = anchor[ARM_X] * anchor[FORCE_Y] - anchor[ARM_Y] * anchor[FORCE_X]
-            f.peak_force[e, 0], f.peak_force[e, 1] = force[n, 0] + anchor[FORCE_X], force[n, 1] + anchor[FORCE_Y]
+            (x, y, torque), e = floor_force(f.next_anchors[first + n]), first + n
+            f.peak_force[e, 0], f.peak_force[e, 1] = force[n, 0] + x, force[n, 1] + y
             f.peak_force[e, 2], f.peak_axes[e, 0], f.peak_axes[e, 1] = force[n, 2] + torque, levers[n, 9], levers[n, 10]
 
 
 @stage
 def _set_down(f: Landing, a: int, step: Step, depth: Floats) -> None:
     """Find the forces of the floor on a fragment where contact has taken it."""
-    first, last, push, change = f.pads.row_start[a], f.pads.row_start[a + 1], f.push[a], np.zeros(3)
-    hold_at_start = f.loads[first:last, HOLD].copy()
+    push, change = f.push[a], np.zeros(3)
     touches = _press(f, a, step.bed, 1.0, depth)
     if f.status[a] == UNSETTLED:
         return
@@ -767,7 +718,7 @@ def _set_down(f: Landing, a: int, step: Step, depth: Floats) -> None:
         f.status[a] = AFLOAT
         return
     # Contact has taken the hold to be that of the start.
-    hold = _find_friction(f, a, step, hold_at_start, change)
+    hold = _find_friction(f, a, step, change)
     acceleration = times(f.mobility[a], change)
     for k in range(3):
         change[k] = step.h * acceleration[k]
@@ -777,28 +728,27 @@ def _set_down(f: Landing, a: int, step: Step, depth: Floats) -> None:
 
 
 @stage
-def _find_friction(f: Landing, a: int, step: Step, hold_at_start: Floats, change: Floats) -> float:
+def _find_friction(f: Landing, a: int, step: Step, change: Floats) -> float:
     """Find the friction of a fragment by its loads where it was sounded; returns what can hold it (N).
 
-    ``hold_at_start``: of the elements so far, N; ``change`` takes by how much the friction has changed, N, N, N m.
+    ``change`` takes by how much the friction has changed, N, N, N m.
     """
-    first, last, total = f.pads.row_start[a], f.pads.row_start[a + 1], 0.0
+    total, pull, friction, slope, patches = 0.0, np.empty(3), np.empty(3), np.empty((3, 3)), allocate_patches()
     _set_levers(f, a, step)
-    for e in range(first, last):
-        anchor, hold = f.anchors[e], f.loads[e, HOLD]
-        total += hold
-        f.yielded[e] = max(f.yielded[e], f.loads[e, YIELD])
-        anchor[LARGEST] = max(anchor[LARGEST], hold)
+    for e in range(f.pads.row_start[a], f.pads.row_start[a + 1]):
+        anchor, m, load, slides_at = f.anchors[e], f.levers[e], f.loads[e], GIVES_WAY * f.anchors[e, LIMIT]
+        total += load[HOLD]
+        f.yielded[e] = max(f.yielded[e], load[YIELD])
         _set_slope_force(f, a, e, anchor)
         # Friction that slides is the hold now, as the next step finds it.
-        size = math.hypot(anchor[ANCHOR_X], anchor[ANCHOR_Y])
-        if size > min(GIVES_WAY * hold_at_start[e - first], hold):
-            x, y = (hold / size - 1.0) * anchor[ANCHOR_X], (hold / size - 1.0) * anchor[ANCHOR_Y]
-            _add_force(f.levers[e], anchor, x, y, change)
-            anchor[ANCHOR_X] += x
-            anchor[ANCHOR_Y] += y
-        anchor[FORCE_X] += anchor[ANCHOR_X]
-        anchor[FORCE_Y] += anchor[ANCHOR_Y]
+        base, gyration = load[SPREAD_XX : SPREAD_YY + 1], math.sqrt(load[SPREAD_XX] + load[SPREAD_YY])
+        pull[0], pull[1], pull[2] = present_friction(anchor, gyration)
+        slides_at = min(slides_at, load[HOLD])
+        if give_way(pull, slides_at, base, m[9], m[10], False, friction, slope, patches):
+            share = load[HOLD] / slides_at if slides_at > 0.0 else 0.0
+            x, y, turn = share * friction[0], share * friction[1], share * friction[2]
+            _add_force(m, anchor, x - pull[0], y - pull[1], gyration * (turn - pull[2]), change)
+            anchor[ANCHOR_X], anchor[ANCHOR_Y], anchor[ANCHOR_TORQUE] = x, y, gyration * turn
     return total
 
 
@@ -825,9 +775,8 @@ def press_all(f: Landing, step: Step, depth: Floats, lon: Floats, lat: Floats) -
         first, at = at, _write_points(f, a, step, f.pose[a], at, lon, lat)
         if depth.size and f.status[a] == BEGINS:
             f.status[a], f.sounded_pose[a] = DONE, f.pose[a]
-            hold_at_start = f.loads[f.pads.row_start[a] : f.pads.row_start[a + 1], HOLD].copy()
             _press(f, a, step.bed, 0.0, depth[first:at])
-            _find_friction(f, a, step, hold_at_start, np.zeros(3))
+            _find_friction(f, a, step, np.zeros(3))
 
 
 @kernel
@@ -907,6 +856,7 @@ def lift_off(keel: Keel) -> None:
     """Clear the effect of the floor on all keels; the yield of the bed stays."""
     keel.floor_load[:] = keel.floor_x[:] = keel.floor_y[:] = keel.floor_arm_x[:] = keel.floor_arm_y[:] = 0.0
     keel.anchor_x[:] = keel.anchor_y[:] = keel.anchor_torque[:] = keel.anchor_capacity[:] = keel.floor_hold[:] = 0.0
+    keel.base_xx[:] = keel.base_xy[:] = keel.base_yy[:] = 0.0
     keel.floor_lift[:] = keel.floor_stress[:] = keel.floor_substep[:] = 0.0
 
 
@@ -924,5 +874,9 @@ def write_keels(f: Landing, keel: Keel) -> None:
             if load[LOAD] > 0.0:
                 keel.anchor_x[n], keel.anchor_y[n] = anchor[ANCHOR_X], anchor[ANCHOR_Y]
                 keel.anchor_torque[n], keel.anchor_capacity[n] = anchor[ANCHOR_TORQUE], anchor[LARGEST]
-                keel.floor_x[n], keel.floor_y[n] = anchor[FORCE_X], anchor[FORCE_Y]
+                keel.floor_x[n], keel.floor_y[n], _ = floor_force(anchor)
+                c, s, (xx, xy, yy) = f.levers[e, 9], f.levers[e, 10], load[SPREAD_XX : SPREAD_YY + 1]
+                keel.base_xx[n] = c * c * xx - 2.0 * c * s * xy + s * s * yy
+                keel.base_xy[n] = c * s * (xx - yy) + (c * c - s * s) * xy
+                keel.base_yy[n] = s * s * xx + 2.0 * c * s * xy + c * c * yy
                 keel.floor_arm_x[n], keel.floor_arm_y[n] = anchor[ARM_X], anchor[ARM_Y]

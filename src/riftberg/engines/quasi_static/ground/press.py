@@ -69,7 +69,7 @@ class Footing(NamedTuple):
     side: float  # Of the pads, m
     piece: Floats  # Room for the corners of a polygon
     room: Floats  # Room for those of what is cut off it
-    sums: Floats  # Its integrals (`pressed`); shape (10,), of a lone element (13,)
+    sums: Floats  # Its integrals (`pressed`); shape (10,)
 
 
 class Squares(NamedTuple):
@@ -90,7 +90,7 @@ PRESSED: Final = 12
 LOAD, LOAD_X, LOAD_Y, HOLD, PUSH_X, PUSH_Y, LIFT, STRESS, YIELD, SPREAD_XX, SPREAD_XY, SPREAD_YY = range(PRESSED)
 """Effect of the floor on an element: load (N), where it acts (m, along the axes of the fragment), largest friction (N), push by
 the slope of the floor (N, the same axes), largest lift of the keel (m), bending stress (Pa), how deep the bed yields (m), and
-the variances of where friction acts (m2, the same axes), of a lone element alone."""
+the variances of where friction acts (m2, the same axes)."""
 
 
 SMOOTH: Final = 0.25
@@ -185,7 +185,7 @@ def _rise(q: Floats, x: float, y: float) -> float:
 
 
 @borrower
-def _press_polygon(footing: Footing, p: int, q: Floats, bending: float, top: float) -> tuple[int, float]:
+def _press_polygon(footing: Footing, p: int, q: Floats, bending: float, top: float, sums: Floats) -> tuple[int, float]:
     """Find the integrals of the overlap that rise and bending leave of a polygon; returns its corners and the largest (m)."""
     a, piece, highest = footing.start[p], footing.piece, -math.inf
     size = footing.start[p + 1] - a
@@ -193,7 +193,7 @@ def _press_polygon(footing: Footing, p: int, q: Floats, bending: float, top: flo
         x, y = footing.corner[a + n, 0], footing.corner[a + n, 1]
         piece[n, 0], piece[n, 1], piece[n, 2] = x, y, footing.corner[a + n, 2] - _rise(q, x, y) - bending
         highest = max(highest, piece[n, 2])
-    pressed(piece, size, top, footing.room, footing.sums)
+    pressed(piece, size, top, footing.room, sums)
     return size, highest
 
 
@@ -225,7 +225,7 @@ def _place_loads(
     weight, nearest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
     for m in range(sq.polygons.size):
         i, k = sq.square[m], footing.polygons[sq.polygons[m]]
-        size, highest = _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top)
+        size, highest = _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top, sums)
         polygon[i] = k
         if _bears(sums, min(highest, top), footing.side):
             _add_shape(pads, b, k, per, sums[1] / sums[0], sums[2] / sums[0], sums[0], shape[i])
@@ -306,7 +306,7 @@ def _sum_up(footing: Footing, sq: Squares, q: Floats, top: float, gradient: Floa
         sq.load[i] = sq.elastic[i] = sq.mixed[i, 0] = sq.mixed[i, 1] = sq.mixed[i, 2] = 0.0
     for m in range(sq.polygons.size):
         i = sq.square[m]
-        if _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top)[1] <= 0.0:
+        if _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top, sums)[1] <= 0.0:
             continue
         for n in range(10):
             sums[n] *= footing.stiffness
@@ -456,15 +456,17 @@ def _share_out(
     bent: Floats,
 ) -> None:  # fmt: skip
     """Write the loads on the elements (``loads``) and the polygons (``bent``)."""
-    sums, share, (origin_x, origin_y) = footing.sums, np.full(sq.load.size, -1.0), pads.origin[b]
-    alone, total, mx, my = sums.size > 10, 0.0, 0.0, 0.0
+    sums, share, (origin_x, origin_y) = np.empty(13), np.full(sq.load.size, -1.0), pads.origin[b]
+    first, last = pads.row_start[b], pads.row_start[b + 1]
+    moments = np.zeros((last - first, 3))  # of the friction of each element
     for m in range(sq.polygons.size):
         i, p = sq.square[m], sq.polygons[m]
-        size, highest = _press_polygon(footing, p, q, sq.bending[i], footing.top)
+        size, highest = _press_polygon(footing, p, q, sq.bending[i], footing.top, sums)
         if not _bears(sums, min(highest, footing.top), footing.side):
             continue
         load, x, y = bed.stiffness * sums[0], sums[1] / sums[0], sums[2] / sums[0]
-        element = loads[pads.owner[footing.polygons[p]]]
+        e = pads.owner[footing.polygons[p]]
+        element = loads[e]
         element[LOAD] += load
         element[LOAD_X] += load * (x + origin_x)
         element[LOAD_Y] += load * (y + origin_y)
@@ -481,21 +483,18 @@ def _share_out(
         if bed.grip < footing.top:
             pressed(footing.piece, size, bed.grip, footing.room, sums)
         element[HOLD] += bed.friction * bed.stiffness * sums[0]
-        if alone:
-            total += sums[0]
-            mx += sums[1]
-            my += sums[2]
-            for n in range(3):
-                element[SPREAD_XX + n] += sums[10 + n]
-    for e in range(pads.row_start[b], pads.row_start[b + 1]):
+        for n in range(3):
+            moments[e - first, n] += sums[n]
+            element[SPREAD_XX + n] += sums[10 + n]
+    for e in range(first, last):
         if loads[e, LOAD] > 0.0:
             loads[e, LOAD_X] /= loads[e, LOAD]
             loads[e, LOAD_Y] /= loads[e, LOAD]
-            if alone:
-                x, y = mx / total, my / total
-                loads[e, SPREAD_XX] = max(loads[e, SPREAD_XX] / total - x * x, 0.0)
-                loads[e, SPREAD_XY] = loads[e, SPREAD_XY] / total - x * y
-                loads[e, SPREAD_YY] = max(loads[e, SPREAD_YY] / total - y * y, 0.0)
+            total = moments[e - first, 0]
+            x, y = moments[e - first, 1] / total, moments[e - first, 2] / total
+            loads[e, SPREAD_XX] = max(loads[e, SPREAD_XX] / total - x * x, 0.0)
+            loads[e, SPREAD_XY] = loads[e, SPREAD_XY] / total - x * y
+            loads[e, SPREAD_YY] = max(loads[e, SPREAD_YY] / total - y * y, 0.0)
 
 
 @borrower
@@ -531,7 +530,7 @@ def press(
     footing = Footing(
         polygons, start, np.empty((start[-1], 3)), np.empty((polygons.size, 2)), np.empty(polygons.size), hull, bed.stiffness,
         bed.strength / bed.stiffness, pads.side[b], np.empty((most, 3)), np.empty((most, 3)),
-        np.empty(13 if pads.row_start[b + 1] - pads.row_start[b] == 1 else 10),
+        np.empty(10),
     )  # fmt: skip
     largest, iterations, bends = _lay_planes(pads, footing, depth, sounding, draft, level), 0, length > 0.0
     q[:] = 0.0

@@ -19,7 +19,7 @@ from riftberg.engines.common.run_state import RunState
 from riftberg.engines.quasi_static.bodies.dynamics import BodyOperators
 from riftberg.engines.quasi_static.bodies.linear_pack import linear_pack
 from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
-from riftberg.engines.quasi_static.contact import anchors
+from riftberg.engines.quasi_static.contact.anchors import allocate_anchors
 from riftberg.engines.quasi_static.contact.islands import PeakContactLoad, SubcycledMotion
 from riftberg.engines.quasi_static.ground import landing
 from riftberg.engines.quasi_static.ground.pads import (
@@ -30,6 +30,7 @@ from riftberg.engines.quasi_static.ground.pads import (
 from riftberg.engines.quasi_static.ground.press import LIFT
 from riftberg.engines.quasi_static.ground.shoal import Keels, Shoal, find_near
 from riftberg.engines.quasi_static.ground.soundings import DepthSampler, Soundings
+from riftberg.engines.quasi_static.keel_friction import read_anchor
 from riftberg.engines.quasi_static.lattice.dense import multiply
 from riftberg.engines.quasi_static.lattice.footprints import FootprintBook, body_footprint
 from riftberg.errors import InputError, RunError
@@ -321,7 +322,7 @@ class Seabed:
         )  # fmt: skip
         return SubcycledMotion(
             f.bodies[landed], f.pads.rows[elements], f.path[landed] / h, f.velocity[landed], np.zeros((landed.size, 3)),
-            anchors.allocate_anchors(elements.size), rubbed, f.applied[elements], *NO_PAIRS,
+            allocate_anchors(elements.size), rubbed, f.applied[elements], *NO_PAIRS,
             # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
             max(f.shortest[landed].min(), landing.TOUCH_STEP), peak,
         )  # fmt: skip
@@ -387,9 +388,9 @@ class Seabed:
 
     def anchors(self, keel: Keel) -> Floats:
         """Return the anchors of the elements on the floor, for sub-steps of contact."""
-        floor_anchors = anchors.allocate_anchors(keel.floor_x.size)
-        _fill_anchors(keel, self.bed.anchor_way, floor_anchors)
-        return floor_anchors
+        anchors = allocate_anchors(keel.floor_x.size)
+        _fill_anchors(keel, self.bed.anchor_way, anchors)
+        return anchors
 
 
 @kernel
@@ -398,22 +399,19 @@ def _fill_loads(keel: Keel, aground: Floats, force: Floats) -> bool:
     any_stands = False
     for e in range(aground.size):
         x, y = keel.floor_x[e], keel.floor_y[e]
-        force[e, 0], force[e, 1], force[e, 2] = x, y, keel.floor_arm_x[e] * y - keel.floor_arm_y[e] * x
+        force[e, 0], force[e, 1] = x, y
+        force[e, 2] = keel.floor_arm_x[e] * y - keel.floor_arm_y[e] * x + keel.anchor_torque[e]
         stands = keel.floor_load[e] > 0.0
         aground[e], any_stands = 1.0 if stands else 0.0, any_stands or stands
     return any_stands
 
 
 @kernel
-def _fill_anchors(keel: Keel, anchor_way: float, floor_anchors: Floats) -> None:
+def _fill_anchors(keel: Keel, anchor_way: float, anchors: Floats) -> None:
     """Take the anchors of the elements on the floor from their keels."""
     for e in range(keel.floor_x.size):
-        anchor = floor_anchors[e]
-        anchor[anchors.ANCHOR_X], anchor[anchors.ANCHOR_Y] = keel.anchor_x[e], keel.anchor_y[e]
-        anchor[anchors.STIFFNESS], anchor[anchors.HOLD] = keel.anchor_capacity[e] / anchor_way, keel.floor_hold[e]
-        anchor[anchors.SLOPE_X] = keel.floor_x[e] - keel.anchor_x[e]
-        anchor[anchors.SLOPE_Y] = keel.floor_y[e] - keel.anchor_y[e]
-        anchor[anchors.ARM_X], anchor[anchors.ARM_Y] = keel.floor_arm_x[e], keel.floor_arm_y[e]
+        if keel.anchor_capacity[e] > 0.0:
+            read_anchor(keel, e, anchor_way, anchors[e])
 
 
 def bent_bonds(
