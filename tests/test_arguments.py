@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from numba.core.errors import NumbaError, NumbaValueError
 
 from riftberg.compiled.kernels import borrower, kernel
-from riftberg.compiled.parts import TupleKernel
 from riftberg.state import Floats, Ints
 
 
@@ -99,7 +98,7 @@ def test_other_types_of_arrays_get_code_of_their_own() -> None:
 
 def test_an_array_that_a_kernel_returns_lives_as_long_as_it_is_held() -> None:
     """Nothing would keep its memory: a view of an argument is copied before the argument can go."""
-    assert isinstance(_first_row, TupleKernel)
+    assert type(_first_row).__name__ == "TupleKernel"
     table = np.arange(6.0).reshape(2, 3)
     row = _first_row(_outer(table))
     assert not np.shares_memory(row, table)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from riftberg.engines.quasi_static.ground.pads import Pads, cut_into_pads
-from riftberg.engines.quasi_static.lattice.footprints import BodyFootprint
+from riftberg.engines.quasi_static.ground.pads import cut_into_pads
 
 SIDE = 300.0
 
@@ -23,10 +25,11 @@ OUTLINES = {
 }  # fmt: skip
 
 
-def pads_of(corners: np.ndarray) -> Pads:
+def pads_of(corners: np.ndarray) -> Any:
     """Pads of a fragment of one element."""
-    footprint = BodyFootprint(np.zeros(1, np.int64), np.zeros(1, np.int64), np.array([0, len(corners)]), corners)
-    return cut_into_pads(footprint, np.zeros(1, np.int64), np.zeros((1, 2)), np.array([SIDE]))
+    element: Any = np.zeros(1, np.int64)
+    footprint: Any = SimpleNamespace(rows=element, owner=element, start=np.array([0, len(corners)]), corner=corners)
+    return cut_into_pads(footprint, element, np.zeros((1, 2)), np.array([SIDE]))
 
 
 def check(corners: np.ndarray) -> None:

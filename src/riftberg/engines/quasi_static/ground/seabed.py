@@ -139,10 +139,10 @@ class Seabed:
             for b in np.flatnonzero(left).tolist():
                 shoal.survey_around(b, bodies.pose[b], float(shoal.reach[b]), float(shoal.draft[b]), self.soundings)
                 near_floor[b] = survey.shallow[b]
-            some_near = near_floor.any()
+            some_near = bool(near_floor.any())
         if not some_near:  # else it is looked at more closely
             self.clearance[0] = min(self.clearance[0], least)
-        return bool(some_near), shoal
+        return some_near, shoal
 
     def _shoal(self, model: RunState, bodies: Bodies) -> Shoal:
         """Return the survey and the pads of these fragments from the last steps, or begin new ones."""
