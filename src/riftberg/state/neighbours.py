@@ -13,7 +13,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.physics.geometry import fast_cos_latitude, separation
+from riftberg.physics.geometry import fast_cos_latitude, nearest_image, separation
 from riftberg.state import Floats, Ints
 
 ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
@@ -284,10 +284,11 @@ def _near_pairs(
             level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
-    per_unit = DEGREE * radius if latlon else 1.0
-    widest = 0
+    per_unit, widest, high = DEGREE * radius if latlon else 1.0, 0, 0.0
     for e in range(count):
-        widest = max(widest, level[e])
+        widest, high = max(widest, level[e]), max(high, abs(y[e]))
+    # No metric of a pair has a smaller cosine.
+    least_cosine = fast_cos_latitude(min(high, 90.0)) if latlon else 1.0
     searched = np.empty(count, np.int64)
     for k in range(widest, -1, -1):
         number, far = 0, -1.0
@@ -323,7 +324,8 @@ def _near_pairs(
                         if berg[e] == berg[f] or (level[f] == k and f <= e):
                             continue
                         far = reach[e] + reach[f]
-                        if abs(y[e] - y[f]) * per_unit > 1.000001 * far:  # no cosine for those that lie too far north
+                        east, north = abs(nearest_image(x[e] - x[f], period)), abs(y[e] - y[f])
+                        if max(north, east * least_cosine) * per_unit > 1.000001 * far:  # most, without a cosine of their own
                             continue
                         rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                         if rx * rx + ry * ry < far * far:
