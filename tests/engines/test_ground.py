@@ -5,6 +5,7 @@ Bergs are placed on the floor and take a first step of a millisecond, in which n
 
 from __future__ import annotations
 
+import copy
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -775,3 +776,44 @@ def test_a_berg_comes_to_rest_in_some_tens_of_looks_at_the_floor(gradient: float
     looks = len(sea.asked)
     model.step()
     assert len(sea.asked) - looks == 1
+
+
+@pytest.mark.parametrize("change", ["nothing", "level", "thickness", "sides", "neighbour"])
+def test_a_berg_that_stands_still_bears_what_it_bears_pressed_anew(change: str) -> None:
+    """The last press is kept: a model without one goes the same way to the last digit, whatever changes of a held berg."""
+    rise = 0.02 if change == "level" else 0.0
+    gradient = 0.0 if change in ("level", "sides") else 5e-4  # on a flat floor they change no depth that is asked for
+    sea = Floor(lambda x, y: DRAFT - 1.0 + gradient * (x - 2e3), level=lambda time: rise * math.sin(time / 7e3))
+    berg = Iceberg.rectangle(4e3, 2e3, radius=500.0, thickness=THICKNESS, latlon=False)
+    if change == "neighbour":  # whose pads come before and behind it on the way
+        light = Iceberg.rectangle(2e3, 2e3, radius=500.0, thickness=THICKNESS + 0.5, latlon=False, placement=(5e3, 0.0))
+        berg = Iceberg.join([light, berg])
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0}, grounding=ROCK, fracture={"enabled": False}
+    )  # fmt: skip
+
+    def melt(model: Model) -> None:
+        body = model.elements.body
+        if change == "thickness":
+            body.thickness[:] -= 0.01
+            body.mass[:] *= body.thickness / (body.thickness + 0.01)
+        elif change == "sides":
+            for side in (body.length, body.width, body.mass):
+                side *= 0.999
+
+    def run(*, forgets: bool) -> list[np.ndarray]:
+        """Return the keels in twelve steps, of a model that looks at the floor anew in each where it ``forgets``."""
+        model, keels = Model(berg, sea, p), []
+        model.after_step.append(melt)
+        for _ in range(12):
+            model.step()
+            keels.append(np.array(model.elements.keel))
+            if forgets:
+                copy.deepcopy(model)  # a model that is copied or saved goes on as its copy does
+        return keels
+
+    kept, anew = run(forgets=False), run(forgets=True)
+    np.testing.assert_array_equal(kept, anew)
+    loads = [float(keel[0].sum()) for keel in kept[6:]]
+    assert loads[0] > 0.0
+    assert (np.ptp(loads) > 0.0) == (change in ("level", "thickness", "sides"))

@@ -120,6 +120,21 @@ class Step(NamedTuple):
     earth: float  # Radius, m
 
 
+class LastPress(NamedTuple):
+    """What the last press of each fragment was given, and what came of it: one that stands still is not pressed anew."""
+
+    polygons: Ints  # As in `Landing`
+    depth: Floats  # At the corners and middles of its polygons, m; those of each fragment where the call has them
+    draft: Floats  # m; shape (elements,)
+    level: Floats  # m
+    hull: Floats  # shape (fragments, 3, 3)
+    is_known: Booleans
+    largest: Floats  # Overlap, m
+    rise: Floats
+    loads: Floats
+    bent: Floats
+
+
 class Landing(NamedTuple):
     """Fragments on their way through a step: arrays by fragment, unless said otherwise, of vectors east, north and turning."""
 
@@ -165,6 +180,7 @@ class Landing(NamedTuple):
     rise: Floats  # Heave (m) and tilts (rad)
     loads: Floats  # Columns of `press` for the elements, in its middle or at its end; shape (elements, columns)
     bent: Floats  # Results of `press` for the polygons; shape (polygons, 5)
+    last: LastPress
     touches_in_middle: Booleans
     hold: Floats  # Friction that can hold it in the middle, N
     slides: Booleans  # Whether an anchor does
@@ -205,6 +221,10 @@ def allocate_landing(bodies: Ints, pads: Pads, plates: Plates) -> Landing:
     def flags() -> Booleans:
         return np.empty(count, np.bool_)
 
+    last = LastPress(
+        np.empty(polygons, np.int64), np.empty(corners + polygons), np.empty(elements), each(), each(3, 3),
+        np.zeros(count, np.bool_), each(), each(3), np.empty((elements, PRESSED)), np.empty((polygons, 5)),
+    )  # fmt: skip
     return Landing(
         pads, plates, bodies, polygons=np.empty(polygons, np.int64), polygon_start=np.zeros(count + 1, np.int64),
         asked=np.empty(corners, np.int64), asked_start=np.zeros(count + 1, np.int64), sounding=np.zeros(corners, np.int64),
@@ -213,7 +233,7 @@ def allocate_landing(bodies: Ints, pads: Pads, plates: Plates) -> Landing:
         lowest=each(), first_speed=each(), status=whole(), time=each(), substep=each(), path=each(3), velocity=each(3),
         acceleration=each(3), touches=flags(), anchors=np.empty((elements, ANCHORS)), way=each(3), sounded_pose=each(3, 3),
         levers=np.empty((elements, 11)), rise=each(3), loads=np.empty((elements, PRESSED)), bent=np.empty((polygons, 5)),
-        touches_in_middle=flags(), hold=each(), slides=flags(), net=each(3), rubs=each(), next_velocity=each(3),
+        last=last, touches_in_middle=flags(), hold=each(), slides=flags(), net=each(3), rubs=each(), next_velocity=each(3),
         next_anchors=np.empty((elements, ANCHORS)), push=each(3), carried=flags(), hold_change=each(), accepted=flags(),
         shortest=each(), clearance=each(), rubbed=each(), yielded=np.empty(elements),
         applied=np.empty((elements, len(FORCES), 2)), peak=each(), peak_time=each(), peak_spin=each(),
@@ -359,18 +379,76 @@ def _interpolate_level(level: Floats, fraction: float) -> float:
     )
 
 
+@borrower
+def _recall_press(f: Landing, a: int, level: float, depth: Floats) -> bool:
+    """Take the last press of a fragment, if it was given the same; returns whether it was."""
+    last, (first, end), (row, end_row) = f.last, f.polygon_start[a : a + 2], f.pads.row_start[a : a + 2]
+    at = f.asked_start[a] + first
+    if not last.is_known[a] or last.level[a] != level:
+        return False
+    for p in range(first, end):
+        if last.polygons[p] != f.polygons[p]:
+            return False
+    for n in range(depth.size):
+        if last.depth[at + n] != depth[n]:
+            return False
+    for e in range(row, end_row):
+        if last.draft[e] != f.draft[e]:
+            return False
+    for i in range(3):
+        for j in range(3):
+            if last.hull[a, i, j] != f.hull[a, i, j]:  # its sides have melted
+                return False
+    for k in range(3):
+        f.rise[a, k] = last.rise[a, k]
+    for e in range(row, end_row):
+        for k in range(PRESSED):
+            f.loads[e, k] = last.loads[e, k]
+    for p in range(first, end):
+        for k in range(5):
+            f.bent[p, k] = last.bent[p, k]
+    return True
+
+
+@borrower
+def _remember_press(f: Landing, a: int, level: float, depth: Floats, largest: float) -> None:
+    """Keep what a press was given and what came of it."""
+    last, (first, end), (row, end_row) = f.last, f.polygon_start[a : a + 2], f.pads.row_start[a : a + 2]
+    at = f.asked_start[a] + first
+    last.is_known[a], last.level[a], last.largest[a] = True, level, largest
+    for n in range(depth.size):
+        last.depth[at + n] = depth[n]
+    for k in range(3):
+        last.rise[a, k] = f.rise[a, k]
+        for j in range(3):
+            last.hull[a, k, j] = f.hull[a, k, j]
+    for e in range(row, end_row):
+        last.draft[e] = f.draft[e]
+        for k in range(PRESSED):
+            last.loads[e, k] = f.loads[e, k]
+    for p in range(first, end):
+        last.polygons[p] = f.polygons[p]
+        for k in range(5):
+            last.bent[p, k] = f.bent[p, k]
+
+
 @kernel
 def _press(f: Landing, a: int, bed: Bed, fraction: float, depth: Floats) -> bool:
     """Press a fragment onto the floor after a part of the step; returns whether it touches it."""
-    own_polygons = slice(f.polygon_start[a], f.polygon_start[a + 1])
-    iterations, largest = press(
-        f.pads, f.plates, a, f.polygons[own_polygons], depth, f.sounding, f.draft, _interpolate_level(f.level[a], fraction), bed,
-        f.hull[a], f.length[a], f.thickness[a], f.rise[a], f.loads, f.bent[own_polygons],
-    )  # fmt: skip
-    f.clearance[a] = min(f.clearance[a], -largest)
-    if iterations < 0:
-        f.status[a] = UNSETTLED
-    return largest > 0.0
+    level = _interpolate_level(f.level[a], fraction)
+    if not _recall_press(f, a, level, depth):
+        own_polygons = slice(f.polygon_start[a], f.polygon_start[a + 1])
+        iterations, largest = press(
+            f.pads, f.plates, a, f.polygons[own_polygons], depth, f.sounding, f.draft, level, bed, f.hull[a], f.length[a],
+            f.thickness[a], f.rise[a], f.loads, f.bent[own_polygons],
+        )  # fmt: skip
+        if iterations < 0:
+            f.status[a] = UNSETTLED
+        else:
+            _remember_press(f, a, level, depth, largest)
+        f.last.largest[a] = largest
+    f.clearance[a] = min(f.clearance[a], -f.last.largest[a])
+    return bool(f.last.largest[a] > 0.0)
 
 
 @kernel
