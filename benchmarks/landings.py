@@ -435,9 +435,12 @@ def leaning(dt: float) -> tuple[float, float]:
     return asked, -float(model.elements.anchor_x.sum())
 
 
-def pushed_on_a_line(first: float, second: float, aground: float) -> float:
-    """How far (m) a body of mass ``first`` (kg) pushes one that the bed holds: ice is crushed, anchors stretch."""
-    friction, face, h = 0.5 * WATER * 48e6 * aground, 1.5e6 * 200.0 * 5e3 / 20.0, 2e-3
+def pushed_on_a_line(first: float, second: float, aground: float, length: float = 5e3) -> float:
+    """How far (m) a body of mass ``first`` (kg) pushes one that the bed holds: ice is crushed, anchors stretch.
+
+    ``aground``: m; ``length``: of the faces that meet, m.
+    """
+    friction, face, h = 0.5 * WATER * 48e6 * aground, 1.5e6 * 200.0 * length / 20.0, 2e-3
     u, v, x, y, anchor, crushed = 0.2, 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(round(600.0 / h)):
         depth = x - y

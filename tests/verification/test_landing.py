@@ -17,6 +17,7 @@ import pytest
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import InputError, RiftbergError
 from riftberg.physics.seabed import WATER_STIFFNESS, bending_length
+from scripts import loaded
 
 pytestmark = pytest.mark.compiled
 
@@ -332,23 +333,9 @@ def test_a_berg_that_is_struck_harder_than_the_bed_can_hold_slides_until_frictio
     x, mass = model.elements.lon[50:].mean(), [float(m.sum()) for m in np.split(model.elements.mass, [50])]
     model.advance(steps=round(1800.0 / dt))
     # Off its middle, and slowed by the water on the way.
-    assert model.elements.lon[50:].mean() - x == pytest.approx(pushed_on_a_line(*mass, 0.05), rel=0.12)
+    expected = loaded("benchmarks/landings.py").pushed_on_a_line(*mass, 0.05, length=4.8e3)
+    assert model.elements.lon[50:].mean() - x == pytest.approx(expected, rel=0.12)
     assert np.abs(model.elements.u[50:]).max() < 1e-4
-
-
-def pushed_on_a_line(one: float, two: float, aground: float) -> float:
-    """How far (m) a berg of mass ``one`` (kg) pushes one of mass ``two`` that the floor holds, by the laws of ice and anchors."""
-    friction, face, h = 0.5 * WATER_STIFFNESS * 48e6 * aground, 1.5e6 * 200.0 * 4.8e3 / 20.0, 2e-3
-    u, v, x, y, anchor, crushed = 0.2, 0.0, 0.0, 0.0, 0.0, 0.0
-    for _ in range(round(600.0 / h)):
-        depth = x - y
-        force = max(min(face * depth, 100.0 * face * (depth - crushed)), 0.0)
-        if force > 0.0:
-            crushed = max(crushed, depth - force / (100.0 * face))
-        u, v = u - h * force / one, v + h * (force + anchor) / two
-        anchor = min(max(anchor - friction / 0.1 * h * v, -friction), friction)
-        x, y = x + h * u, y + h * v
-    return y
 
 
 def leaning(dt: float, share: float) -> tuple[Model, float]:

@@ -464,14 +464,19 @@ def solve(a: Floats, x: Floats) -> tuple[float, float, float]:
 
 
 @kernel
+def invert_matrix(a: Floats, out: Floats, unit: Floats) -> None:
+    """Invert a matrix of 3 by 3; ``unit`` has room for one of its rows."""
+    for j in range(3):
+        for i in range(3):
+            unit[i] = 1.0 if i == j else 0.0
+        out[0, j], out[1, j], out[2, j] = solve(a, unit)
+
+
+@kernel
 def invert(matrices: Floats, out: Floats, scratch: Floats) -> None:
     """Invert each matrix of a stack; ``scratch`` has room for one of them."""
-    unit = scratch[0, 0]
     for b in range(matrices.shape[0]):
-        for j in range(3):
-            for i in range(3):
-                unit[i] = 1.0 if i == j else 0.0
-            out[b, 0, j], out[b, 1, j], out[b, 2, j] = solve(matrices[b], unit)
+        invert_matrix(matrices[b], out[b], scratch[0, 0])
 
 
 @kernel

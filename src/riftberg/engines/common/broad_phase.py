@@ -13,14 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.constants import DEGREE
 from riftberg.engines.common.forces.sizes import Sizes
 from riftberg.engines.common.fragments.connectivity import connected_parts
 from riftberg.engines.common.run_state import RunState
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import KernelParameters, Parameters
-from riftberg.physics.elementary import cos
-from riftberg.physics.geometry import nearest_image, separation
+from riftberg.physics.geometry import separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, near_pairs, no_pairs
 from riftberg.state.population import numbered
@@ -167,12 +165,10 @@ def _test_paths(
 
     Each pair is decided by itself, so that the result does not depend on bergs elsewhere. ``foot``: of footloose calving.
     """
-    degree = DEGREE * c.earth_radius
+    lon, lat = shown.lon_pair, shown.lat_pair
     for k in range(first.size):
         i, j = first[k], second[k]
-        dx, dy = nearest_image(shown.lon_pair[i] - shown.lon_pair[j], c.period), shown.lat_pair[i] - shown.lat_pair[j]
-        if c.latlon:
-            dx, dy = dx * degree * cos(0.5 * DEGREE * (shown.lat_pair[i] + shown.lat_pair[j])), dy * degree
+        dx, dy = separation(lon[i], lat[i], lon[j], lat[j], c.latlon, c.earth_radius, c.period)
         du, dv = shown.u_pair[i] - shown.u_pair[j], shown.v_pair[i] - shown.v_pair[j]
         squared = du * du + dv * dv
         when = min(max(-(dx * du + dy * dv) / squared, 0.0), dt) if squared > 0.0 else 0.0

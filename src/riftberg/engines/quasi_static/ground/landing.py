@@ -121,14 +121,17 @@ class Step(NamedTuple):
 
 
 class LastPress(NamedTuple):
-    """What the last press of each fragment was given, and what came of it: one that stands still is not pressed anew."""
+    """What the last press of each fragment was given, and what came of it: one that stands still is not pressed anew.
 
-    polygons: Ints  # As in `Landing`
-    depth: Floats  # At the corners and middles of its polygons, m; those of each fragment where the call has them
+    Each fragment has room for all of its polygons and their corners, whichever are asked for.
+    """
+
+    number: Ints  # Of polygons that were pressed, -1 before the first press
+    polygons: Ints  # Their numbers
+    depth: Floats  # At their corners and middles, m
     draft: Floats  # m; shape (elements,)
     level: Floats  # m
     hull: Floats  # shape (fragments, 3, 3)
-    is_known: Booleans
     largest: Floats  # Overlap, m
     rise: Floats
     loads: Floats
@@ -222,8 +225,8 @@ def allocate_landing(bodies: Ints, pads: Pads, plates: Plates) -> Landing:
         return np.empty(count, np.bool_)
 
     last = LastPress(
-        np.empty(polygons, np.int64), np.empty(corners + polygons), np.empty(elements), each(), each(3, 3),
-        np.zeros(count, np.bool_), each(), each(3), np.empty((elements, PRESSED)), np.empty((polygons, 5)),
+        np.full(count, -1), np.empty(polygons, np.int64), np.empty(corners + polygons), np.empty(elements), each(), each(3, 3),
+        each(), each(3), np.empty((elements, PRESSED)), np.empty((polygons, 5)),
     )  # fmt: skip
     return Landing(
         pads, plates, bodies, polygons=np.empty(polygons, np.int64), polygon_start=np.zeros(count + 1, np.int64),
@@ -383,11 +386,11 @@ def _interpolate_level(level: Floats, fraction: float) -> float:
 def _recall_press(f: Landing, a: int, level: float, depth: Floats) -> bool:
     """Take the last press of a fragment, if it was given the same; returns whether it was."""
     last, (first, end), (row, end_row) = f.last, f.polygon_start[a : a + 2], f.pads.row_start[a : a + 2]
-    at = f.asked_start[a] + first
-    if not last.is_known[a] or last.level[a] != level:
+    slot, at = _own_room(f.pads, a)
+    if last.number[a] != end - first or last.level[a] != level:
         return False
-    for p in range(first, end):
-        if last.polygons[p] != f.polygons[p]:
+    for p in range(end - first):
+        if last.polygons[slot + p] != f.polygons[first + p]:
             return False
     for n in range(depth.size):
         if last.depth[at + n] != depth[n]:
@@ -404,18 +407,25 @@ def _recall_press(f: Landing, a: int, level: float, depth: Floats) -> bool:
     for e in range(row, end_row):
         for k in range(PRESSED):
             f.loads[e, k] = last.loads[e, k]
-    for p in range(first, end):
+    for p in range(end - first):
         for k in range(5):
-            f.bent[p, k] = last.bent[p, k]
+            f.bent[first + p, k] = last.bent[slot + p, k]
     return True
+
+
+@borrower
+def _own_room(pads: Pads, a: int) -> tuple[int, int]:
+    """Where the room of a fragment in `LastPress` begins: for polygons, and for depths."""
+    slot = pads.polygon_start[a]
+    return slot, pads.start[slot] + slot
 
 
 @borrower
 def _remember_press(f: Landing, a: int, level: float, depth: Floats, largest: float) -> None:
     """Keep what a press was given and what came of it."""
     last, (first, end), (row, end_row) = f.last, f.polygon_start[a : a + 2], f.pads.row_start[a : a + 2]
-    at = f.asked_start[a] + first
-    last.is_known[a], last.level[a], last.largest[a] = True, level, largest
+    slot, at = _own_room(f.pads, a)
+    last.number[a], last.level[a], last.largest[a] = end - first, level, largest
     for n in range(depth.size):
         last.depth[at + n] = depth[n]
     for k in range(3):
@@ -426,16 +436,16 @@ def _remember_press(f: Landing, a: int, level: float, depth: Floats, largest: fl
         last.draft[e] = f.draft[e]
         for k in range(PRESSED):
             last.loads[e, k] = f.loads[e, k]
-    for p in range(first, end):
-        last.polygons[p] = f.polygons[p]
+    for p in range(end - first):
+        last.polygons[slot + p] = f.polygons[first + p]
         for k in range(5):
-            last.bent[p, k] = f.bent[p, k]
+            last.bent[slot + p, k] = f.bent[first + p, k]
 
 
 @kernel
 def _press(f: Landing, a: int, bed: Bed, fraction: float, depth: Floats) -> bool:
     """Press a fragment onto the floor after a part of the step; returns whether it touches it."""
-    level = _interpolate_level(f.level[a], fraction)
+    level, largest = _interpolate_level(f.level[a], fraction), f.last.largest[a]
     if not _recall_press(f, a, level, depth):
         own_polygons = slice(f.polygon_start[a], f.polygon_start[a + 1])
         iterations, largest = press(
@@ -446,9 +456,8 @@ def _press(f: Landing, a: int, bed: Bed, fraction: float, depth: Floats) -> bool
             f.status[a] = UNSETTLED
         else:
             _remember_press(f, a, level, depth, largest)
-        f.last.largest[a] = largest
-    f.clearance[a] = min(f.clearance[a], -f.last.largest[a])
-    return bool(f.last.largest[a] > 0.0)
+    f.clearance[a] = min(f.clearance[a], -largest)
+    return bool(largest > 0.0)
 
 
 @kernel

@@ -29,7 +29,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.engines.quasi_static.lattice.cells import Booleans, CellMesh
-from riftberg.physics.geometry import solve
+from riftberg.physics.geometry import invert_matrix
 from riftberg.state import Floats, Ints
 
 DRILLING = 0.3
@@ -141,16 +141,6 @@ def _allocate_condensation() -> _Condensation:
 
 
 @kernel
-def _invert(a: Floats, out: Floats) -> None:
-    """Invert a matrix of 3 x 3."""
-    unit = np.zeros(3)
-    for n in range(3):
-        unit[n] = 1.0
-        out[0, n], out[1, n], out[2, n] = solve(a, unit)
-        unit[n] = 0.0
-
-
-@kernel
 def _describe_edges(vertex: Floats, elastic: Floats, t: _Condensation) -> None:
     """Find elongations and turns of the edges of a triangle, and its strain, stress and stiffness by the elongations."""
     t.elongation[:, :], t.turn[:, :] = 0.0, 0.0
@@ -169,7 +159,7 @@ def _describe_edges(vertex: Floats, elastic: Floats, t: _Condensation) -> None:
         t.turn[i, 2 * j], t.turn[i, 2 * j + 1] = y / length[i], -x / length[i]
         t.turn[i, 2 * k], t.turn[i, 2 * k + 1] = -y / length[i], x / length[i]
         along[i, 0], along[i, 1], along[i, 2] = x * x, y * y, x * y
-    _invert(along, t.strain)
+    invert_matrix(along, t.strain, np.empty(3))
     for i in range(3):
         for n in range(3):
             t.strain[i, n] /= length[n]
@@ -242,7 +232,7 @@ def _condense_edges(
         # s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
         for i in range(3):
             energy[9 + i, 9 + i] += 0.0 if freed[i] else trace
-        _invert(energy[9:, 9:], t.give)
+        invert_matrix(energy[9:, 9:], t.give, np.empty(3))
         for i in range(3):
             for a in range(9):
                 for j in range(3):
