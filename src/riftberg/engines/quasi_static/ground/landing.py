@@ -8,8 +8,8 @@ with the media G and the forces f of the floor in the middle of the sub-step. Fr
 A sub-step goes so: ask for the depth in its middle, press the keel onto the floor there, find the velocity after it with the
 friction of that press; ask for the depth at its end, press again. It is accepted if by the greater of both forces the floor
 changes the velocity by little, or if it holds the fragment; else it begins anew with a part of its length, as where touching or
-coming free would not be met within a minute. `advance` takes all fragments up to where they need the depth at another place,
-which Python asks for all of them at once.
+coming free would not be met within a minute. What the floor holds is pressed once, as it stands at the end. `advance` takes all
+fragments up to where they need the depth at another place, which Python asks for all of them at once.
 """
 
 from __future__ import annotations
@@ -106,9 +106,9 @@ HELD_STEP: Final = 1e9
 PASSES: Final = 50
 """Of Newton's method for the friction, after which the sub-step is halved."""
 
-BEGINS, MIDDLE, END, DONE, AFLOAT, BEYOND, TOO_SHORT, UNSETTLED = range(8)
-"""Status of a fragment: what it needs the depth for, or how it ended: it touched the floor, or nothing; it went beyond the pads
-that are watched; no sub-step was short enough; no rise balances it."""
+BEGINS, STAYS, MIDDLE, END, DONE, AFLOAT, BEYOND, TOO_SHORT, UNSETTLED = range(9)
+"""Status of a fragment: what it needs the depth for (where it stays, in the middle or at the end of a sub-step), or how it ended:
+it touched the floor, or nothing; it went beyond the pads that are watched; no sub-step was short enough; no rise balances it."""
 
 
 class Step(NamedTuple):
@@ -628,8 +628,16 @@ def _substep_length(f: Landing, a: int, h: float) -> float:
 
 @kernel
 def _begin_substep(f: Landing, a: int, step: Step) -> None:
-    """Ask for the depth in the middle of a sub-step, where the acceleration of the last one would take the fragment."""
+    """Ask for the depth in the middle of a sub-step, where the acceleration of the last one would take the fragment.
+
+    The floor goes on holding what it held: there the depth is asked for where it stands.
+    """
     dt = _substep_length(f, a, step.h)
+    if f.touches[a] and f.substep[a] >= HELD_STEP:
+        for k in range(3):
+            f.way[a, k] = f.path[a, k]
+        _request_depth(f, a, step, f.time[a] + dt, STAYS)
+        return
     for k in range(3):
         f.way[a, k] = f.path[a, k] + 0.5 * dt * f.velocity[a, k] + 0.125 * dt * dt * f.acceleration[a, k]
     if not _is_watched(f, a, f.way[a]):  # what has just stopped a fragment would throw it back in a longer sub-step
@@ -649,11 +657,26 @@ def _refuse(f: Landing, a: int, step: Step, dt: float, fraction: float) -> None:
 
 
 @stage
+def _stay(f: Landing, a: int, step: Step, forcing: ElementForcing, depth: Floats) -> None:
+    """End a sub-step with a fragment where the floor holds it as at the end of it; begin it anew where the floor does not."""
+    dt = _substep_length(f, a, step.h)
+    touches = f.touches_in_middle[a] = _press(f, a, step.bed, (f.time[a] + dt) / step.h, depth)
+    if f.status[a] == UNSETTLED:
+        return
+    if touches:
+        _set_levers(f, a, step)
+        if _solve_friction(f, a, forcing, step.bed, dt) and _is_held(f, a, step.bed, dt):
+            _end_substep(f, a, step, forcing, touches)
+            return
+    f.substep[a] = dt
+    _begin_substep(f, a, step)
+
+
+@stage
 def _go_through_middle(f: Landing, a: int, step: Step, forcing: ElementForcing, depth: Floats) -> None:
     """Find the forces in the middle of a sub-step and the velocity after it; ask for the depth at its end."""
     dt = _substep_length(f, a, step.h)
-    middle, end = (f.time[a] + 0.5 * dt) / step.h, (f.time[a] + dt) / step.h
-    f.touches_in_middle[a] = _press(f, a, step.bed, middle, depth)
+    f.touches_in_middle[a] = _press(f, a, step.bed, (f.time[a] + 0.5 * dt) / step.h, depth)
     if f.status[a] == UNSETTLED:
         return
     if dt == step.h and dt > TOUCH_STEP and not (f.touches[a] or f.touches_in_middle[a]):
@@ -666,11 +689,6 @@ def _go_through_middle(f: Landing, a: int, step: Step, forcing: ElementForcing, 
         if not _solve_friction(f, a, forcing, step.bed, dt):
             _refuse(f, a, step, dt, 0.5)
             return
-    is_level = _interpolate_level(f.level[a], middle) == _interpolate_level(f.level[a], end)
-    if is_level and f.touches_in_middle[a] and _is_held(f, a, step.bed, dt):
-        # A berg that stands still in water that does not rise or fall is pressed at the end as it is in the middle.
-        _end_substep(f, a, step, forcing, True)
-        return
     for k in range(3):
         f.way[a, k] = f.path[a, k] + 0.5 * dt * (f.velocity[a, k] + f.next_velocity[a, k])
     _request_depth(f, a, step, f.time[a] + dt, END)
@@ -882,17 +900,19 @@ def advance(f: Landing, step: Step, forcing: ElementForcing, depth: Floats, lon:
             _request_depth(f, a, step, step.h, END)
         elif f.status[a] == BEGINS:
             _begin_substep(f, a, step)
-        elif f.status[a] == MIDDLE or f.status[a] == END:
+        elif f.status[a] in (STAYS, MIDDLE, END):
             first = at
             at += f.asked_start[a + 1] - f.asked_start[a] + f.polygon_start[a + 1] - f.polygon_start[a]
             answer = depth[first:at]
             if f.carried[a]:
                 _set_down(f, a, step, answer)
+            elif f.status[a] == STAYS:
+                _stay(f, a, step, forcing, answer)
             elif f.status[a] == MIDDLE:
                 _go_through_middle(f, a, step, forcing, answer)
             else:
                 _go_through_end(f, a, step, forcing, answer)
-        if f.status[a] == MIDDLE or f.status[a] == END:
+        if f.status[a] in (STAYS, MIDDLE, END):
             requested = _write_points(f, a, step, f.sounded_pose[a], requested, lon, lat)
     return requested
 

@@ -59,6 +59,7 @@ class Pads(NamedTuple):
     owner: Ints  # Place in ``rows`` of the element of each polygon
     square: Ints  # Row and column of its square; shape (polygons, 2)
     centre: Floats  # Its centroid; shape (polygons, 2)
+    radius: Floats  # Of its farthest corner from there; shape (polygons,)
     start: Ints  # Where its corners begin; shape (polygons + 1,)
     corner: Floats  # shape (corners, 2)
 
@@ -213,6 +214,7 @@ def _sum_up_ice(pads: Pads, most: int) -> None:
             ice[s, 2] += area * y
             for n in range(size):
                 room[n, 0], room[n, 1] = pads.corner[first + n, 0], pads.corner[first + n, 1]
+                pads.radius[k] = max(pads.radius[k], math.hypot(room[n, 0] - x, room[n, 1] - y))
             for n in range(10):
                 sums[n] = 0.0
             add_moments(room, size, 0.0, 1.0, sums)
@@ -256,7 +258,7 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats
         rows=footprint.rows, row_start=np.searchsorted(body, numbers), element=xy - origin[body],
         moments=np.zeros((body.size, 6)), origin=origin, side=side, low=low, shape=shape, square_start=square_start[:-1],
         ice=np.zeros((square_start[-1], 6)), polygon_start=polygon_start,
-        owner=footprint.owner[polygon[:count]], square=square[:count], centre=np.empty((count, 2)),
+        owner=footprint.owner[polygon[:count]], square=square[:count], centre=np.empty((count, 2)), radius=np.zeros(count),
         start=corner_start[: count + 1], corner=corners[: corner_start[count]],
     )  # fmt: skip
     _sum_up_ice(pads, most)
@@ -274,7 +276,10 @@ def melt_pads(pads: Pads, fraction: Floats) -> Pads:
 
     moments = pads.moments * fraction[:, None] ** 2
     return pads._replace(
-        corner=shrunk(pads.corner, corner_owner), centre=shrunk(pads.centre, pads.owner), moments=moments
+        corner=shrunk(pads.corner, corner_owner),
+        centre=shrunk(pads.centre, pads.owner),
+        moments=moments,
+        radius=pads.radius * fraction[pads.owner],
     )
 
 

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.quasi_static.ground.pads import Pads
 from riftberg.physics.elementary import exp2, log2
 from riftberg.physics.geometry import solve
@@ -47,13 +47,14 @@ class Plates(NamedTuple):
     element_start: Ints  # Where the elements of each fragment begin
     loaded: NDArray[np.bool_]  # Whether loads may act on them; rows and columns of a raster
     node_start: Ints  # Where the nodes of each fragment begin
-    node: Ints  # Their numbers, -1 for those of no loaded element; rows and columns of a raster
+    node: Ints  # Their numbers, -1 for those beyond the plate; rows and columns of a raster
     per_side: Ints  # Squares along the side of an element of each fragment; none before its plate is made
     columns: Ints  # Of nodes
     unknowns: Ints  # Their number
+    width: Ints  # Of the band of the factor
     length: Floats  # Bending length for which it was made, m
-    start: Ints  # Where the compliance of each fragment begins
-    compliance: Floats  # m N-1; (unknowns, unknowns) of each fragment
+    start: Ints  # Where the factor of each fragment begins
+    factor: Floats  # Cholesky's, of the stiffness; each row from the diagonal on; (unknowns, width) of each fragment
     rigid: Floats  # Compliance of whole fragments against heave and tilts by their water plane; shape (fragments, 3, 3)
 
 
@@ -62,12 +63,13 @@ def unmade_plates(pads: Pads) -> Plates:
     count, elements = pads.side.size, (pads.shape - 1) // int(SIDES_PER_LAMBDA) + 1
     nodes = (elements + 1).prod(axis=1)
     element_start, node_start = (np.concatenate([[0], np.cumsum(size)]) for size in (elements.prod(axis=1), nodes))
-    per_side, columns, unknowns = np.zeros((3, count), np.int64)
-    # Room for all that may ever be loaded: memory is taken up by what is written.
-    start = np.concatenate([[0], np.cumsum((4 * np.minimum(nodes, MOST_NODES)) ** 2)])
+    per_side, columns, unknowns, width = np.zeros((4, count), np.int64)
+    # Room for all that may ever bend: memory is taken up by what is written.
+    widest = 4 * (elements.min(axis=1) + 3)
+    start = np.concatenate([[0], np.cumsum(4 * np.minimum(nodes, MOST_NODES) * widest)])
     plates = Plates(
         element_start, np.zeros(element_start[-1], np.bool_), node_start, np.empty(node_start[-1], np.int64),
-        per_side, columns, unknowns, np.zeros(count), start, np.empty(start[-1]), np.empty((count, 3, 3)),
+        per_side, columns, unknowns, width, np.zeros(count), start, np.empty(start[-1]), np.empty((count, 3, 3)),
     )  # fmt: skip
     for b in range(count):
         _fill_rigid(pads, b, plates.rigid[b])
@@ -117,21 +119,47 @@ def _mark_around(
 
 
 @kernel
-def _number_nodes(marked: NDArray[np.bool_], node: Ints) -> int:
-    """Number the nodes of marked elements, along the shorter side of the raster; returns how many there are."""
+def _number_nodes(marked: NDArray[np.bool_], node: Ints) -> tuple[int, int]:
+    """Number the nodes of marked elements, along the shorter side of what they cover.
+
+    Returns how many there are, and by how much the numbers of an element differ at most.
+    """
     rows, columns = marked.shape
-    count = 0
+    low_j, high_j, low_i, high_i = rows, -1, columns, -1
+    for j in range(rows):
+        for i in range(columns):
+            if marked[j, i]:
+                low_j, high_j, low_i, high_i = min(low_j, j), max(high_j, j), min(low_i, i), max(high_i, i)
+    by_column, count, apart = high_j - low_j < high_i - low_i, 0, 0
     for k in range(node.size):
-        j, i = (k % (rows + 1), k // (rows + 1)) if rows < columns else (k // (columns + 1), k % (columns + 1))
+        j, i = (k % (rows + 1), k // (rows + 1)) if by_column else (k // (columns + 1), k % (columns + 1))
         node[j * (columns + 1) + i] = -1
-        borne = False
         for n in range(max(j - 1, 0), min(j + 1, rows)):
             for m in range(max(i - 1, 0), min(i + 1, columns)):
-                borne = borne or marked[n, m]
-        if borne:
-            node[j * (columns + 1) + i] = count
-            count += 1
-    return count
+                if marked[n, m]:
+                    node[j * (columns + 1) + i] = count
+        count += node[j * (columns + 1) + i] == count
+    for j in range(rows):
+        for i in range(columns):
+            if marked[j, i]:
+                apart = max(apart, node[(j + 1) * (columns + 1) + i + 1] - node[j * (columns + 1) + i])
+    return count, apart
+
+
+@borrower
+def _number_loaded_last(loaded: NDArray[np.bool_], count: int, node: Ints) -> None:
+    """Number ``count`` nodes the other way round if those of loaded elements come first: loads bend what comes after them."""
+    rows, columns = loaded.shape
+    total = elements = 0
+    for j in range(rows):
+        for i in range(columns):
+            if loaded[j, i]:
+                total += node[j * (columns + 1) + i] + node[(j + 1) * (columns + 1) + i + 1]
+                elements += 1
+    if total < elements * (count - 1):
+        for n in range(node.size):
+            if node[n] >= 0:
+                node[n] = count - 1 - node[n]
 
 
 @kernel
@@ -157,87 +185,124 @@ def _place_points(ice: Floats, side: float, points: Floats) -> int:
 
 
 @kernel
+def _fill_element(pads: Pads, b: int, j: int, i: int, per: int, slope: float, poisson: float, out: Floats) -> None:
+    """Sum up the stiffness of ice and water (N m-1) over the squares of an element; ``slope``: (length / side)^4."""
+    side, first, high, wide = pads.side[b], pads.square_start[b], pads.shape[b, 0], pads.shape[b, 1]
+    x, y, shape, points = np.empty((3, 4)), np.empty((3, 4)), np.empty((4, 16)), np.empty((4, 2))
+    out[:] = 0.0
+    for row in range(per * j, per * (j + 1)):
+        for column in range(per * i, per * (i + 1)):
+            count = 0
+            if row < high and column < wide:
+                count = _place_points(pads.ice[first + row * wide + column], side, points)
+            if count == 0:
+                area, count = EMPTY_SQUARE * side * side, 1
+                points[0, 0] = pads.low[b, 0] + (column + 0.5) * side
+                points[0, 1] = pads.low[b, 1] + (row + 0.5) * side
+            else:
+                area = pads.ice[first + row * wide + column, 0] / count
+            for p in range(count):
+                s = (points[p, 0] - pads.low[b, 0]) / (per * side) - i
+                t = (points[p, 1] - pads.low[b, 1]) / (per * side) - j
+                for d in range(3):
+                    cubics(s, d, x[d])
+                    cubics(t, d, y[d])
+                for k in range(16):
+                    shape[0, k], shape[1, k] = x[0, k // 4] * y[0, k % 4], x[2, k // 4] * y[0, k % 4]
+                    shape[2, k], shape[3, k] = x[0, k // 4] * y[2, k % 4], x[1, k // 4] * y[1, k % 4]
+                for k in range(16):
+                    bending_x = shape[1, k] + poisson * shape[2, k]
+                    bending_y = shape[2, k] + poisson * shape[1, k]
+                    twist = 2.0 * (1.0 - poisson) * shape[3, k]
+                    for n in range(16):
+                        bending = bending_x * shape[1, n] + bending_y * shape[2, n] + twist * shape[3, n]
+                        out[k, n] += WATER_STIFFNESS * area * (shape[0, k] * shape[0, n] + slope * bending)
+
+
+@kernel
 def _assemble(
     pads: Pads, b: int, marked: NDArray[np.bool_], node: Ints, per: int, length: float, poisson: float, matrix: Floats
 ) -> None:  # fmt: skip
-    """Sum up the stiffness of ice and water (N m-1) over the squares of the marked elements."""
-    side, first, high, wide = pads.side[b], pads.square_start[b], pads.shape[b, 0], pads.shape[b, 1]
-    h, which = per * side, np.empty(16, np.int64)
-    x, y, shape, slope = np.empty((3, 4)), np.empty((3, 4)), np.empty((4, 16)), (length / (per * side)) ** 4
-    points = np.empty((4, 2))
+    """Sum up the stiffness (N m-1) of the marked elements; each row of ``matrix`` begins on the diagonal."""
+    which, stiffness, slope = np.empty(16, np.int64), np.empty((16, 16)), (length / (per * pads.side[b])) ** 4
     for j in range(marked.shape[0]):
         for i in range(marked.shape[1]):
             if not marked[j, i]:
                 continue
+            _fill_element(pads, b, j, i, per, slope, poisson, stiffness)
             list_unknowns(node, marked.shape[1] + 1, j, i, which)
-            for row in range(per * j, per * (j + 1)):
-                for column in range(per * i, per * (i + 1)):
-                    count = 0
-                    if row < high and column < wide:
-                        count = _place_points(pads.ice[first + row * wide + column], side, points)
-                    if count == 0:
-                        area, count = EMPTY_SQUARE * side * side, 1
-                        points[0, 0] = pads.low[b, 0] + (column + 0.5) * side
-                        points[0, 1] = pads.low[b, 1] + (row + 0.5) * side
-                    else:
-                        area = pads.ice[first + row * wide + column, 0] / count
-                    for p in range(count):
-                        s = (points[p, 0] - pads.low[b, 0]) / h - i
-                        t = (points[p, 1] - pads.low[b, 1]) / h - j
-                        for d in range(3):
-                            cubics(s, d, x[d])
-                            cubics(t, d, y[d])
-                        for k in range(16):
-                            shape[0, k], shape[1, k] = x[0, k // 4] * y[0, k % 4], x[2, k // 4] * y[0, k % 4]
-                            shape[2, k], shape[3, k] = x[0, k // 4] * y[2, k % 4], x[1, k // 4] * y[1, k % 4]
-                        for k in range(16):
-                            bending_x = shape[1, k] + poisson * shape[2, k]
-                            bending_y = shape[2, k] + poisson * shape[1, k]
-                            twist = 2.0 * (1.0 - poisson) * shape[3, k]
-                            for n in range(16):
-                                bending = bending_x * shape[1, n] + bending_y * shape[2, n] + twist * shape[3, n]
-                                matrix[which[k], which[n]] += (
-                                    WATER_STIFFNESS * area * (shape[0, k] * shape[0, n] + slope * bending)
-                                )
+            for k in range(16):
+                for n in range(16):
+                    if which[n] >= which[k]:
+                        matrix[which[k], which[n] - which[k]] += stiffness[k, n]
 
 
 @kernel
-def _invert(matrix: Floats, rows: Ints, out: Floats) -> None:
-    """Find some rows of the inverse of a symmetric, positive definite matrix, by Cholesky's factors within its envelope.
+def _factorise(matrix: Floats) -> None:
+    """Find Cholesky's factor in place; each row of the matrix begins on the diagonal.
 
-    Overwrites the lower half of the matrix; ``out``: takes the rows, which are in rising order, at their own columns.
+    Row by row, so that all that a row takes from those below it goes through the processor at once.
     """
-    n = len(matrix)
-    first, y = np.empty(n, np.int64), np.zeros((n, rows.size))
-    for i in range(n):
-        first[i] = i
-        for j in range(i - 1, -1, -1):
-            if matrix[i, j] != 0.0:
-                first[i] = j
-        for j in range(first[i], i + 1):
-            value = matrix[i, j]
-            for k in range(max(first[i], first[j]), j):
-                value -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = math.sqrt(value) if i == j else value / matrix[j, j]
-    # All columns that have begun by a row go through it together: one by one they took three times as long.
-    begun = np.searchsorted(rows, np.arange(n), side="right")
-    for r in range(rows.size):
-        y[rows[r], r] = 1.0
-    for i in range(n):
-        for k in range(first[i], i):
-            for r in range(begun[k]):
-                y[i, r] -= matrix[i, k] * y[k, r]
-        for r in range(begun[i]):
-            y[i, r] /= matrix[i, i]
-    for i in range(n - 1, -1, -1):
-        for r in range(begun[i]):
-            y[i, r] /= matrix[i, i]
-        for k in range(first[i], i):
-            for r in range(begun[k]):
-                y[k, r] -= matrix[i, k] * y[i, r]
-    for s in range(rows.size):
+    n, width = matrix.shape
+    for k in range(n):
+        row, end = matrix[k], min(width, n - k)
+        root = math.sqrt(row[0])
+        for t in range(end):
+            row[t] /= root
+        for m in range(1, end):
+            factor, below = row[m], matrix[k + m]
+            if factor != 0.0:
+                for t in range(end - m):
+                    below[t] -= factor * row[m + t]
+
+
+@kernel
+def bend_plate(plates: Plates, b: int, shape: Floats, which: Ints, out: Floats) -> None:
+    """Find the rise of the plate at some places by a load of 1 N at each of them (m N-1), heave and tilts included.
+
+    ``which``: numbers of the unknowns around each place, ``shape``: their shares in the rise there; shape (places, 16).
+    """
+    n, width = plates.unknowns[b], plates.width[b]
+    factor = plates.factor[plates.start[b] : plates.start[b] + n * width].reshape(n, width)
+    places = len(which)
+    first = np.empty(places, np.int64)
+    for i in range(places):
+        first[i] = which[i].min()
+    # What a load does is found from its first unknown on, and there for all later loads: the inverse is symmetric.
+    order = np.argsort(first, kind="mergesort")
+    begun, rise = np.searchsorted(first[order], np.arange(n), side="right"), np.zeros((n, places))
+    for r in range(places):
+        i = order[r]
+        for a in range(16):
+            rise[which[i, a], r] = shape[i, a]
+    for k in range(first.min(), n):
+        row, loads = rise[k], begun[k]
+        for r in range(loads):
+            row[r] /= factor[k, 0]
+        for m in range(1, min(width, n - k)):
+            part, below = factor[k, m], rise[k + m]
+            if part != 0.0:
+                for r in range(loads):
+                    below[r] -= part * row[r]
+    for k in range(n - 1, first.min() - 1, -1):
+        row, loads = rise[k], begun[k]
+        for m in range(1, min(width, n - k)):
+            part, below = factor[k, m], rise[k + m]
+            if part != 0.0:
+                for r in range(loads):
+                    row[r] -= part * below[r]
+        for r in range(loads):
+            row[r] /= factor[k, 0]
+    values = np.empty(places)
+    for s in range(places):
+        j = order[s]
+        values[: s + 1] = 0.0
+        for a in range(16):
+            weight, row = shape[j, a], rise[which[j, a]]
+            for r in range(s + 1):
+                values[r] += weight * row[r]
         for r in range(s + 1):
-            out[r, s] = out[s, r] = y[rows[s], r]
+            out[j, order[r]] = out[order[r], j] = values[r]
 
 
 @kernel
@@ -285,21 +350,18 @@ def fit_plate(
             return
         reach = math.floor(math.sqrt(2.0) * REACH * rounded / (per * pads.side[b]) + 0.5)
         _mark_around(pads, b, loaded, per, max(reach, 1), marked)
-        numbers = np.empty((rows + 1) * (columns + 1), np.int64)
-        count = _number_nodes(marked, numbers)
+        node = np.empty((rows + 1) * (columns + 1), np.int64)
+        count, apart = _number_nodes(marked, node)
         if count <= MOST_NODES:
             break
         per *= 2
-    nodes = plates.node[plates.node_start[b] : plates.node_start[b] + numbers.size]
-    unknowns = 4 * _number_nodes(loaded, nodes)
-    unknown_rows, matrix = np.empty(unknowns, np.int64), np.zeros((4 * count, 4 * count))
-    for n in range(nodes.size):
-        for k in range(4):
-            if nodes[n] >= 0:
-                unknown_rows[4 * nodes[n] + k] = 4 * numbers[n] + k
-    _assemble(pads, b, marked, numbers, per, rounded, poisson, matrix)
-    out = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
-    _invert(matrix, unknown_rows, out)
+    _number_loaded_last(loaded, count, node)
+    width = 4 * apart + 4
+    matrix = plates.factor[plates.start[b] : plates.start[b] + 4 * count * width].reshape(4 * count, width)
+    matrix[:] = 0.0
+    _assemble(pads, b, marked, node, per, rounded, poisson, matrix)
+    _factorise(matrix)
+    plates.node[plates.node_start[b] : plates.node_start[b] + node.size] = node
     previous_loaded[:, :] = loaded
-    plates.per_side[b], plates.columns[b], plates.unknowns[b] = per, columns + 1, unknowns
+    plates.per_side[b], plates.columns[b], plates.unknowns[b], plates.width[b] = per, columns + 1, 4 * count, width
     plates.length[b] = rounded

@@ -8,9 +8,9 @@ the end, minimise
     q K q / 2 + c G c / 2 + sum over pads k_v integral (<d>^2 - <d - q_u / k_v>^2) / 2
 
 which is convex: Newton's method, with its exact tangent and corrections halved until the energy falls, finds them from zero,
-or from the balance on a bed that does not yield. Where the load of a pad acts follows from the overlap without rise at first and
-then from the pressure that was found; of a pad that bears nothing it is the point that would touch first. Ice that does not bend
-is one square without compliance.
+or from the balance on a bed that does not yield. Where the load of a pad acts follows from its pressure under ice that does not
+bend at first and then from the pressure that was found; of a pad that bears nothing it is the point that would touch first. Ice
+that does not bend is one square without compliance.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from riftberg.engines.quasi_static.ground.pads import (
 )
 from riftberg.engines.quasi_static.ground.plate import (
     Plates,
+    bend_plate,
     cubics,
     fit_plate,
     list_unknowns,
@@ -40,6 +41,15 @@ from riftberg.state import Floats, Ints
 
 MAX_ITERATIONS: Final = 50
 """Of Newton's method in one search; four to ten are usual."""
+
+EXACT: Final = 1e-16
+ROUGH: Final = 1e-6
+LATE: Final = 1e-9
+"""Part of the energy by which the last correction may lower it: in the balance, in one that only leads to where loads act, and
+after twenty corrections, which move within round-off."""
+
+STAGES: Final = 2
+"""How often it is found where loads act: once it leads to 0.2 to 4 % of the load of a giant berg, twice to 0.2 %."""
 
 MOST_PADS: Final = 150
 """Loaded pads that bend one by one; of more, squares of 2, 4, ... sides bend as one."""
@@ -59,9 +69,8 @@ class Footing(NamedTuple):
     """A fragment over the floor: the overlap of its polygons without rise, a plane over each, and what resists the rise."""
 
     polygons: Ints  # Those that may touch the floor, by their numbers in `Pads`
-    start: Ints  # Where their corners begin
-    corner: Floats  # x, y and overlap, m; shape (corners, 3)
-    gradient: Floats  # Of the overlap; shape (polygons, 2)
+    plane: Floats  # Overlap at the centroid of each, m, and its slopes; shape (polygons, 3)
+    gradient: Floats  # Of the overlap by which the floor pushes; shape (polygons, 2)
     highest: Floats  # Largest overlap of each, m
     hull: Floats  # Stiffness of the water against heave and tilts; shape (3, 3)
     stiffness: float  # Of the bed, Pa m-1
@@ -105,14 +114,14 @@ def _lay_planes(pads: Pads, footing: Footing, depth: Floats, sounding: Ints, dra
     Its mean is Simpson's, exact for floors of second order, its gradient the mean one. ``depth``, ``sounding``: as in
     `press`.
     """
-    largest, asked = -math.inf, depth.size - footing.polygons.size
+    largest, asked, corner = -math.inf, depth.size - footing.polygons.size, footing.piece
     for m in range(footing.polygons.size):
-        k, at = footing.polygons[m], footing.start[m]
-        size, corner, keel = footing.start[m + 1] - at, footing.corner[at:], draft[pads.owner[k]] - level
+        k = footing.polygons[m]
+        first, size, keel = pads.start[k], pads.start[k + 1] - pads.start[k], draft[pads.owner[k]] - level
         x, y, mx, my, mv = pads.centre[k, 0], pads.centre[k, 1], 0.0, 0.0, 0.0
         shallow = deep = depth[asked + m]
         for n in range(size):
-            c = pads.start[k] + n
+            c = first + n
             corner[n, 0], corner[n, 1], corner[n, 2] = pads.corner[c, 0], pads.corner[c, 1], depth[sounding[c]]
             mx += corner[n, 0] / size
             my += corner[n, 1] / size
@@ -137,18 +146,16 @@ def _lay_planes(pads: Pads, footing: Footing, depth: Floats, sounding: Ints, dra
         middle = keel - min(depth[asked + m], deepest)
         mean += 2.0 / 3.0 * (middle - mean)
         # Where the floor has an edge its mean slope leads the plane far above the shallowest point.
-        top, rise, share = keel - shallow + min(max(2.0 / 3.0 * (middle - mv), 0.0), SMOOTH), 0.0, 1.0
+        top, rise, share = keel - shallow + min(max(2.0 / 3.0 * (middle - mv), 0.0), SMOOTH), -math.inf, 1.0
         for n in range(size):
             rise = max(rise, gx * (corner[n, 0] - x) + gy * (corner[n, 1] - y))
         if rise > 0.0 and mean + rise > top:
             share = max(top - mean, 0.0) / rise
         # A step in the floor stays where it is while the berg moves a little: a push by it would be energy out of nothing.
         footing.gradient[m, 0], footing.gradient[m, 1] = 0.0 if cliff else gx, 0.0 if cliff else gy
-        highest = -math.inf
-        for n in range(size):
-            corner[n, 2] = mean + share * (gx * (corner[n, 0] - x) + gy * (corner[n, 1] - y))
-            highest = max(highest, corner[n, 2])
-        footing.highest[m], largest = highest, max(largest, highest)
+        footing.plane[m, 0], footing.plane[m, 1], footing.plane[m, 2] = mean, share * gx, share * gy
+        footing.highest[m] = mean + share * rise
+        largest = max(largest, footing.highest[m])
     return largest
 
 
@@ -184,17 +191,31 @@ def _rise(q: Floats, x: float, y: float) -> float:
     return float(q[0] + q[1] * y - q[2] * x)
 
 
+# Many arguments: what `_sum_up` and its likes have at hand.
 @borrower
-def _press_polygon(footing: Footing, p: int, q: Floats, bending: float, top: float, sums: Floats) -> tuple[int, float]:
+def _press_polygon(
+    pads: Pads, footing: Footing, p: int, q: Floats, bending: float, top: float, sums: Floats
+) -> tuple[int, float]:  # fmt: skip
     """Find the integrals of the overlap that rise and bending leave of a polygon; returns its corners and the largest (m)."""
-    a, piece, highest = footing.start[p], footing.piece, -math.inf
-    size = footing.start[p + 1] - a
+    k, piece, highest = footing.polygons[p], footing.piece, -math.inf
+    first, size, x, y = pads.start[k], pads.start[k + 1] - pads.start[k], pads.centre[k, 0], pads.centre[k, 1]
+    middle = footing.plane[p, 0] - _rise(q, x, y) - bending
+    slope_x, slope_y = footing.plane[p, 1] + q[2], footing.plane[p, 2] - q[1]
     for n in range(size):
-        x, y = footing.corner[a + n, 0], footing.corner[a + n, 1]
-        piece[n, 0], piece[n, 1], piece[n, 2] = x, y, footing.corner[a + n, 2] - _rise(q, x, y) - bending
+        piece[n, 0], piece[n, 1] = pads.corner[first + n, 0], pads.corner[first + n, 1]
+        piece[n, 2] = middle + slope_x * (piece[n, 0] - x) + slope_y * (piece[n, 1] - y)
         highest = max(highest, piece[n, 2])
     pressed(piece, size, top, footing.room, sums)
     return size, highest
+
+
+@borrower
+def _is_clear(pads: Pads, footing: Footing, p: int, q: Floats, bending: float) -> bool:
+    """Whether rise and bending clearly leave nothing of the overlap of a polygon, by its plane and its radius."""
+    k = footing.polygons[p]
+    middle = footing.plane[p, 0] - _rise(q, pads.centre[k, 0], pads.centre[k, 1]) - bending
+    slope_x, slope_y = footing.plane[p, 1] + q[2], footing.plane[p, 2] - q[1]
+    return bool(middle < 0.0 and (slope_x * slope_x + slope_y * slope_y) * pads.radius[k] ** 2 < middle * middle)
 
 
 @borrower
@@ -215,17 +236,14 @@ def _add_shape(pads: Pads, b: int, k: int, per: int, x: float, y: float, weight:
 
 @kernel
 def _place_loads(
-    pads: Pads, plates: Plates, b: int, footing: Footing, sq: Squares, q: Floats, top: float, shape: Floats, which: Ints
+    pads: Pads, plates: Plates, b: int, footing: Footing, sq: Squares, q: Floats, shape: Floats, which: Ints
 ) -> None:  # fmt: skip
-    """Find where the loads of squares act, and the share of the unknowns ``which`` of the plate in the rise there (``shape``).
-
-    ``top``: overlap from which the pressure grows no more, m, infinite at first, where the overlap stands for the load.
-    """
-    count, per, sums, piece = sq.load.size, plates.per_side[b], footing.sums, footing.piece
+    """Find where the loads of squares act, and the share of the unknowns ``which`` of the plate in the rise there (``shape``)."""
+    count, per, sums, piece, top = sq.load.size, plates.per_side[b], footing.sums, footing.piece, footing.top
     weight, nearest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
     for m in range(sq.polygons.size):
         i, k = sq.square[m], footing.polygons[sq.polygons[m]]
-        size, highest = _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top, sums)
+        size, highest = _press_polygon(pads, footing, sq.polygons[m], q, sq.bending[i], top, sums)
         polygon[i] = k
         if _bears(sums, min(highest, top), footing.side):
             _add_shape(pads, b, k, per, sums[1] / sums[0], sums[2] / sums[0], sums[0], shape[i])
@@ -249,50 +267,44 @@ def _place_loads(
 
 @kernel
 def _set_compliance(
-    pads: Pads, plates: Plates, b: int, footing: Footing, sq: Squares, single: bool, q: Floats, top: float, length: float
-) -> None:  # fmt: skip
+    pads: Pads, plates: Plates, b: int, footing: Footing, sq: Squares, single: bool, q: Floats, length: float
+) -> None:
     """Find where the loads of squares act, and the compliance of the plate there beyond heave and tilts.
 
-    ``single``: whether squares are single pads; ``top``: as above.
+    ``single``: whether squares are single pads.
     """
-    count, unknowns, rigid = sq.load.size, plates.unknowns[b], plates.rigid[b]
-    shape, which, bent, heaved = np.zeros((count, 16)), np.empty((count, 16), np.int64), np.empty(unknowns), np.empty(3)
-    _place_loads(pads, plates, b, footing, sq, q, top, shape, which)
-    matrix = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
+    count, rigid, heaved = sq.load.size, plates.rigid[b], np.empty(3)
+    shape, which = np.zeros((count, 16)), np.empty((count, 16), np.int64)
+    _place_loads(pads, plates, b, footing, sq, q, shape, which)
+    bend_plate(plates, b, shape, which, sq.compliance)
     narrow = DIMPLE * min(plates.per_side[b] * footing.side, math.sqrt(2.0) * length)
     dimple = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length)
     for i in range(count):
-        bent[:] = 0.0
-        for a in range(16):
-            weight, row = shape[i, a], matrix[which[i, a]]
-            for n in range(unknowns):
-                bent[n] += weight * row[n]
         for n in range(3):
             heaved[n] = _rise(rigid[n], sq.position[i, 0], sq.position[i, 1])
         for j in range(i + 1):
-            value = -_rise(heaved, sq.position[j, 0], sq.position[j, 1])
-            for a in range(16):
-                value += shape[j, a] * bent[which[j, a]]
+            value = sq.compliance[i, j] - _rise(heaved, sq.position[j, 0], sq.position[j, 1])
             if single:
                 dx, dy = sq.position[i, 0] - sq.position[j, 0], sq.position[i, 1] - sq.position[j, 1]
                 value += dimple * plate_deflection(math.sqrt(dx**2 + dy**2) / narrow)
             sq.compliance[i, j] = sq.compliance[j, i] = value
-    _apply(sq.compliance, sq.coefficient, sq.bending)
 
 
 @borrower
 def _apply(matrix: Floats, vector: Floats, out: Floats) -> None:
-    """``out = matrix vector``."""
-    for i in range(out.size):
-        total = 0.0
-        for j in range(vector.size):
-            if vector[j] != 0.0:
-                total += matrix[i, j] * vector[j]
-        out[i] = total
+    """``out = matrix vector`` with a symmetric matrix."""
+    out[:] = 0.0
+    for j in range(vector.size):
+        value, row = vector[j], matrix[j]
+        if value != 0.0:
+            for i in range(out.size):
+                out[i] += value * row[i]
 
 
 @borrower
-def _sum_up(footing: Footing, sq: Squares, q: Floats, top: float, gradient: Floats, hessian: Floats) -> float:
+def _sum_up(
+    pads: Pads, footing: Footing, sq: Squares, q: Floats, top: float, gradient: Floats, hessian: Floats
+) -> float:
     """Find loads and stiffness of the squares, gradient and Hessian by the rise; returns the energy (J)."""
     energy, sums, hull = 0.0, footing.sums, footing.hull
     for i in range(3):
@@ -306,7 +318,10 @@ def _sum_up(footing: Footing, sq: Squares, q: Floats, top: float, gradient: Floa
         sq.load[i] = sq.elastic[i] = sq.mixed[i, 0] = sq.mixed[i, 1] = sq.mixed[i, 2] = 0.0
     for m in range(sq.polygons.size):
         i = sq.square[m]
-        if _press_polygon(footing, sq.polygons[m], q, sq.bending[i], top, sums)[1] <= 0.0:
+        # Most of them are clear: that is seen without their corners.
+        if _is_clear(pads, footing, sq.polygons[m], q, sq.bending[i]):
+            continue
+        if _press_polygon(pads, footing, sq.polygons[m], q, sq.bending[i], top, sums)[1] <= 0.0:
             continue
         for n in range(10):
             sums[n] *= footing.stiffness
@@ -334,81 +349,102 @@ def _sum_up(footing: Footing, sq: Squares, q: Floats, top: float, gradient: Floa
 
 @borrower
 def _solve_loaded(matrix: Floats, right: Floats) -> None:
-    """Solve for several right-hand sides in place by Cholesky's factors, which overwrite the lower half of the matrix."""
+    """Solve for right-hand sides, in rows, in place by Cholesky's factors, which overwrite the upper half of the matrix."""
     n = len(matrix)
-    for i in range(n):
-        for j in range(i + 1):
-            value = matrix[i, j]
-            for k in range(j):
-                value -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = math.sqrt(value) if i == j else value / matrix[j, j]
-        for d in range(right.shape[1]):
-            value = right[i, d]
-            for k in range(i):
-                value -= matrix[i, k] * right[k, d]
-            right[i, d] = value / matrix[i, i]
+    # Row by row: what a row takes from those below it goes through the processor at once.
+    for k in range(n):
+        row, root = matrix[k], math.sqrt(matrix[k, k])
+        for j in range(k, n):
+            row[j] /= root
+        for i in range(k + 1, n):
+            factor, below = row[i], matrix[i]
+            for j in range(i, n):
+                below[j] -= factor * row[j]
+        for d in range(len(right)):
+            side = right[d]
+            side[k] /= root
+            value = side[k]
+            for i in range(k + 1, n):
+                side[i] -= value * row[i]
     for i in range(n - 1, -1, -1):
-        for d in range(right.shape[1]):
-            value = right[i, d]
-            for k in range(i + 1, n):
-                value -= matrix[k, i] * right[k, d]
-            right[i, d] = value / matrix[i, i]
+        row = matrix[i]
+        zero, one, two, three = right[0, i], right[1, i], right[2, i], right[3, i]
+        for k in range(i + 1, n):
+            zero -= row[k] * right[0, k]
+            one -= row[k] * right[1, k]
+            two -= row[k] * right[2, k]
+            three -= row[k] * right[3, k]
+        right[0, i], right[1, i], right[2, i], right[3, i] = zero / row[i], one / row[i], two / row[i], three / row[i]
 
 
+# Many arguments: what it corrects, and by how much.
 @kernel
-def _correction(sq: Squares, gradient: Floats, hessian: Floats, dq: Floats, dc: Floats, du: Floats) -> float:
+def _correction(
+    sq: Squares, gap: Floats, gradient: Floats, hessian: Floats, dq: Floats, dc: Floats, du: Floats
+) -> float:  # fmt: skip
     """Newton's correction of rise, coefficients and bending; returns the decrement of the energy (J).
 
-    On loaded squares ``(1 / k + G) dc = (f - c) / k - b dq`` with their load f and elastic stiffness k; others take up their
-    load at once.
+    On loaded squares ``(1 / k + G) dc = (f - c) / k - b dq + g`` with their load f, elastic stiffness k and ``g = u - G c``
+    (``gap``), which a whole correction closes; others take up their load at once.
     """
     loaded, count = np.flatnonzero(sq.elastic > 0.0), sq.load.size
     n = loaded.size
-    bent, matrix, answer = np.zeros((count, 4)), np.empty((n, n)), np.empty((n, 4))
+    bent, matrix, answer = np.zeros((4, count)), np.empty((n, n)), np.empty((4, n))
     for i in range(count):
         dc[i] = 0.0 if sq.elastic[i] > 0.0 else sq.load[i] - sq.coefficient[i]
-    _apply(sq.compliance, dc, du)
+    _apply(sq.compliance, dc, bent[0])
+    for i in range(count):
+        bent[0, i] -= gap[i]
     for s in range(n):
         i = loaded[s]
-        for t in range(s + 1):
+        for t in range(s, n):
             matrix[s, t] = sq.compliance[i, loaded[t]]
         matrix[s, s] += 1.0 / sq.elastic[i]
-        answer[s, 0] = (sq.load[i] - sq.coefficient[i]) / sq.elastic[i] - du[i]
+        answer[0, s] = (sq.load[i] - sq.coefficient[i]) / sq.elastic[i] - bent[0, i]
         for d in range(3):
-            answer[s, 1 + d] = -sq.mixed[i, d] / sq.elastic[i]
+            answer[1 + d, s] = -sq.mixed[i, d] / sq.elastic[i]
     _solve_loaded(matrix, answer)
-    for i in range(count):
-        bent[i, 0] = du[i]
-        for s in range(n):
-            for d in range(4):
-                bent[i, d] += sq.compliance[i, loaded[s]] * answer[s, d]
+    for s in range(n):
+        row = sq.compliance[loaded[s]]
+        for d in range(4):
+            value, out = answer[d, s], bent[d]
+            for i in range(count):
+                out[i] += value * row[i]
     right = np.empty(3)
     for d in range(3):
         right[d] = -gradient[d]
         for i in range(count):
-            right[d] -= sq.mixed[i, d] * bent[i, 0]
+            right[d] -= sq.mixed[i, d] * bent[0, i]
             for t in range(3):
-                hessian[d, t] += sq.mixed[i, d] * bent[i, 1 + t]
+                hessian[d, t] += sq.mixed[i, d] * bent[1 + t, i]
     dq[0], dq[1], dq[2] = solve(hessian, right)
     decrement = -(gradient[0] * dq[0] + gradient[1] * dq[1] + gradient[2] * dq[2])
     for s in range(n):
-        dc[loaded[s]] = answer[s, 0] + answer[s, 1] * dq[0] + answer[s, 2] * dq[1] + answer[s, 3] * dq[2]
+        dc[loaded[s]] = answer[0, s] + answer[1, s] * dq[0] + answer[2, s] * dq[1] + answer[3, s] * dq[2]
     for i in range(count):
-        du[i] = bent[i, 0] + bent[i, 1] * dq[0] + bent[i, 2] * dq[1] + bent[i, 3] * dq[2]
+        du[i] = bent[0, i] + bent[1, i] * dq[0] + bent[2, i] * dq[1] + bent[3, i] * dq[2]
         decrement += (sq.load[i] - sq.coefficient[i]) * du[i]
     return float(decrement)
 
 
 @kernel
-def _minimise(footing: Footing, sq: Squares, q: Floats, top: float) -> int:
-    """Find rise and bending of least energy from where they are; returns the iterations, -1 where there is no end."""
+def _minimise(pads: Pads, footing: Footing, sq: Squares, q: Floats, top: float, end: float) -> int:
+    """Find rise and bending of least energy from where they are; returns the iterations, -1 where there is no end.
+
+    ``end``: part of the energy by which a last correction may lower it.
+    """
     count = sq.load.size
     gradient, hessian, dq, dc, du = np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(count), np.zeros(count)
-    energy = _sum_up(footing, sq, q, top, gradient, hessian)
+    # Bending that was found with another compliance is no minimum for this one: its pressure is a better start than its energy.
+    gap = np.empty(count)
+    _apply(sq.compliance, sq.coefficient, gap)
+    for i in range(count):
+        gap[i] = sq.bending[i] - gap[i]
+    energy = _sum_up(pads, footing, sq, q, top, gradient, hessian)
     for iteration in range(MAX_ITERATIONS):
-        decrement = _correction(sq, gradient, hessian, dq, dc, du)
-        # Late iterations move within round-off.
-        if decrement <= (1e-16 if iteration < 20 else 1e-9) * abs(energy):
+        decrement = _correction(sq, gap, gradient, hessian, dq, dc, du)
+        whole = iteration == 0 and gap.any()
+        if not whole and decrement <= (end if iteration < 20 else LATE) * abs(energy):
             return iteration
         change = 1.0
         while True:
@@ -417,35 +453,36 @@ def _minimise(footing: Footing, sq: Squares, q: Floats, top: float) -> int:
             for i in range(count):
                 sq.coefficient[i] += change * dc[i]
                 sq.bending[i] += change * du[i]
-            new = _sum_up(footing, sq, q, top, gradient, hessian)
+            new = _sum_up(pads, footing, sq, q, top, gradient, hessian)
             # The energy is convex: a correction that is short enough lowers it, as far as round-off lets that be seen.
-            if not new > energy - 1e-4 * abs(change) * decrement or decrement < 1e-9 * abs(energy):
+            if whole or not new > energy - 1e-4 * abs(change) * decrement or decrement < 1e-9 * abs(energy):
                 break
             change = -0.5 * abs(change)
         energy = new
+        gap[:] = 0.0
     return -1
 
 
 @kernel
-def _lift(footing: Footing, sq: Squares, rise: float, q: Floats) -> None:
+def _lift(pads: Pads, footing: Footing, sq: Squares, rise: float, q: Floats) -> None:
     """Lift a fragment if that takes less energy than to press all of it in: where it yields, the bed leads to no balance."""
     gradient, hessian = np.empty(3), np.empty((3, 3))
-    pressed_in = _sum_up(footing, sq, q, footing.top, gradient, hessian)
+    pressed_in = _sum_up(pads, footing, sq, q, footing.top, gradient, hessian)
     q[0] = rise
-    if _sum_up(footing, sq, q, footing.top, gradient, hessian) > pressed_in:
+    if _sum_up(pads, footing, sq, q, footing.top, gradient, hessian) > pressed_in:
         q[0] = 0.0
 
 
 @kernel
-def _balance(footing: Footing, sq: Squares, q: Floats) -> int:
-    """Find the balance from the rise and bending that are there; returns the iterations, -1 where there is no end."""
-    iterations = _minimise(footing, sq, q, footing.top)
+def _balance(pads: Pads, footing: Footing, sq: Squares, q: Floats, end: float) -> int:
+    """Find the balance from the rise and bending that are there, as `_minimise` does."""
+    iterations = _minimise(pads, footing, sq, q, footing.top, end)
     if iterations < 0:
         # Squares that yield resist no more: where stiff ice starts deep in rock, almost all do, and corrections overshoot by
         # hundreds of metres. On a bed of boundless strength they do not, and its balance is close.
         q[:], sq.coefficient[:], sq.bending[:] = 0.0, 0.0, 0.0
-        _minimise(footing, sq, q, math.inf)
-        iterations = _minimise(footing, sq, q, footing.top)
+        _minimise(pads, footing, sq, q, math.inf, end)
+        iterations = _minimise(pads, footing, sq, q, footing.top, end)
     return iterations
 
 
@@ -461,7 +498,9 @@ def _share_out(
     moments = np.zeros((last - first, 3))  # of the friction of each element
     for m in range(sq.polygons.size):
         i, p = sq.square[m], sq.polygons[m]
-        size, highest = _press_polygon(footing, p, q, sq.bending[i], footing.top, sums)
+        if _is_clear(pads, footing, p, q, sq.bending[i]):
+            continue
+        size, highest = _press_polygon(pads, footing, p, q, sq.bending[i], footing.top, sums)
         if not _bears(sums, min(highest, footing.top), footing.side):
             continue
         load, x, y = bed.stiffness * sums[0], sums[1] / sums[0], sums[2] / sums[0]
@@ -498,13 +537,13 @@ def _share_out(
 
 
 @borrower
-def _stay_clear(footing: Footing, margin: float, q: Floats) -> bool:
+def _stay_clear(pads: Pads, footing: Footing, margin: float, q: Floats) -> bool:
     """Whether polygons that are clear by more than ``margin`` m stay so: rigid rise alone is the least of theirs."""
     for p in range(footing.polygons.size):
-        if footing.highest[p] <= -margin:
-            for n in range(footing.start[p], footing.start[p + 1]):
-                if footing.corner[n, 2] > _rise(q, footing.corner[n, 0], footing.corner[n, 1]):
-                    return False
+        if footing.highest[p] > -margin or _is_clear(pads, footing, p, q, 0.0):
+            continue
+        if _press_polygon(pads, footing, p, q, 0.0, footing.top, footing.sums)[1] > 0.0:
+            return False
     return True
 
 
@@ -521,14 +560,13 @@ def press(
     ``q`` takes heave and tilts, ``loads`` the columns `LOAD` to `YIELD` of the elements, ``bent`` load (N), bending (m), share of
     ice and place (m) of each polygon.
     """
-    start, most = np.zeros(polygons.size + 1, np.int64), CORNERS
-    for p in range(polygons.size):
-        size = pads.start[polygons[p] + 1] - pads.start[polygons[p]]
-        start[p + 1], most = start[p] + size, max(most, 2 * size + 8)
+    most = CORNERS
+    for k in polygons:
+        most = max(most, 2 * (pads.start[k + 1] - pads.start[k]) + 8)
     loads[pads.row_start[b] : pads.row_start[b + 1]] = 0.0
     bent[:, 0] = 0.0
     footing = Footing(
-        polygons, start, np.empty((start[-1], 3)), np.empty((polygons.size, 2)), np.empty(polygons.size), hull, bed.stiffness,
+        polygons, np.empty((polygons.size, 3)), np.empty((polygons.size, 2)), np.empty(polygons.size), hull, bed.stiffness,
         bed.strength / bed.stiffness, pads.side[b], np.empty((most, 3)), np.empty((most, 3)),
         np.empty(10),
     )  # fmt: skip
@@ -539,20 +577,22 @@ def press(
     # Beyond CLEAR pads are looked at or not by the way that a fragment came; the last bit must not hang on it.
     margin = min(0.2 * largest + 0.02, CLEAR)
     while True:
-        sq, merged = _group_in_squares(pads, b, footing, margin, bends)
         q[:] = 0.0
-        if bends:
-            fit_plate(pads, plates, b, polygons[sq.polygons], merged, length, bed.poisson)
-            _set_compliance(pads, plates, b, footing, sq, merged == 1, q, math.inf, length)
+        sq, _ = _group_in_squares(pads, b, footing, margin, False)
         if largest > footing.top:
-            _lift(footing, sq, largest - footing.top, q)
-        iterations = _balance(footing, sq, q)
+            _lift(pads, footing, sq, largest - footing.top, q)
+        iterations = _balance(pads, footing, sq, q, ROUGH if bends else EXACT)
         if bends and iterations >= 0:
-            _set_compliance(pads, plates, b, footing, sq, merged == 1, q, footing.top, length)
-            iterations = _balance(footing, sq, q)
+            sq, merged = _group_in_squares(pads, b, footing, margin, True)
+            fit_plate(pads, plates, b, polygons[sq.polygons], merged, length, bed.poisson)
+            for stage in range(STAGES):
+                _set_compliance(pads, plates, b, footing, sq, merged == 1, q, length)
+                iterations = _balance(pads, footing, sq, q, EXACT if stage == STAGES - 1 else ROUGH)
+                if iterations < 0:
+                    break
         if iterations < 0:
             return -1, largest
-        if _stay_clear(footing, margin, q):
+        if _stay_clear(pads, footing, margin, q):
             break
         margin *= 2.0
     _share_out(pads, b, footing, sq, q, bed, length, thickness, loads, bent)
