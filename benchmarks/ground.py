@@ -20,6 +20,9 @@ from riftberg.experiments.a68a import story_model
 
 PLANE: dict[str, Any] = {"latlon": False, "latitude": 0.0}
 
+TIDES = ((0.4, 44_714.0), (0.2, 43_200.0), (0.1, 86_164.0))
+"""Amplitude (m) and period (s) of three constituents."""
+
 
 def a68a(law: str, **changes: Any) -> Model:
     """Return A68a in the currents of the story, with the shoal or over the deep sea."""
@@ -40,7 +43,7 @@ def knoll(law: str, *, tides: bool = False) -> Model:
     )
     sea = Forcing.uniform((0.08, 0.03), **PLANE)
     sea = sea + Forcing.seamount((9e3, 6e3), 120.0, 4e3, 280.0 * 850.0 / 1025.0 + 119.1, latlon=False)
-    for level, period in ((0.4, 44_714.0), (0.2, 43_200.0), (0.1, 86_164.0)) if tides else ():
+    for level, period in TIDES if tides else ():
         sea = sea + Forcing.tide(0.0, level=level, period=period, **PLANE)
     return Model(
         berg, sea,
@@ -49,6 +52,15 @@ def knoll(law: str, *, tides: bool = False) -> Model:
             grounding={"law": law}, fracture={"enabled": False},
         ),
     )  # fmt: skip
+
+
+def held(law: str, *, tides: bool = False) -> Model:
+    """Return a berg of 66 x 54 km and 300 m that comes to rest on a slope after eight days."""
+    berg = Iceberg.rectangle(66e3, 54e3, thickness=300.0, radius=1500.0, placement=(-39.0, -56.0))
+    sea = Forcing.uniform((0.25, 0.05), wind=(6.0, 2.0)) + Forcing.slope((-38.0, -56.0), 270.0, 5e-4, 320.0)
+    for level, period in TIDES if tides else ():
+        sea = sea + Forcing.tide(0.0, level=level, period=period)
+    return Model(berg, sea, Parameters(grounding={"law": law}, fracture={"enabled": False}))
 
 
 def lone(law: str, number: int, depth: float, *, melt: bool) -> Model:
@@ -67,6 +79,8 @@ ROWS: dict[str, tuple[Callable[[str], Model], float, float]] = {
     "story": (a68a, 0.0, 17.0),
     "knoll": (knoll, 0.0, 2.0),
     "tides": (lambda law: knoll(law, tides=True), 0.0, 2.0),
+    "held": (held, 10.0, 4.0),
+    "held, tides": (lambda law: held(law, tides=True), 12.0, 4.0),
     "aground": (lambda law: lone(law, 300, 150.0, melt=True), 1.0, 1.0),
     "deep": (lambda law: lone(law, 4000, 2000.0, melt=False), 0.5, 0.5),
     "deep melt": (lambda law: lone(law, 4000, 2000.0, melt=True), 0.5, 0.5),

@@ -7,10 +7,10 @@ the end, minimise
 
     q K q / 2 + c G c / 2 + sum over pads k_v integral (<d>^2 - <d - q_u / k_v>^2) / 2
 
-which is convex: Newton's method, with its exact tangent and corrections halved until the energy falls, finds them from zero, or
-from the balance on a bed that does not yield. Where the load of a pad acts follows from the overlap that is left where the keel is
-lifted until the bed would yield nowhere, and then from the pressure that was found; of a pad that bears nothing it is the point
-that would touch first. Ice that does not bend is one square without compliance.
+which is convex: Newton's method, with its exact tangent and corrections halved until the energy falls, finds them from zero,
+or, that failing, from the balance on a bed that does not yield. Where the load of a pad acts follows from the overlap that is
+left where the keel is lifted until the bed would yield nowhere, and then from the pressure that was found; of a pad that bears
+nothing it is where it would touch first. Ice that does not bend is one square without compliance.
 """
 
 from __future__ import annotations
@@ -60,6 +60,9 @@ CLIFF: Final = 1.0
 DIMPLE: Final = 0.14
 """Bending length of what the cubics of an element miss under a load, over its side: an endless plate on a stiffer bed. Without it
 the deflection under a load is 3.3 to 3.9 % too small on average of 150 points (sides of 0.92 to 1 ``lambda``)."""
+
+GRAZE: Final = 0.01
+"""Overlap (m) up to which it hangs on round-off where the load of a square acts that the floor meets along a line."""
 
 SLIVER: Final = 1e-10
 """Part of a pad that counts as none: its compliance would overflow, and where its load acts would be round-off over round-off."""
@@ -191,12 +194,9 @@ def _rise(q: Floats, x: float, y: float) -> float:
     return float(q[0] + q[1] * y - q[2] * x)
 
 
-# Many arguments: what `_sum_up` and its likes have at hand.
 @borrower
-def _press_polygon(
-    pads: Pads, footing: Footing, p: int, q: Floats, bending: float, top: float, sums: Floats
-) -> tuple[int, float]:  # fmt: skip
-    """Find the integrals of the overlap that rise and bending leave of a polygon; returns its corners and the largest (m)."""
+def _find_overlap(pads: Pads, footing: Footing, p: int, q: Floats, bending: float) -> tuple[int, float]:
+    """Find the overlap that rise and bending leave at the corners of a polygon; returns their number and the largest (m)."""
     k, piece, highest = footing.polygons[p], footing.piece, -math.inf
     first, size, x, y = pads.start[k], pads.start[k + 1] - pads.start[k], pads.centre[k, 0], pads.centre[k, 1]
     middle = footing.plane[p, 0] - _rise(q, x, y) - bending
@@ -205,13 +205,12 @@ def _press_polygon(
         piece[n, 0], piece[n, 1] = pads.corner[first + n, 0], pads.corner[first + n, 1]
         piece[n, 2] = middle + slope_x * (piece[n, 0] - x) + slope_y * (piece[n, 1] - y)
         highest = max(highest, piece[n, 2])
-    pressed(piece, size, top, footing.room, sums)
     return size, highest
 
 
 @borrower
 def _is_clear(pads: Pads, footing: Footing, p: int, q: Floats, bending: float) -> bool:
-    """Whether rise and bending clearly leave nothing of the overlap of a polygon, by its plane and its radius."""
+    """Whether rise and bending leave nothing of the overlap of a polygon, as far as its plane and its radius tell."""
     k = footing.polygons[p]
     middle = footing.plane[p, 0] - _rise(q, pads.centre[k, 0], pads.centre[k, 1]) - bending
     slope_x, slope_y = footing.plane[p, 1] + q[2], footing.plane[p, 2] - q[1]
@@ -238,29 +237,36 @@ def _add_shape(pads: Pads, b: int, k: int, per: int, x: float, y: float, weight:
 def _place_loads(
     pads: Pads, plates: Plates, b: int, footing: Footing, sq: Squares, q: Floats, shape: Floats, which: Ints
 ) -> None:  # fmt: skip
-    """Find where the loads of squares act, and the share of the unknowns ``which`` of the plate in the rise there (``shape``)."""
-    count, per, sums, piece, top = sq.load.size, plates.per_side[b], footing.sums, footing.piece, footing.top
-    weight, nearest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
+    """Find where the loads of squares act, and the share of the unknowns ``which`` of the plate in the rise there (``shape``).
+
+    Of a square that bears little or nothing as if it were pressed in until some of it overlaps the bed by `GRAZE`.
+    """
+    count, per, sums, margin = sq.load.size, plates.per_side[b], footing.sums, min(footing.top, GRAZE)
+    weight, highest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
     for m in range(sq.polygons.size):
-        i, k = sq.square[m], footing.polygons[sq.polygons[m]]
-        size, highest = _press_polygon(pads, footing, sq.polygons[m], q, sq.bending[i], top, sums)
-        polygon[i] = k
-        if _bears(sums, min(highest, top), footing.side):
+        i, p = sq.square[m], sq.polygons[m]
+        if not _is_clear(pads, footing, p, q, sq.bending[i] + min(highest[i], 0.0)):
+            highest[i] = max(highest[i], _find_overlap(pads, footing, p, q, sq.bending[i])[1])
+    for m in range(sq.polygons.size):
+        i, p = sq.square[m], sq.polygons[m]
+        rise = sq.bending[i] - max(margin - highest[i], 0.0)
+        polygon[i] = k = footing.polygons[p]
+        if _is_clear(pads, footing, p, q, rise):
+            continue
+        size, _ = _find_overlap(pads, footing, p, q, rise)
+        pressed(footing.piece, size, footing.top, footing.room, sums)
+        if _bears(sums, margin, footing.side):
             _add_shape(pads, b, k, per, sums[1] / sums[0], sums[2] / sums[0], sums[0], shape[i])
             for n in range(3):
                 weight[i, n] += sums[n]
-        elif highest > nearest[i]:
-            for n in range(size):  # where it would touch first
-                if piece[n, 2] == highest:
-                    nearest[i], sq.position[i, 0], sq.position[i, 1] = highest, piece[n, 0], piece[n, 1]
     for i in range(count):
         k = polygon[i]
-        if weight[i, 0] > 0.0:
-            sq.position[i, 0], sq.position[i, 1] = weight[i, 1] / weight[i, 0], weight[i, 2] / weight[i, 0]
-            for n in range(16):
-                shape[i, n] /= weight[i, 0]
-        else:
-            _add_shape(pads, b, k, per, sq.position[i, 0], sq.position[i, 1], 1.0, shape[i])
+        if weight[i, 0] == 0.0:  # a sliver of ice
+            weight[i, 0], weight[i, 1], weight[i, 2] = 1.0, pads.centre[k, 0], pads.centre[k, 1]
+            _add_shape(pads, b, k, per, weight[i, 1], weight[i, 2], 1.0, shape[i])
+        sq.position[i, 0], sq.position[i, 1] = weight[i, 1] / weight[i, 0], weight[i, 2] / weight[i, 0]
+        for n in range(16):
+            shape[i, n] /= weight[i, 0]
         j, n, nodes = pads.square[k, 0] // per, pads.square[k, 1] // per, plates.node[plates.node_start[b] :]
         list_unknowns(nodes, plates.columns[b], j, n, which[i])
 
@@ -321,8 +327,10 @@ def _sum_up(
         # Most of them are clear: that is seen without their corners.
         if _is_clear(pads, footing, sq.polygons[m], q, sq.bending[i]):
             continue
-        if _press_polygon(pads, footing, sq.polygons[m], q, sq.bending[i], top, sums)[1] <= 0.0:
+        size, highest = _find_overlap(pads, footing, sq.polygons[m], q, sq.bending[i])
+        if highest <= 0.0:
             continue
+        pressed(footing.piece, size, top, footing.room, sums)
         for n in range(10):
             sums[n] *= footing.stiffness
         energy += sums[9]
@@ -500,7 +508,8 @@ def _share_out(
         i, p = sq.square[m], sq.polygons[m]
         if _is_clear(pads, footing, p, q, sq.bending[i]):
             continue
-        size, highest = _press_polygon(pads, footing, p, q, sq.bending[i], footing.top, sums)
+        size, highest = _find_overlap(pads, footing, p, q, sq.bending[i])
+        pressed(footing.piece, size, footing.top, footing.room, sums)
         if not _bears(sums, min(highest, footing.top), footing.side):
             continue
         load, x, y = bed.stiffness * sums[0], sums[1] / sums[0], sums[2] / sums[0]
@@ -542,7 +551,7 @@ def _stay_clear(pads: Pads, footing: Footing, margin: float, q: Floats) -> bool:
     for p in range(footing.polygons.size):
         if footing.highest[p] > -margin or _is_clear(pads, footing, p, q, 0.0):
             continue
-        if _press_polygon(pads, footing, p, q, 0.0, footing.top, footing.sums)[1] > 0.0:
+        if _find_overlap(pads, footing, p, q, 0.0)[1] > 0.0:
             return False
     return True
 
