@@ -386,13 +386,13 @@ def test_the_balance_does_not_depend_on_what_was_pressed_before() -> None:
 @pytest.mark.compiled
 def test_a_long_front_bears_the_same_when_it_is_pressed_anew() -> None:
     """Its plate has elements of two ``lambda``: the finer one that was tried first leaves nothing behind."""
-    levels = [0.2, 0.0]
-    berg = Berg(40, 30, 1000.0)
-    used = berg.press(lambda x, y: DRAFT + 1.5 - 5e-5 * x, ROCK, level=lambda time: levels[0])
-    for level in (0.0, 0.2, 0.2, 0.0, 0.0):
-        levels[0] = level
-        fresh = berg.press(lambda x, y: DRAFT + 1.5 - 5e-5 * x, ROCK, level=lambda time, level=level: level)
+    berg, how, level = Berg(15, 20, 2000.0), ROCK | {"ice_modulus": 1e9}, [0.0]
+    floor = lambda x, y: DRAFT - 1.6 + 1e-3 * (x + 15e3)  # noqa: E731
+    used = berg.press(floor, how, level=lambda time: level[0])
+    for now in (0.001, 0.0):
+        level[0] = now
         used.model.step()
+        fresh = berg.press(floor, how, level=lambda time, now=now: now)
         loads = used.model.elements.keel.floor_load
         np.testing.assert_allclose(loads, fresh.loads, rtol=1e-10, atol=1e-10 * fresh.total)
 
