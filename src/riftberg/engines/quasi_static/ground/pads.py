@@ -202,33 +202,38 @@ def _cut_by_squares(
 @kernel
 def _sum_up_ice(pads: Pads, most: int) -> None:
     """Find the centroids of polygons, the ice of each square, and the moments of each element; ``most``: room for corners."""
-    ice, variances, room, sums = pads.ice, pads.ice[:, 3:], np.ones((most, 3)), np.zeros(10)
+    ice, room, sums = pads.ice, np.ones((most, 3)), np.zeros(10)
     for b in range(pads.side.size):
+        full = pads.side[b] * pads.side[b]
         for k in range(pads.polygon_start[b], pads.polygon_start[b + 1]):
             first, size = pads.start[k], pads.start[k + 1] - pads.start[k]
             area, x, y = area_and_centroid(pads.corner, first, first + size)
             s = pads.square_start[b] + pads.square[k, 0] * pads.shape[b, 1] + pads.square[k, 1]
             pads.centre[k, 0], pads.centre[k, 1] = x, y
-            ice[s, 0] += area
-            ice[s, 1] += area * x
-            ice[s, 2] += area * y
-            for n in range(size):
-                room[n, 0], room[n, 1] = pads.corner[first + n, 0], pads.corner[first + n, 1]
-                pads.radius[k] = max(pads.radius[k], math.hypot(room[n, 0] - x, room[n, 1] - y))
-            for n in range(10):
-                sums[n] = 0.0
-            add_moments(room, size, 0.0, 1.0, sums)
-            for n in range(6):
-                pads.moments[pads.owner[k], n] += sums[3 + n]
-            for n in range(3):
-                variances[s, n] += sums[6 + n]
+            if area > (1.0 - SNAP) * full:  # most are whole squares
+                pads.radius[k] = math.sqrt(0.5 * full)
+                xx, xy, yy = area * (x * x + full / 12.0), area * x * y, area * (y * y + full / 12.0)
+            else:
+                for n in range(size):
+                    room[n, 0], room[n, 1] = pads.corner[first + n, 0], pads.corner[first + n, 1]
+                    pads.radius[k] = max(pads.radius[k], math.hypot(room[n, 0] - x, room[n, 1] - y))
+                sums[:] = 0.0
+                add_moments(room, size, 0.0, 1.0, sums)
+                xx, xy, yy = sums[6], sums[7], sums[8]
+            for sum_of in (ice[s], pads.moments[pads.owner[k]]):
+                sum_of[0] += area
+                sum_of[1] += area * x
+                sum_of[2] += area * y
+                sum_of[3] += xx
+                sum_of[4] += xy
+                sum_of[5] += yy
     for s in range(len(ice)):
         if ice[s, 0] > 0.0:
             for n in range(1, 6):
                 ice[s, n] /= ice[s, 0]
-            variances[s, 0] -= ice[s, 1] * ice[s, 1]
-            variances[s, 1] -= ice[s, 1] * ice[s, 2]
-            variances[s, 2] -= ice[s, 2] * ice[s, 2]
+            ice[s, 3] -= ice[s, 1] * ice[s, 1]
+            ice[s, 4] -= ice[s, 1] * ice[s, 2]
+            ice[s, 5] -= ice[s, 2] * ice[s, 2]
 
 
 def cut_into_pads(footprint: BodyFootprint, body: Ints, xy: Floats, side: Floats) -> Pads:
