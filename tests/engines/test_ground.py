@@ -795,6 +795,27 @@ def test_a_berg_comes_to_rest_in_some_tens_of_looks_at_the_floor(gradient: float
     assert len(sea.asked) - looks == 1
 
 
+def test_a_sliding_berg_bears_what_one_bears_that_is_placed_there() -> None:
+    """Its loads at the end of a step are those of where it is then."""
+    floor = lambda x, y: DRAFT - 1e-3 * (x - 1e3)  # noqa: E731
+    berg = Iceberg.rectangle(2e3, 1e3, radius=250.0, thickness=THICKNESS, latlon=False, velocity=(0.3, 0.0))
+    how = bed(bending=False)
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": 300.0}, grounding=how, fracture={"enabled": False}
+    )  # fmt: skip
+    model, loads = Model(berg, Floor(floor), p), []
+    for _ in range(3):
+        model.step()
+        el = model.elements
+        there = Iceberg.rectangle(
+            2e3, 1e3, radius=250.0, thickness=THICKNESS, latlon=False, placement=(float(el.lon.mean()), 0.0)
+        )
+        now = aground(there, Floor(floor), how)
+        np.testing.assert_allclose(el.keel.floor_load, now.elements.keel.floor_load, rtol=1e-5)
+        loads.append(el.keel.floor_load.sum())
+    assert loads[0] < loads[1] < loads[2]
+
+
 @pytest.mark.parametrize("change", ["nothing", "level", "thickness", "sides", "neighbour"])
 def test_a_berg_that_stands_still_bears_what_it_bears_pressed_anew(change: str) -> None:
     """The last press is kept: a model without one goes the same way to the last digit, whatever changes of a held berg."""

@@ -596,6 +596,9 @@ def press(
             fit_plate(pads, plates, b, polygons[sq.polygons], merged, length, bed.poisson)
             for stage in range(STAGES):
                 _set_compliance(pads, plates, b, footing, sq, merged == 1, q, length)
+                if stage == 0 and merged > 1:  # of many pads it lies closer to the balance of ice that does not bend
+                    rigid, _ = _group_in_squares(pads, b, footing, margin, False)
+                    _balance(pads, footing, rigid, q, ROUGH)
                 iterations = _balance(pads, footing, sq, q, EXACT if stage == STAGES - 1 else ROUGH)
                 if iterations < 0:
                     break
