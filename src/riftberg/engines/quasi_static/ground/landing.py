@@ -283,7 +283,7 @@ def begin_step(
 
 @borrower
 def list_corners(f: Landing) -> None:
-    """List the corners of the polygons that may touch the floor, each once, and let fragments without any go afloat."""
+    """List the corners of the polygons that may touch the floor, each once."""
     pads, count = f.pads, 0
     for a in range(f.bodies.size):
         first = f.asked_start[a] = count
@@ -295,8 +295,6 @@ def list_corners(f: Landing) -> None:
                 if f.sounding[n] < 0:
                     f.sounding[n], f.asked[count] = count - first, n
                     count += 1
-        if f.polygon_start[a] == f.polygon_start[a + 1]:
-            f.status[a] = AFLOAT
     f.asked_start[f.bodies.size] = count
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.engines.quasi_static.bodies.pose import Bodies, tangent_coordinates
-from riftberg.engines.quasi_static.ground.landing import Landing, allocate_landing, list_corners
+from riftberg.engines.quasi_static.ground.landing import AFLOAT, Landing, allocate_landing, list_corners
 from riftberg.engines.quasi_static.ground.pads import CLEAR, Pads, place_points
 from riftberg.engines.quasi_static.ground.plate import unmade_plates
 from riftberg.engines.quasi_static.ground.soundings import DepthSampler, Floor, Soundings
@@ -219,12 +219,13 @@ def _list_candidates(f: Landing, watch: Watch, depth: Floats) -> None:
 
     ``depth``: of those that were asked for, m.
     """
-    pads, count = f.pads, 0
+    pads, count, changed = f.pads, 0, False
     for a in range(f.bodies.size):
         f.clearance[a] += f.lowest[a]
     for n in range(depth.size):
         watch.depth[watch.asked[n]] = depth[n]
     for a in range(f.bodies.size):
+        changed = changed or f.polygon_start[a] != count
         f.polygon_start[a] = count
         for n in range(watch.start[a], watch.start[a + 1] if watch.any_near[a] else watch.start[a]):
             s, k = watch.within[n], watch.polygon[n]
@@ -233,10 +234,16 @@ def _list_candidates(f: Landing, watch: Watch, depth: Floats) -> None:
             clear = watch.depth[s] + f.lowest[a] - f.draft[pads.owner[k]]
             f.clearance[a] = min(f.clearance[a], clear)
             if clear < watch.slope[s] * (STILL + 0.75 * pads.side[a] + f.reach[a]) + CLEAR:
+                changed = changed or f.polygons[count] != k
                 f.polygons[count] = k
                 count += 1
+    changed = changed or f.polygon_start[f.bodies.size] != count
     f.polygon_start[f.bodies.size] = count
-    list_corners(f)
+    if changed:  # else those of the last step
+        list_corners(f)
+    for a in range(f.bodies.size):
+        if f.polygon_start[a] == f.polygon_start[a + 1]:
+            f.status[a] = AFLOAT
 
 
 class Keels:
