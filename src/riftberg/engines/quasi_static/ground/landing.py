@@ -76,7 +76,7 @@ from riftberg.state.variables import Body, Keel
 
 Booleans = NDArray[np.bool_]
 
-VELOCITY_CHANGE: Final = 0.2
+VELOCITY_CHANGE: Final = 0.15
 """Largest relative change of a fragment's speed by the floor in a sub-step, unless the floor holds the fragment."""
 
 CARRIED_CHANGE: Final = 0.03
