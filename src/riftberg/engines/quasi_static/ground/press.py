@@ -443,15 +443,18 @@ def _minimise(pads: Pads, footing: Footing, sq: Squares, q: Floats, top: float, 
     """
     count = sq.load.size
     gradient, hessian, dq, dc, du = np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(count), np.zeros(count)
-    # Bending that was found with another compliance is no minimum for this one: its pressure is a better start than its energy.
-    gap = np.empty(count)
+    gap, largest_gap = np.empty(count), 0.0
     _apply(sq.compliance, sq.coefficient, gap)
     for i in range(count):
         gap[i] = sq.bending[i] - gap[i]
+        largest_gap = max(largest_gap, abs(gap[i]))
+    # Bending that was found with another compliance has no energy here: its pressure alone leads on.
+    whole = largest_gap > 1e-9 * np.abs(sq.bending).max()
     energy = _sum_up(pads, footing, sq, q, top, gradient, hessian)
     for iteration in range(MAX_ITERATIONS):
+        if not whole:
+            gap[:] = 0.0
         decrement = _correction(sq, gap, gradient, hessian, dq, dc, du)
-        whole = iteration == 0 and gap.any()
         if not whole and decrement <= (end if iteration < 20 else LATE) * abs(energy):
             return iteration
         change = 1.0
@@ -466,8 +469,7 @@ def _minimise(pads: Pads, footing: Footing, sq: Squares, q: Floats, top: float, 
             if whole or not new > energy - 1e-4 * abs(change) * decrement or decrement < 1e-9 * abs(energy):
                 break
             change = -0.5 * abs(change)
-        energy = new
-        gap[:] = 0.0
+        energy, whole = new, False
     return -1
 
 
