@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from story import strength
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.experiments import Options, build
@@ -124,7 +125,7 @@ def run(row: Row, days: float | None = None) -> Result:
     # Quirks are of the explicit scheme, whose bonds tell the story with 16 kPa (docs/evidence/a68a.md).
     usual: dict[str, Any] = {**PUBLISHED_SPRINGS, "stepping": {"scheme": "mts", "substeps": 90}}
     if row.numerics == "own":
-        usual["fracture"] = {"normal_strength": 16e3}
+        usual |= strength(16)
     changes = {group: {**usual.get(group, {}), **row.changes.get(group, {})} for group in {**usual, **row.changes}}
     model, info = build("a68a", Options(changes=changes, numerics=row.numerics))  # type: ignore[arg-type]
     if row.shape is not None:

@@ -389,10 +389,10 @@ def test_a_long_front_bears_the_same_when_it_is_pressed_anew() -> None:
     berg, how, level = Berg(15, 20, 2000.0), ROCK | {"ice_modulus": 1e9}, [0.0]
     floor = lambda x, y: DRAFT - 1.6 + 1e-3 * (x + 15e3)  # noqa: E731
     used = berg.press(floor, how, level=lambda time: level[0])
-    for now in (0.001, 0.0):
-        level[0] = now
+    for rise in (0.001, 0.0):
+        level[0] = rise
         used.model.step()
-        fresh = berg.press(floor, how, level=lambda time, now=now: now)
+        fresh = berg.press(floor, how, level=lambda time, rise=rise: rise)
         loads = used.model.elements.keel.floor_load
         np.testing.assert_allclose(loads, fresh.loads, rtol=1e-10, atol=1e-10 * fresh.total)
 
@@ -810,8 +810,8 @@ def test_a_sliding_berg_bears_what_one_bears_that_is_placed_there() -> None:
         there = Iceberg.rectangle(
             2e3, 1e3, radius=250.0, thickness=THICKNESS, latlon=False, placement=(float(el.lon.mean()), 0.0)
         )
-        now = aground(there, Floor(floor), how)
-        np.testing.assert_allclose(el.keel.floor_load, now.elements.keel.floor_load, rtol=1e-5)
+        placed = aground(there, Floor(floor), how)
+        np.testing.assert_allclose(el.keel.floor_load, placed.elements.keel.floor_load, rtol=1e-5)
         loads.append(el.keel.floor_load.sum())
     assert loads[0] < loads[1] < loads[2]
 

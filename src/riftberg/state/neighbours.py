@@ -325,9 +325,8 @@ def _near_pairs(
                             continue
                         far = reach[e] + reach[f]
                         east, north = abs(nearest_image(x[e] - x[f], period)), abs(y[e] - y[f])
-                        if (
-                            max(north, east * least_cosine) * per_unit > 1.000001 * far
-                        ):  # most, without a cosine of their own
+                        # Most are told without a cosine of their own.
+                        if max(north, east * least_cosine) * per_unit > 1.000001 * far:
                             continue
                         rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                         if rx * rx + ry * ry < far * far:

@@ -77,8 +77,8 @@ from riftberg.state.variables import Body, Keel
 Booleans = NDArray[np.bool_]
 
 VELOCITY_CHANGE: Final = 0.18
-"""Largest relative change of a fragment's speed by the floor in a sub-step, unless the floor holds the fragment: ways to rest on
-rock end 1 % short by it (0.9 % with 0.1)."""
+"""Largest relative change of a fragment's speed by the floor in a sub-step, unless the floor holds the fragment. With it a berg
+stops 1.0 % short on rock, with 0.1 it stops 0.9 % short after twice as many sub-steps."""
 
 CARRIED_CHANGE: Final = 0.03
 """The same in a step of contact, which knows the friction at its start alone, by how that has changed at its end. With 0.1 a

@@ -220,13 +220,13 @@ def _sum_up_ice(pads: Pads, most: int) -> None:
                 sums[:] = 0.0
                 add_moments(room, size, 0.0, 1.0, sums)
                 xx, xy, yy = sums[6], sums[7], sums[8]
-            for sum_of in (ice[s], pads.moments[pads.owner[k]]):
-                sum_of[0] += area
-                sum_of[1] += area * x
-                sum_of[2] += area * y
-                sum_of[3] += xx
-                sum_of[4] += xy
-                sum_of[5] += yy
+            for moments in (ice[s], pads.moments[pads.owner[k]]):
+                moments[0] += area
+                moments[1] += area * x
+                moments[2] += area * y
+                moments[3] += xx
+                moments[4] += xy
+                moments[5] += yy
     for s in range(len(ice)):
         if ice[s, 0] > 0.0:
             for n in range(1, 6):

@@ -130,7 +130,7 @@ def _number_nodes(marked: NDArray[np.bool_], node: Ints) -> tuple[int, int]:
         for i in range(columns):
             if marked[j, i]:
                 low_j, high_j, low_i, high_i = min(low_j, j), max(high_j, j), min(low_i, i), max(high_i, i)
-    by_column, count, apart = high_j - low_j < high_i - low_i, 0, 0
+    by_column, count, span = high_j - low_j < high_i - low_i, 0, 0
     for k in range(node.size):
         j, i = (k % (rows + 1), k // (rows + 1)) if by_column else (k // (columns + 1), k % (columns + 1))
         node[j * (columns + 1) + i] = -1
@@ -142,13 +142,13 @@ def _number_nodes(marked: NDArray[np.bool_], node: Ints) -> tuple[int, int]:
     for j in range(rows):
         for i in range(columns):
             if marked[j, i]:
-                apart = max(apart, node[(j + 1) * (columns + 1) + i + 1] - node[j * (columns + 1) + i])
-    return count, apart
+                span = max(span, node[(j + 1) * (columns + 1) + i + 1] - node[j * (columns + 1) + i])
+    return count, span
 
 
 @borrower
 def _number_loaded_last(loaded: NDArray[np.bool_], count: int, node: Ints) -> None:
-    """Number ``count`` nodes the other way round if those of loaded elements come first: loads bend what comes after them."""
+    """Number ``count`` nodes the other way round if loaded ones come first: a load goes through the nodes after it."""
     rows, columns = loaded.shape
     total = elements = 0
     for j in range(rows):
@@ -280,17 +280,17 @@ def bend_plate(plates: Plates, b: int, shape: Floats, which: Ints, out: Floats) 
         for r in range(loads):
             row[r] /= factor[k, 0]
         for m in range(1, min(width, n - k)):
-            part, below = factor[k, m], rise[k + m]
-            if part != 0.0:
+            entry, below = factor[k, m], rise[k + m]
+            if entry != 0.0:
                 for r in range(loads):
-                    below[r] -= part * row[r]
+                    below[r] -= entry * row[r]
     for k in range(n - 1, first.min() - 1, -1):
         row, loads = rise[k], begun[k]
         for m in range(1, min(width, n - k)):
-            part, below = factor[k, m], rise[k + m]
-            if part != 0.0:
+            entry, below = factor[k, m], rise[k + m]
+            if entry != 0.0:
                 for r in range(loads):
-                    row[r] -= part * below[r]
+                    row[r] -= entry * below[r]
         for r in range(loads):
             row[r] /= factor[k, 0]
     values = np.empty(places)
@@ -351,12 +351,12 @@ def fit_plate(
         reach = math.floor(math.sqrt(2.0) * REACH * rounded / (per * pads.side[b]) + 0.5)
         _mark_around(pads, b, loaded, per, max(reach, 1), marked)
         node = np.empty((rows + 1) * (columns + 1), np.int64)
-        count, apart = _number_nodes(marked, node)
+        count, span = _number_nodes(marked, node)
         if count <= MOST_NODES:
             break
         per *= 2
     _number_loaded_last(loaded, count, node)
-    width = 4 * apart + 4
+    width = 4 * span + 4
     matrix = plates.factor[plates.start[b] : plates.start[b] + 4 * count * width].reshape(4 * count, width)
     matrix[:] = 0.0
     _assemble(pads, b, marked, node, per, rounded, poisson, matrix)

@@ -62,7 +62,8 @@ DIMPLE: Final = 0.14
 the deflection under a load is 3.3 to 3.9 % too small on average of 150 points (sides of 0.92 to 1 ``lambda``)."""
 
 GRAZE: Final = 0.01
-"""Overlap (m) up to which it hangs on round-off where the load of a square acts that the floor meets along a line."""
+"""Where the floor meets a square along a line, round-off decides which of its corners touches first: its load acts as if it
+overlapped the bed by so much, m."""
 
 SLIVER: Final = 1e-10
 """Part of a pad that counts as none: its compliance would overflow, and where its load acts would be round-off over round-off."""
@@ -195,12 +196,19 @@ def _rise(q: Floats, x: float, y: float) -> float:
 
 
 @borrower
+def _lower_plane(pads: Pads, footing: Footing, p: int, q: Floats, bending: float) -> tuple[float, float, float]:
+    """Overlap that rise and bending leave at the centroid of a polygon, m, and its slopes."""
+    k = footing.polygons[p]
+    middle = footing.plane[p, 0] - _rise(q, pads.centre[k, 0], pads.centre[k, 1]) - bending
+    return middle, footing.plane[p, 1] + q[2], footing.plane[p, 2] - q[1]
+
+
+@borrower
 def _find_overlap(pads: Pads, footing: Footing, p: int, q: Floats, bending: float) -> tuple[int, float]:
     """Find the overlap that rise and bending leave at the corners of a polygon; returns their number and the largest (m)."""
     k, piece, highest = footing.polygons[p], footing.piece, -math.inf
     first, size, x, y = pads.start[k], pads.start[k + 1] - pads.start[k], pads.centre[k, 0], pads.centre[k, 1]
-    middle = footing.plane[p, 0] - _rise(q, x, y) - bending
-    slope_x, slope_y = footing.plane[p, 1] + q[2], footing.plane[p, 2] - q[1]
+    middle, slope_x, slope_y = _lower_plane(pads, footing, p, q, bending)
     for n in range(size):
         piece[n, 0], piece[n, 1] = pads.corner[first + n, 0], pads.corner[first + n, 1]
         piece[n, 2] = middle + slope_x * (piece[n, 0] - x) + slope_y * (piece[n, 1] - y)
@@ -211,10 +219,9 @@ def _find_overlap(pads: Pads, footing: Footing, p: int, q: Floats, bending: floa
 @borrower
 def _is_clear(pads: Pads, footing: Footing, p: int, q: Floats, bending: float) -> bool:
     """Whether rise and bending leave nothing of the overlap of a polygon, as far as its plane and its radius tell."""
-    k = footing.polygons[p]
-    middle = footing.plane[p, 0] - _rise(q, pads.centre[k, 0], pads.centre[k, 1]) - bending
-    slope_x, slope_y = footing.plane[p, 1] + q[2], footing.plane[p, 2] - q[1]
-    return bool(middle < 0.0 and (slope_x * slope_x + slope_y * slope_y) * pads.radius[k] ** 2 < middle * middle)
+    middle, slope_x, slope_y = _lower_plane(pads, footing, p, q, bending)
+    radius = pads.radius[footing.polygons[p]]
+    return bool(middle < 0.0 and (slope_x * slope_x + slope_y * slope_y) * radius**2 < middle * middle)
 
 
 @borrower
@@ -449,13 +456,13 @@ def _minimise(pads: Pads, footing: Footing, sq: Squares, q: Floats, top: float, 
         gap[i] = sq.bending[i] - gap[i]
         largest_gap = max(largest_gap, abs(gap[i]))
     # Bending that was found with another compliance has no energy here: its pressure alone leads on.
-    whole = largest_gap > 1e-9 * np.abs(sq.bending).max()
+    closes_gap = largest_gap > 1e-9 * np.abs(sq.bending).max()
     energy = _sum_up(pads, footing, sq, q, top, gradient, hessian)
     for iteration in range(MAX_ITERATIONS):
-        if not whole:
+        if not closes_gap:
             gap[:] = 0.0
         decrement = _correction(sq, gap, gradient, hessian, dq, dc, du)
-        if not whole and decrement <= (end if iteration < 20 else LATE) * abs(energy):
+        if not closes_gap and decrement <= (end if iteration < 20 else LATE) * abs(energy):
             return iteration
         change = 1.0
         while True:
@@ -466,10 +473,10 @@ def _minimise(pads: Pads, footing: Footing, sq: Squares, q: Floats, top: float, 
                 sq.bending[i] += change * du[i]
             new = _sum_up(pads, footing, sq, q, top, gradient, hessian)
             # The energy is convex: a correction that is short enough lowers it, as far as round-off lets that be seen.
-            if whole or not new > energy - 1e-4 * abs(change) * decrement or decrement < 1e-9 * abs(energy):
+            if closes_gap or not new > energy - 1e-4 * abs(change) * decrement or decrement < 1e-9 * abs(energy):
                 break
             change = -0.5 * abs(change)
-        energy, whole = new, False
+        energy, closes_gap = new, False
     return -1
 
 
@@ -493,6 +500,23 @@ def _balance(pads: Pads, footing: Footing, sq: Squares, q: Floats, end: float) -
         q[:], sq.coefficient[:], sq.bending[:] = 0.0, 0.0, 0.0
         _minimise(pads, footing, sq, q, math.inf, end)
         iterations = _minimise(pads, footing, sq, q, footing.top, end)
+    return iterations
+
+
+@kernel
+def _balance_plate(
+    pads: Pads, plates: Plates, b: int, footing: Footing, sq: Squares, merged: int, margin: float, q: Floats, length: float
+) -> int:  # fmt: skip
+    """Find the balance of ice that bends, by loads that act where the last balance has them; returns as `_minimise` does."""
+    iterations = 0
+    for stage in range(STAGES):
+        _set_compliance(pads, plates, b, footing, sq, merged == 1, q, length)
+        if stage == 0 and merged > 1:  # the balance of many pads lies closer to that of ice that does not bend
+            rigid, _ = _group_in_squares(pads, b, footing, margin, False)
+            _balance(pads, footing, rigid, q, ROUGH)
+        iterations = _balance(pads, footing, sq, q, EXACT if stage == STAGES - 1 else ROUGH)
+        if iterations < 0:
+            return -1
     return iterations
 
 
@@ -592,18 +616,11 @@ def press(
         sq, merged = _group_in_squares(pads, b, footing, margin, bends)
         if largest > footing.top:
             _lift(pads, footing, sq, largest - footing.top, q)
-        if not bends:
-            iterations = _balance(pads, footing, sq, q, EXACT)
-        else:
+        if bends:
             fit_plate(pads, plates, b, polygons[sq.polygons], merged, length, bed.poisson)
-            for stage in range(STAGES):
-                _set_compliance(pads, plates, b, footing, sq, merged == 1, q, length)
-                if stage == 0 and merged > 1:  # of many pads it lies closer to the balance of ice that does not bend
-                    rigid, _ = _group_in_squares(pads, b, footing, margin, False)
-                    _balance(pads, footing, rigid, q, ROUGH)
-                iterations = _balance(pads, footing, sq, q, EXACT if stage == STAGES - 1 else ROUGH)
-                if iterations < 0:
-                    break
+            iterations = _balance_plate(pads, plates, b, footing, sq, merged, margin, q, length)
+        else:
+            iterations = _balance(pads, footing, sq, q, EXACT)
         if iterations < 0:
             return -1, largest
         if _stay_clear(pads, footing, margin, q):
