@@ -278,3 +278,40 @@ def test_a_crack_that_goes_on_leaves_the_ice_of_pieces_that_it_parted_earlier() 
     assert after is not divided
     assert np.unique(el.berg).size == 3
     assert shapely.symmetric_difference(ice(divided), ice(after)).area < 1.0
+
+
+@pytest.mark.parametrize("column", [-11e3, 11e3])
+@pytest.mark.parametrize("side", [0.8, 1.2])
+def test_an_element_keeps_its_ice_where_a_crack_ends_at_its_centre(column: float, side: float) -> None:
+    """Bug: a crack that turned around an element ended within the cell of another, between its centre and its centroid.
+
+    All of that ice went to its neighbours, and the run ended once the element parted from them.
+    """
+    berg = Iceberg.rectangle(24e3, 12e3 * side, thickness=200.0, radius=1000.0, latlon=False)
+    run = Model(berg, Forcing.uniform(), Parameters(earth={"latlon": False, "period": 0.0}))
+    el, bonds = run.elements, run.bonds
+    whole = footprints.FootprintBook(run).follow(run)
+    rim = np.flatnonzero(np.abs(el.lon - column) < 500.0)
+    rim = rim[np.argsort(el.lat[rim])]
+    inner = [int(np.argmin(np.hypot(el.lon - 0.8 * column - 100.0 * np.sign(column), el.lat - el.lat[e]))) for e in rim]
+    pairs = [(rim[1], rim[2], 0.4), (rim[0], rim[1], 0.9), (inner[1], rim[1], 0.95), (inner[2], rim[2], 0.5)]
+    pairs += [(inner[n], rim[n], 0.05) for n in range(3, rim.size)]
+    for order, (one, other, share) in enumerate(pairs):
+        forward = np.flatnonzero((bonds.first == one) & (bonds.second == other))
+        backward = np.flatnonzero((bonds.first == other) & (bonds.second == one))
+        (bond,) = np.concatenate([forward, backward])
+        bonds.status[bond], bonds.crack[bond], bonds.crack_order[bond] = 1, 1, order
+        bonds.crack_part[bond] = share if forward.size else 1.0 - share
+    run.fragments.update(el, bonds, run.time, run.constants)
+    assert np.unique(el.berg).size == 3
+    divided = footprints.FootprintBook(run).follow(run)
+
+    def ice(found: footprints.Footprints) -> np.ndarray:
+        """Area of each element, m2."""
+        rings = [shapely.Polygon(ring) for ring in np.split(found.corner, found.start[1:-1])]
+        return np.bincount(found.owner, shapely.area(rings), found.element.size)
+
+    np.testing.assert_array_equal(whole.element, el.id)
+    assert (ice(divided) > 0.1 * ice(whole)).all()
+    assert (ice(divided)[rim[3:]] > 0.4 * ice(whole)[rim[3:]]).all()
+    assert ice(divided).sum() == pytest.approx(ice(whole).sum(), rel=1e-9)

@@ -264,10 +264,13 @@ def _divide(
         if not any(touches_line(polygon, line) for polygon in polygons):
             continue
         pieces = _cut(polygons, centre[e], line, side)
-        largest = max((piece.area for piece in pieces if piece.crossings == 0), default=0.0)
-        rings[e] = [piece.ring for piece in pieces if piece.crossings == 0 and piece.area == largest]
+        if not pieces:
+            continue
+        # It keeps the largest on the side of its centre; where a line passes or ends at the centre there may be none.
+        kept = max((piece for piece in pieces if piece.crossings == 0), key=_area, default=max(pieces, key=_area))
+        rings[e] = [kept.ring]
         for piece in pieces:
-            if piece.crossings == 0 and piece.area == largest:
+            if piece is kept:
                 continue
             # Beyond the crack, or else beside it: a bend may part it from the largest piece, which has it where they adjoin.
             others = neighbours[(berg[neighbours] == berg[e]) == (piece.crossings % 2 == 0)]
@@ -297,6 +300,11 @@ class _Piece(NamedTuple):
     area: float  # m2
     middle: Floats  # m
     crossings: int  # How often the crack lies between it and the centre of its element
+
+
+def _area(piece: _Piece) -> float:
+    """Area of a piece, m2."""
+    return piece.area
 
 
 def _cut(polygons: list[Floats], centre: Floats, line: Floats, side: float) -> list[_Piece]:
