@@ -729,6 +729,74 @@ def test_a_load_inside_cracks_the_ice_along_its_line() -> None:
     assert bent((1150.0, 990.0), (1350.0, 990.0)) == {(n, n + 6) for n in (7, 8, 9)}
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_a_load_inside_cracks_the_ice_along_its_line_whatever_that_crosses(turn: float) -> None:
+    """Two knolls askew to the lattice: the bonds across their line, as far as a characteristic length beyond them."""
+    assert bent((1100.0, 1350.0), (1400.0, 1650.0), turn=turn, reach=450.0) == {(13, 14), (14, 20), (20, 21)}
+
+
+def test_ice_cracks_along_its_loads_where_three_quarters_of_what_lies_around_is_ice() -> None:
+    """Else the edge beside them breaks off.
+
+    Of the weights ``(1 - r^2)^2`` on a half plane, r over the reach, 0.73 lie on the ice of an edge at 0.24, 0.77 at 0.29; of
+    its squares here 0.69 and 0.81.
+    """
+    reach = 1000.0
+    near, far = (bent((1150.0, share * reach), (1850.0, share * reach), reach=reach) for share in (0.24, 0.29))
+    across, behind = {(n, n + 6) for n in (1, 2, 3, 4)}, {(n, n + 6) for n in (7, 8, 9)}
+    assert across <= far and not far & behind
+    assert behind <= near and not near & across
+
+
+def test_a_flat_floor_bears_each_element_in_its_middle() -> None:
+    """Also of a berg whose centre of mass lies beside the middle of its footprint, along either side."""
+    for turn in (0.0, 0.5 * math.pi, 0.7):
+        thickness = lambda x, y, turn=turn: THICKNESS + 20.0 * (math.sin(turn) * x + math.cos(turn) * y > 0.0)  # noqa: E731
+        berg = Iceberg.rectangle(2e3, 2e3, radius=250.0, thickness=THICKNESS, latlon=False)
+        el = berg.elements
+        berg = Iceberg.rectangle(2e3, 2e3, radius=250.0, thickness=thickness(el.lon, el.lat), latlon=False)
+        keel = aground(berg, Floor(lambda x, y: DRAFT - 1.0), SOFT).elements.keel
+        assert (keel.floor_load > 0.0).all()
+        np.testing.assert_allclose([keel.floor_arm_x, keel.floor_arm_y], 0.0, atol=1e-3)
+
+
+def test_friction_takes_the_same_whichever_way_a_berg_slides() -> None:
+    """Work of friction, and what is left of the speed, on a flat floor."""
+    works = []
+    for turn in (0.0, 0.5 * math.pi, 0.7):
+        berg = Iceberg.rectangle(
+            2e3, 1e3, radius=250.0, thickness=THICKNESS, latlon=False, rotation=math.degrees(turn),
+            velocity=(0.3 * math.cos(turn), 0.3 * math.sin(turn)),
+        )  # fmt: skip
+        p = Parameters(
+            earth={"latlon": False, "period": 0.0}, stepping={"time_step": 60.0}, grounding=bed(bending=False),
+            fracture={"enabled": False},
+        )  # fmt: skip
+        model = Model(berg, Floor(lambda x, y: DRAFT - 0.01), p)
+        model.advance(steps=4)
+        ledger = model.motion.balance(model, model.remembered)
+        assert ledger.rubbed == pytest.approx(-ledger.work["sea_floor"], rel=0.02)
+        works.append(ledger.rubbed)
+    np.testing.assert_allclose(works, works[0], rtol=1e-6)
+
+
+def test_the_bed_keeps_how_deep_it_yielded_as_the_sea_rises() -> None:
+    """Under a berg that stands, and under one that slides on."""
+    for speed in (0.0, 0.3):
+        berg = Iceberg.rectangle(2e3, 1e3, radius=250.0, thickness=THICKNESS, latlon=False, velocity=(speed, 0.0))
+        p = Parameters(
+            earth={"latlon": False, "period": 0.0}, stepping={"time_step": 60.0}, fracture={"enabled": False},
+            grounding=bed(strength=2e3, bending=False),
+        )  # fmt: skip
+        model = Model(berg, Floor(lambda x, y: DRAFT - 1.0, lambda time: 1e-3 * time), p)
+        model.step()
+        low = model.elements.keel.floor_yield.copy()
+        assert (low > 0.0).all()
+        for _ in range(5):
+            model.step()
+        np.testing.assert_array_equal(model.elements.keel.floor_yield, low)
+
+
 @pytest.mark.parametrize("depth", [100.0, 110.0, 120.0, 140.0])
 def test_the_least_clearance_is_that_under_the_berg_near_and_far_from_the_floor(depth: float) -> None:
     """Over a slope that some pads or none come near: by their corners, or by the middles of elements, half of one aside."""
