@@ -1,9 +1,10 @@
-"""Cost of forcing from files beside a formula: a day, a further member of a forecast, and the start of a run.
+"""Cost of forcing from files beside a formula: a day, a further member of a forecast, the start of a run, a berg on a shelf.
 
-    python benchmarks/files.py [--days 4] [--members 4] [--starts 3]
+    python benchmarks/files.py [--days 4] [--members 4] [--starts 3] [--shelf]
 
 A berg of 66 x 54 km and 300 m in an eddy, afloat, on files of the layout of GLORYS (daily, 1/12 degree, packed, 12 levels to 640
 m, sea level), ERA5 (6-hourly, 1/4 degree) and GEBCO, which are made here. Processor seconds, the least of some by turns.
+``--shelf``: 24 days instead, in which it comes to a rough shelf, as whole commands: without floor, unbroken, and breaking.
 """
 
 from __future__ import annotations
@@ -34,6 +35,14 @@ FORCING = {
     "files": "[glorys.nc, era5.nc, gebco.nc]",
 }
 DATES = np.arange("2025-02-10", "2025-03-12", dtype="datetime64[D]").astype("datetime64[ns]")
+SHELF = {
+    "none": "{grounding: {law: none}, fracture: {enabled: false}}",
+    "bed, unbroken": "{fracture: {enabled: false}}",
+    "bed, 11 kPa": "{fracture: {normal_strength: 11 kPa, shear_strength: 11 kPa}}",
+    "bed, default": "{}",
+}
+"""Parameters of the runs to the shelf."""
+
 LEVELS = np.array([0.5, 5.0, 15.8, 29.4, 47.4, 77.9, 109.7, 155.9, 222.5, 318.1, 453.9, 643.6])
 
 
@@ -52,7 +61,9 @@ def write_files(folder: Path) -> None:
     day = np.arange(DATES.size)[:, None, None]
     level = 0.1 * (y + 55.0) + 0.15 * np.exp(-(((x + 40.5 - 0.05 * day) / 0.8) ** 2 + ((y + 56.5) / 0.45) ** 2))
     land = (x + 35.0) ** 2 + ((y + 54.3) * 1.7) ** 2 < 1.0
-    u, v = -3.0 * np.gradient(level, axis=1), 5.0 * np.gradient(level, axis=2)
+    # In balance with the sea level, g / f at 56 S, so that nothing is pushed but by the wind.
+    balance = 9.81 / (1.458e-4 * np.sin(np.radians(56.0)))
+    u, v = balance / 9266.0 * np.gradient(level, axis=1), -balance / 5181.0 * np.gradient(level, axis=2)
     profile = np.exp(-LEVELS / 900.0)[:, None, None]
     ocean = {
         "uo": ("eastward_sea_water_velocity", "m s-1", u[:, None] * profile),
@@ -91,11 +102,15 @@ def write_files(folder: Path) -> None:
     ).to_netcdf(folder / "era5.nc")
     fine = axes(1.0 / 60.0)
     y, x = np.meshgrid(fine["latitude"][1], fine["longitude"][1], indexing="ij")
-    floor = 100.0 - 4000.0 * np.minimum(1.0, (x + 35.0) ** 2 + ((y + 54.3) * 1.7) ** 2)
-    attributes = {"standard_name": "height_above_mean_sea_level", "units": "m"}
-    xr.Dataset({"elevation": (("latitude", "longitude"), floor.astype("i2"), attributes)}, fine).to_netcdf(
-        folder / "gebco.nc"
-    )
+    island = 100.0 - 4000.0 * np.minimum(1.0, (x + 35.0) ** 2 + ((y + 54.3) * 1.7) ** 2)
+    # It rises by 4 m in a km, with banks of 15 m some kilometres apart.
+    banks = 15.0 * np.sin(2.0 * np.pi * x / 0.21) * np.sin(2.0 * np.pi * y / 0.13)
+    shelf = np.clip(250.0 * (x + 37.5) - 400.0 - banks, -3900.0, -100.0)
+    for name, floor in {"gebco": island, "shelf": shelf}.items():
+        attributes = {"standard_name": "height_above_mean_sea_level", "units": "m"}
+        xr.Dataset({"elevation": (("latitude", "longitude"), floor.astype("i2"), attributes)}, fine).to_netcdf(
+            folder / f"{name}.nc"
+        )
 
 
 def seconds_per_day(models: dict[str, Model], days: int) -> dict[str, float]:
@@ -121,13 +136,27 @@ def member_seconds(folder: Path, members: int, days: float) -> list[float]:
     return costs[2:]
 
 
-def start_seconds(experiment: str, folder: Path) -> float:
-    """Return processor seconds of a process that runs one step of an experiment."""
-    command = [sys.executable, "-m", "riftberg", "run", experiment, "--days", "0.05", "--no-map", "--quiet"]
+def command_seconds(experiment: str, folder: Path, *words: str) -> float:
+    """Return processor seconds of a process that runs an experiment."""
+    command = [sys.executable, "-m", "riftberg", "run", experiment, *words, "--no-map", "--quiet"]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([*command, "-o", str(folder / f"run-{time.monotonic_ns()}")], check=True, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def print_shelf(folder: Path) -> None:
+    """Print what 24 days to the shelf cost."""
+    for name, parameters in SHELF.items():
+        text = f"name: shelf\nstart: 2025-02-10\ndays: 24\nberg: {BERG}\nforcing: [glorys.nc, era5.nc, shelf.nc]\n"
+        (folder / f"{name}.yaml").write_text(f"{text}parameters: {parameters}\n")
+    costs: dict[str, float] = dict.fromkeys(SHELF, np.inf)
+    for _ in range(2):
+        for name, cost in costs.items():
+            costs[name] = min(cost, command_seconds(f"{name}.yaml", folder))
+            print(
+                f"24 days to a shelf, {name}: {costs[name]:.2f} s, {costs[name] / costs['none']:.2f} times", flush=True
+            )
 
 
 def main() -> None:
@@ -135,6 +164,7 @@ def main() -> None:
     parser.add_argument("--days", type=int, default=4, help="days of each model that are timed")
     parser.add_argument("--members", type=int, default=4, help="further members that are timed")
     parser.add_argument("--starts", type=int, default=3, help="how often each start is timed")
+    parser.add_argument("--shelf", action="store_true", help="time 24 days to a shelf, and nothing else")
     given = parser.parse_args()
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -143,6 +173,9 @@ def main() -> None:
             text = f"name: {kind}\nstart: 2025-02-15\ndays: {given.days + 2}\nberg: {BERG}\nforcing: {forcing}\n"
             (folder / f"{kind}.yaml").write_text(text)
         os.chdir(folder)
+        if given.shelf:
+            print_shelf(folder)
+            return
         models = {kind: build(f"{kind}.yaml", Options())[0] for kind in FORCING}
         for model in models.values():
             model.advance(1)
@@ -157,7 +190,10 @@ def main() -> None:
             f"a further member, s a day: median {median(members):.3f}, {min(members):.3f} to {max(members):.3f}",
             flush=True,
         )
-        starts = [{kind: start_seconds(f"{kind}.yaml", folder) for kind in FORCING} for _ in range(given.starts)]
+        starts = [
+            {kind: command_seconds(f"{kind}.yaml", folder, "--days", "0.05") for kind in FORCING}
+            for _ in range(given.starts)
+        ]
         least = {kind: min(start[kind] for start in starts) for kind in FORCING}
         print(f"start and first step, s: formula {least['formula']:.2f}, three files {least['files']:.2f}")
 

@@ -16,7 +16,8 @@ from scipy.optimize import root
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import GRAVITY, RHO_SEAWATER
-from riftberg.physics.seabed import bending_length
+from riftberg.engines.quasi_static.ground.pads import choose_pad_sides
+from riftberg.physics.seabed import SIDES_PER_LAMBDA, bending_length
 from scripts import ROOT, loaded, table_rows
 
 PLATE = loaded("benchmarks/plate_on_water.py")
@@ -425,6 +426,21 @@ def test_ice_is_as_stiff_at_each_of_its_edges_wherever_the_raster_ends(towards: 
         floor = lambda x, y, reach=reach: DRAFT - 1e-3 * (x * a + y * b - reach + way)  # noqa: E731
         loads.append(Berg(3, 3, length / 3.0).press(floor, ROCK).total / (1.0 if b else length))
     assert max(loads) < 1.03 * min(loads)
+
+
+def test_ice_far_from_all_edges_bends_alike_wherever_it_is_loaded() -> None:
+    """Over a knoll that lies likewise to the elements of the plate, and to those of the lattice."""
+    length = bending_length(1e8, 0.3, THICKNESS)
+    (side,) = choose_pad_sides(1e8, 0.3, np.array([THICKNESS]))
+    element = side * SIDES_PER_LAMBDA
+    loads = []
+    for x, y in ((0.0, 0.0), (2.0 * element, 0.0), (-2.0 * element, 2.0 * element)):
+        knoll = lambda u, v, x=x, y=y: 4.0 * np.exp(-((u - x) ** 2 + (v - y) ** 2) / (2.0 * (0.5 * length) ** 2))  # noqa: E731
+        now = Berg(8, 8, 2.0 * element).press(
+            lambda u, v, knoll=knoll: DRAFT + 1.0 - knoll(u, v), ROCK | {"ice_modulus": 1e8}
+        )
+        loads.append(now.total)
+    assert loads == pytest.approx([loads[0]] * 3, rel=5e-3)
 
 
 def test_a_bar_narrower_than_a_pad_bends_as_much_whichever_way_it_crosses_the_raster() -> None:

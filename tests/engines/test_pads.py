@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from riftberg.engines.quasi_static.ground.pads import cut_into_pads
+from riftberg.engines.quasi_static.ground.pads import cut_into_pads, measure_ice_share
 
 SIDE = 300.0
 
@@ -64,3 +64,11 @@ def test_squares_have_the_ice_of_any_star(radii: list[float], turn: float, size:
     """Outlines with bays, of all directions."""
     angle = 2.0 * np.pi * (np.arange(len(radii)) + turn) / len(radii)
     check(size * np.column_stack([radii * np.cos(angle), radii * np.sin(angle)]))
+
+
+@pytest.mark.parametrize(("where", "share"), [((0.0, 0.0), 1.0), ((4500.0, 0.0), 0.5), ((4500.0, -4500.0), 0.25)])
+def test_all_ice_lies_around_a_point_inside_half_of_it_at_an_edge_and_a_quarter_at_a_corner(
+    where: tuple[float, float], share: float
+) -> None:
+    pads = pads_of(np.array([[0.0, 0.0], [9e3, 0.0], [9e3, 9e3], [0.0, 9e3]]))
+    assert measure_ice_share(pads, 0, *where, 2500.0) == pytest.approx(share, rel=0.02)
