@@ -17,7 +17,7 @@ from scipy.optimize import root
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import GRAVITY, RHO_SEAWATER
 from riftberg.engines.quasi_static.ground.pads import choose_pad_sides
-from riftberg.physics.seabed import SIDES_PER_LAMBDA, bending_length
+from riftberg.physics.seabed import POISSON, SIDES_PER_LAMBDA, UNBENT_MODULUS, bending_length
 from scripts import ROOT, loaded, table_rows
 
 PLATE = loaded("benchmarks/plate_on_water.py")
@@ -156,18 +156,20 @@ def test_ice_bends_where_it_is_longer_than_a_quarter_of_pi_characteristic_length
 
 
 def test_several_bergs_are_cut_as_each_alone() -> None:
-    """A larger one, turned, and a small one, which is one pad."""
+    """A larger one, turned, and a small one, which is two pads."""
     floor, loads = Floor(lambda x, y: DRAFT - 1.0 - 1e-4 * x), []
     bergs = [
         Iceberg.rectangle(*size, radius=0.5 * cell, thickness=THICKNESS, latlon=False, rotation=turn, placement=place)
         for size, cell, turn, place in (
             ((1500.0, 1000.0), 500.0, 23.0, (0.0, 0.0)),
-            ((200.0, 200.0), 200.0, 11.0, (9e3, 0.0)),
+            ((400.0, 200.0), 200.0, 11.0, (9e3, 0.0)),
         )
     ]
     for berg in (*bergs, Iceberg.join(bergs)):
-        loads.append(aground(berg, floor, bed()).elements.keel.floor_load)
-    assert np.array_equal(loads[2], np.concatenate(loads[:2]))
+        keel = aground(berg, floor, bed()).elements.keel
+        loads.append(np.stack([keel.floor_load, keel.floor_hold, keel.base_xx, keel.base_xy, keel.base_yy]))
+    assert (loads[2][2] > 0.0).all()
+    assert np.array_equal(loads[2], np.concatenate(loads[:2], axis=1))
 
 
 def test_bergs_that_land_at_once_go_as_each_alone() -> None:
@@ -305,6 +307,47 @@ def test_water_and_bed_carry_the_weight_together(where: dict[str, Any]) -> None:
     assert (now.yielded > 0.0).any()
     assert (now.loads == 0.0).any()
     assert ((now.lift > 0.0) == (now.loads > 0.0)).all()
+
+
+def test_the_base_of_an_element_turns_with_its_berg() -> None:
+    """Variances of where it is borne, east and north: after a berg has turned, those of one that is placed as it lies then."""
+    floor, size = Floor(lambda x, y: DRAFT - 3e-3 * (0.6 * x + y)), (1800.0, 900.0)
+    shape: dict[str, Any] = {"radius": 450.0, "thickness": THICKNESS, "latlon": False}
+    berg = Iceberg.rectangle(*size, **shape)
+    berg.elements.v[:] = 1e-4 * berg.elements.lon
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0}, grounding=SOFT, fracture={"enabled": False}
+    )  # fmt: skip
+    model = Model(berg, floor, p)
+    model.advance(steps=10)
+    el = model.elements
+    turn = math.atan2(*(np.diff(axis)[0] for axis in (el.lat, el.lon)))
+    there = Iceberg.rectangle(*size, **shape, rotation=math.degrees(turn), placement=(el.lon.mean(), el.lat.mean()))
+    bases = [np.stack([keel.base_xx, keel.base_xy, keel.base_yy])
+             for keel in (el.keel, aground(there, floor, SOFT).elements.keel)]  # fmt: skip
+    assert turn > 0.3
+    assert abs(bases[1][1]).max() > 0.1 * bases[1][0].max()
+    np.testing.assert_allclose(*bases, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("width", "tilts"), [(1.28, False), (1.33, True)])
+def test_a_bar_takes_tilt_where_the_water_rights_it_by_half_of_what_its_plane_does(width: float, tilts: bool) -> None:
+    """Across; the height of the ice takes ``H^2 / 14.1`` per area of the ``W^2 / 12`` of its water plane: from 1.30 H on."""
+    across = width * THICKNESS
+    rising = lambda x, y: DRAFT - 1e-3 * y  # noqa: E731
+    berg = Berg(6, 1, across)
+    over, each = balanced(berg, rising, 2e4, 1e9)
+    loads = 2e4 * np.maximum(over, 0.0).sum(axis=1) * each
+    now = berg.press(rising, bed(strength=1e9, bending=False))
+    assert (now.total == pytest.approx(loads.sum(), rel=0.01)) == tilts
+    assert now.total > 0.99 * loads.sum()
+
+
+def test_a_ridge_under_the_sides_of_pads_is_felt_where_their_middles_are_clear() -> None:
+    """It rises by 5 %: nine metres below the keel under the middles beside it."""
+    (side,) = choose_pad_sides(UNBENT_MODULUS, POISSON, np.array([THICKNESS]))
+    ridge = lambda x, y: DRAFT - 1.0 + 0.05 * np.abs(x - 0.75 * side)  # noqa: E731
+    assert Berg(2, 1, 8.0 * side).press(ridge, SOFT).total == pytest.approx(1e-3 * 20.0 * 8.0 * side, rel=1e-3)
 
 
 @pytest.mark.parametrize(("stiffness", "strength"), [(2e4, 1e4), (5e4, 1e6)])
@@ -632,7 +675,23 @@ def test_the_floor_is_asked_for_once_where_pads_of_an_element_meet() -> None:
     sea.asked.clear()
     model.step()
     under_pads = max(sea.asked, key=lambda points: points.shape[1])
-    assert 100 < under_pads.shape[1] < 1.05 * np.unique(under_pads, axis=1).shape[1]
+    assert 100 < under_pads.shape[1] == np.unique(under_pads, axis=1).shape[1]
+
+
+@pytest.mark.parametrize("gap", [0.5, 1.5])
+def test_a_berg_that_goes_close_above_the_floor_asks_for_it_twice_a_step(gap: float) -> None:
+    """In the middle of the step, and at its end."""
+    sea = level_floor(DRAFT + gap)
+    berg = Iceberg.rectangle(2e3, 1e3, radius=250.0, thickness=THICKNESS, latlon=False, velocity=(0.3, 0.0))
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": 600.0}, grounding=bed(), fracture={"enabled": False}
+    )  # fmt: skip
+    model = Model(berg, sea, p)
+    model.step()
+    sea.asked.clear()
+    model.step()
+    looks = [points.shape[1] for points in sea.asked]
+    assert looks.count(max(looks)) == 2
 
 
 def test_a_lone_berg_high_above_the_floor_asks_for_it_no_more() -> None:
