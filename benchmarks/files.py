@@ -38,8 +38,7 @@ DATES = np.arange("2025-02-10", "2025-03-12", dtype="datetime64[D]").astype("dat
 SHELF = {
     "none": "{grounding: {law: none}, fracture: {enabled: false}}",
     "bed, unbroken": "{fracture: {enabled: false}}",
-    "bed, 11 kPa": "{fracture: {normal_strength: 11 kPa, shear_strength: 11 kPa}}",
-    "bed, default": "{}",
+    "bed, breaking": "{}",
 }
 """Parameters of the runs to the shelf."""
 

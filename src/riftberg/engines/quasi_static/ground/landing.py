@@ -770,6 +770,7 @@ def _end_substep(f: Landing, a: int, step: Step, forcing: ElementForcing, touche
     if step.h - f.time[a] > 1e-12 * step.h:
         _begin_substep(f, a, step)
     else:
+        _set_levers(f, a, step)  # the axes of the elements now, for the keels
         f.status[a] = DONE
 
 
