@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -267,7 +268,8 @@ def _divide(
         if not pieces:
             continue
         # It keeps the largest on the side of its centre; where a line passes or ends at the centre there may be none.
-        kept = max((piece for piece in pieces if piece.crossings == 0), key=_area, default=max(pieces, key=_area))
+        beside = [piece for piece in pieces if piece.crossings == 0] or pieces
+        kept = max(beside, key=attrgetter("area"))
         rings[e] = [kept.ring]
         for piece in pieces:
             if piece is kept:
@@ -300,11 +302,6 @@ class _Piece(NamedTuple):
     area: float  # m2
     middle: Floats  # m
     crossings: int  # How often the crack lies between it and the centre of its element
-
-
-def _area(piece: _Piece) -> float:
-    """Area of a piece, m2."""
-    return piece.area
 
 
 def _cut(polygons: list[Floats], centre: Floats, line: Floats, side: float) -> list[_Piece]:
