@@ -857,6 +857,33 @@ def test_friction_takes_the_same_whichever_way_a_berg_slides() -> None:
     np.testing.assert_allclose(works, works[0], rtol=1e-6)
 
 
+def test_a_berg_lands_alike_whichever_way_it_goes() -> None:
+    """Ways, loads and sub-steps, from before the touch until it stands."""
+    runs = []
+    for turn in (0.0, 0.5 * math.pi, 0.7):
+        c, s = math.cos(turn), math.sin(turn)
+        berg = Iceberg.rectangle(
+            1800.0, 900.0, radius=450.0, thickness=THICKNESS, latlon=False, rotation=math.degrees(turn),
+            velocity=(0.3 * c, 0.3 * s),
+        )  # fmt: skip
+        p = Parameters(
+            earth={"latlon": False, "period": 0.0}, stepping={"time_step": 60.0}, grounding=bed(bending=False),
+            fracture={"enabled": False},
+        )  # fmt: skip
+        model = Model(berg, Floor(lambda x, y, c=c, s=s: DRAFT - 5e-3 * (c * x + s * y - 930.0)), p)
+        steps = []
+        for _ in range(30):
+            model.step()
+            el = model.elements
+            steps.append([c * el.lon.mean() + s * el.lat.mean(), el.keel.floor_load.sum(), el.keel.floor_substep.max()])
+        runs.append(np.array(steps))
+    _, load, substep = runs[0].T
+    assert load[0] == 0.0 < load[1]
+    assert substep[-1] == 1e9 > substep[load > 0.0].min()
+    for run in runs[1:]:
+        np.testing.assert_allclose(run, runs[0], rtol=1e-5)
+
+
 def test_the_bed_keeps_how_deep_it_yielded_as_the_sea_rises() -> None:
     """Under a berg that stands, and under one that slides on."""
     for speed in (0.0, 0.3):
