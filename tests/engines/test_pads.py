@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from riftberg.engines.quasi_static.ground.pads import cut_into_pads, measure_ice_share
+from riftberg.engines.quasi_static.ground import pads as cutter
 
 SIDE = 300.0
 
@@ -29,7 +29,7 @@ def pads_of(corners: np.ndarray) -> Any:
     """Pads of a fragment of one element."""
     element: Any = np.zeros(1, np.int64)
     footprint: Any = SimpleNamespace(rows=element, owner=element, start=np.array([0, len(corners)]), corner=corners)
-    return cut_into_pads(footprint, element, np.zeros((1, 2)), np.array([SIDE]))
+    return cutter.cut_into_pads(footprint, element, np.zeros((1, 2)), np.array([SIDE]))
 
 
 def check(corners: np.ndarray) -> None:
@@ -71,4 +71,4 @@ def test_all_ice_lies_around_a_point_inside_half_of_it_at_an_edge_and_a_quarter_
     where: tuple[float, float], share: float
 ) -> None:
     pads = pads_of(np.array([[0.0, 0.0], [9e3, 0.0], [9e3, 9e3], [0.0, 9e3]]))
-    assert measure_ice_share(pads, 0, *where, 2500.0) == pytest.approx(share, rel=0.02)
+    assert cutter.measure_ice_share(pads, 0, *where, 2500.0) == pytest.approx(share, rel=0.02)
