@@ -60,7 +60,7 @@ def write_files(folder: Path) -> None:
     day = np.arange(DATES.size)[:, None, None]
     level = 0.1 * (y + 55.0) + 0.15 * np.exp(-(((x + 40.5 - 0.05 * day) / 0.8) ** 2 + ((y + 56.5) / 0.45) ** 2))
     land = (x + 35.0) ** 2 + ((y + 54.3) * 1.7) ** 2 < 1.0
-    # In balance with the sea level, g / f at 56 S, so that nothing is pushed but by the wind.
+    # Geostrophic: g / f at 56 S, over the spacing of the nodes (m).
     balance = 9.81 / (1.458e-4 * np.sin(np.radians(56.0)))
     u, v = balance / 9266.0 * np.gradient(level, axis=1), -balance / 5181.0 * np.gradient(level, axis=2)
     profile = np.exp(-LEVELS / 900.0)[:, None, None]
@@ -102,7 +102,7 @@ def write_files(folder: Path) -> None:
     fine = axes(1.0 / 60.0)
     y, x = np.meshgrid(fine["latitude"][1], fine["longitude"][1], indexing="ij")
     island = 100.0 - 4000.0 * np.minimum(1.0, (x + 35.0) ** 2 + ((y + 54.3) * 1.7) ** 2)
-    # It rises by 4 m in a km, with banks of 15 m some kilometres apart.
+    # A shelf that rises by 4 m in a km to the east, with banks of 15 m some kilometres apart.
     banks = 15.0 * np.sin(2.0 * np.pi * x / 0.21) * np.sin(2.0 * np.pi * y / 0.13)
     shelf = np.clip(250.0 * (x + 37.5) - 400.0 - banks, -3900.0, -100.0)
     for name, floor in {"gebco": island, "shelf": shelf}.items():
@@ -110,6 +110,12 @@ def write_files(folder: Path) -> None:
         xr.Dataset({"elevation": (("latitude", "longitude"), floor.astype("i2"), attributes)}, fine).to_netcdf(
             folder / f"{name}.nc"
         )
+
+
+def write_experiment(name: str, start: str, days: int, forcing: str, parameters: str = "{}") -> None:
+    """Write an experiment with the berg into the working folder."""
+    text = f"name: {name}\nstart: {start}\ndays: {days}\nberg: {BERG}\nforcing: {forcing}\nparameters: {parameters}\n"
+    Path(f"{name}.yaml").write_text(text)
 
 
 def seconds_per_day(models: dict[str, Model], days: int) -> dict[str, float]:
@@ -147,15 +153,11 @@ def command_seconds(experiment: str, folder: Path, *words: str) -> float:
 def print_shelf(folder: Path) -> None:
     """Print what 24 days to the shelf cost."""
     for name, parameters in SHELF.items():
-        text = f"name: shelf\nstart: 2025-02-10\ndays: 24\nberg: {BERG}\nforcing: [glorys.nc, era5.nc, shelf.nc]\n"
-        (folder / f"{name}.yaml").write_text(f"{text}parameters: {parameters}\n")
-    costs: dict[str, float] = dict.fromkeys(SHELF, np.inf)
-    for _ in range(2):
-        for name, cost in costs.items():
-            costs[name] = min(cost, command_seconds(f"{name}.yaml", folder))
-            print(
-                f"24 days to a shelf, {name}: {costs[name]:.2f} s, {costs[name] / costs['none']:.2f} times", flush=True
-            )
+        write_experiment(name, "2025-02-10", 24, "[glorys.nc, era5.nc, shelf.nc]", parameters)
+    costs = [{name: command_seconds(f"{name}.yaml", folder) for name in SHELF} for _ in range(2)]
+    least = {name: min(cost[name] for cost in costs) for name in SHELF}
+    for name, seconds in least.items():
+        print(f"24 days to a shelf, {name}: {seconds:.2f} s, {seconds / least['none']:.2f} times")
 
 
 def main() -> None:
@@ -168,13 +170,12 @@ def main() -> None:
     with TemporaryDirectory() as name:
         folder = Path(name)
         write_files(folder)
-        for kind, forcing in FORCING.items():
-            text = f"name: {kind}\nstart: 2025-02-15\ndays: {given.days + 2}\nberg: {BERG}\nforcing: {forcing}\n"
-            (folder / f"{kind}.yaml").write_text(text)
         os.chdir(folder)
         if given.shelf:
             print_shelf(folder)
             return
+        for kind, forcing in FORCING.items():
+            write_experiment(kind, "2025-02-15", given.days + 2, forcing)
         models = {kind: build(f"{kind}.yaml", Options())[0] for kind in FORCING}
         for model in models.values():
             model.advance(1)

@@ -842,7 +842,7 @@ def test_a_flat_floor_bears_each_element_in_its_middle() -> None:
 
 
 def test_friction_takes_the_same_whichever_way_a_berg_slides() -> None:
-    """Work of friction, and what is left of the speed, on a flat floor."""
+    """By the ledger, on a flat floor."""
     works = []
     for turn in (0.0, 0.5 * math.pi, 0.7):
         berg = Iceberg.rectangle(

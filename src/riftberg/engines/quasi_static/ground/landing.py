@@ -704,6 +704,8 @@ def _go_through_end(f: Landing, a: int, step: Step, forcing: ElementForcing, dep
         f.status[a] = AFLOAT
     else:
         _end_substep(f, a, step, forcing, touches)
+        if f.status[a] == DONE:
+            _set_levers(f, a, step)  # keels take the axes of elements at the end, not in the middle
 
 
 @borrower
@@ -770,7 +772,6 @@ def _end_substep(f: Landing, a: int, step: Step, forcing: ElementForcing, touche
     if step.h - f.time[a] > 1e-12 * step.h:
         _begin_substep(f, a, step)
     else:
-        _set_levers(f, a, step)  # the axes of the elements now, for the keels
         f.status[a] = DONE
 
 
